@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 
 _SHOWN = 6  # chosen: as many names as fit one line
 
@@ -17,6 +18,18 @@ def few(names: Sequence[str]) -> str:
     """
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str:
+    """A question with the name that comes closest, and a space; empty where none is close.
+
+    Examples
+    --------
+    >>> did_you_mean("full_bdoy", ["full_body", "squat"])
+    "Did you mean 'full_body'? "
+    """
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    return f"Did you mean '{close[0]}'? " if close else ""
 
 
 def p_words(p: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from scaling_service.core.errors import FileUnreadable, SubjectInvalid
+from scaling_service.core.text import did_you_mean
 from scaling_service.documents.subject import SubjectDocument
 
 MAX_BYTES = 1_000_000  # chosen: a subject document has a few kB; beyond this it is some other file
@@ -202,8 +202,7 @@ def _kind(value: object) -> str:
 def _suggestion(path: Sequence[str]) -> str:
     """The closest key that exists where an unknown one was found, or all of them."""
     known = _keys_at(SubjectDocument, path[:-1])
-    close = difflib.get_close_matches(path[-1].lower(), known, n=1)
-    return f"Did you mean '{close[0]}'?" if close else f"Keys here are {', '.join(known)}"
+    return did_you_mean(path[-1].lower(), known).strip() or f"Keys here are {', '.join(known)}"
 
 
 def _keys_at(document: type[BaseModel], path: Sequence[str]) -> list[str]:

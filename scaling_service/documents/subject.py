@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from pathlib import PurePath
 from types import MappingProxyType
@@ -10,6 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
+
+from scaling_service.core.text import did_you_mean
 
 SIZE_UNIT = "_mm"  # how the name of a size ends in a subject file
 
@@ -249,10 +250,9 @@ class SubjectDocument(_Strict):
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
                 known = [f"{size}{SIZE_UNIT}" for size in RANGES_M]
-                close = difflib.get_close_matches(name, known, n=1)
                 raise _wrong(
                     "there is no such size",
-                    f"{f'Did you mean {close[0]}? ' if close else ''}Sizes are {', '.join(known)}",
+                    f"{did_you_mean(name, known)}Sizes are {', '.join(known)}",
                     f"sizes.{name}",
                 )
             low, high = (1e3 * limit for limit in limits)

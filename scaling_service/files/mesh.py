@@ -15,8 +15,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable
-
-Array = NDArray[np.float64]
+from scaling_service.numerics.multibody.laws import Array
 
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""

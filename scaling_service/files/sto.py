@@ -47,8 +47,7 @@ class Table:
     @property
     def times(self) -> Array:
         """The first column, (n,), s."""
-        times: Array = self.data[:, 0]
-        return times
+        return self.data[:, 0]
 
     def column(self, name: str) -> Array:
         """One column, (n,).
@@ -63,8 +62,7 @@ class Table:
                 field=name,
                 remedy="Check its name",
             )
-        values: Array = self.data[:, self.columns.index(name)]
-        return values
+        return self.data[:, self.columns.index(name)]
 
 
 def read_sto(path: str | os.PathLike[str]) -> Table:

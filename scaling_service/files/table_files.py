@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.documents.arrays import ArrayEntry, Overview, PlateEntry
+from scaling_service.documents.base import ArrayEntry, Overview, PlateEntry
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
 

@@ -87,6 +87,11 @@ class Law:
         return all(t.is_constant for t in self.terms)
 
     @property
+    def coordinates(self) -> set[str]:
+        """Those that enter."""
+        return {t.coordinate for t in self.terms if t.coordinate is not None}
+
+    @property
     def constant_part(self) -> float:
         """The sum of the terms in which nothing but the gain enters."""
         return sum(t.gain for t in self.terms if t.is_constant)

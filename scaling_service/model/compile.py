@@ -107,7 +107,7 @@ def law_slopes(law: Law, x: Array) -> Array:
 def _leaders(law: Law) -> set[str]:
     if any(term.parameter is not None for term in law.terms):
         raise ValueError("a coordinate follows another one only")
-    return {term.coordinate for term in law.terms if term.coordinate is not None}
+    return law.coordinates
 
 
 def shape_values(shape: Shape, x: ArrayLike) -> Array:

@@ -103,13 +103,11 @@ class GroundForces:
         about = self.moment - np.cross(self.surfaces, self.force)
         loaded = self.in_contact(threshold_n)
         pressing = np.where(loaded, self.pressing, np.nan)
-        centre: Array = self.surfaces + np.cross(self.normals, about) / pressing[..., None]
-        return centre
+        return self.surfaces + np.cross(self.normals, about) / pressing[..., None]
 
     def changed(self, *repairs: Repair, **fields: object) -> GroundForces:
         """The same with some fields replaced and what was done noted."""
-        changed: GroundForces = replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
-        return changed
+        return replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
 
 
 def plate_names(count: int) -> tuple[str, ...]:

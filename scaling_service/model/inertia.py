@@ -8,9 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.model.body import BodyModel, Marker, Tensor, vector
@@ -36,7 +37,7 @@ class InertiaRow:
     mass_pct: float  # of the body's mass
     span: tuple[str, str]
     """Landmarks: where the centre of mass is counted from, and what the length L reaches to."""
-    length_m: float | None  # L of the table's mean subject
+    length_mm: float | None  # L of the table's mean subject
     com_pct: tuple[float, ...] | None
     """% of L: three along the segment's axes, or one along the span. None where the table is silent."""
     radii_pct: tuple[float | None, float | None, float | None]
@@ -53,8 +54,8 @@ class InertiaTable:
     source: str
     stature_m: Mapping[str, float]  # sex to the stature of the mean subject
     notes: tuple[str, ...]  # what a user of the table must know
-    fallback: str | None  # the table that is asked where this one is silent
     rows: tuple[InertiaRow, ...]
+    fallback: str | None = None  # the table that is asked where this one is silent
 
     def find(self, segment: str, sex: Sex) -> InertiaRow | None:
         """The row of a segment and sex, None if the table has none."""
@@ -94,31 +95,7 @@ def inertia_table(name: str) -> InertiaTable:
             remedy=f"Use one of {', '.join(TABLE_NAMES)}",
         )
     content = read_reference(reference_folder() / f"inertia_{name}.yaml")
-    return InertiaTable(
-        name,
-        content["source"],
-        content["stature_m"],
-        tuple(content["notes"]),
-        content.get("fallback"),
-        tuple(_row(entry) for entry in content["rows"]),
-    )
-
-
-def _row(entry: Mapping[str, Any]) -> InertiaRow:
-    com, length = entry["com_pct"], entry["length_mm"]
-    start, end = entry["span"]
-    x, y, z = entry["radii_pct"]
-    xy, xz, yz = entry["products_pct"]
-    return InertiaRow(
-        entry["segment"],
-        entry["sex"],
-        float(entry["mass_pct"]),
-        (start, end),
-        None if length is None else length / 1000.0,
-        None if com is None else tuple(float(c) for c in com),
-        (x, y, z),
-        (xy, xz, yz),
-    )
+    return TypeAdapter(InertiaTable).validate_python(content)
 
 
 def mechanism_of(model: BodyModel) -> Mechanism:

@@ -304,15 +304,13 @@ Tilt = tuple[float, float]
 
 def axis_of(tilt: Tilt) -> Array:
     """The axis, (3,), that the turns make of z: ``Ry(y) Rx(x) z`` (Puchaud 2019, section 2.2.4)."""
-    axis: Array = tilt_rotation(tilt)[:, 2]
-    return axis
+    return tilt_rotation(tilt)[:, 2]
 
 
 def tilt_rotation(tilt: Tilt) -> Array:
     """``Ry(y) Rx(x)``, (3, 3)."""
     x, y = tilt
-    rotation: Array = rotation_about((0.0, 1.0, 0.0), y) @ rotation_about((1.0, 0.0, 0.0), x)
-    return rotation
+    return rotation_about((0.0, 1.0, 0.0), y) @ rotation_about((1.0, 0.0, 0.0), x)
 
 
 def tilt_of(axis: Array) -> Tilt:

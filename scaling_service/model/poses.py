@@ -122,7 +122,7 @@ def placed_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
         result[:, [names.index(name) for name in have]] = _in_blocks(_placing(carrier), q)
         enters = _coordinates_of(model)
         for marker in carrier.markers:
-            own = {t.coordinate for law in marker.laws for t in law.terms if t.coordinate is not None}
+            own = {c for law in marker.laws for c in law.coordinates}
             lost = _unknown(model, q, own | enters[marker.segment])
             result[lost, names.index(marker.name)] = np.nan
     return result
@@ -131,14 +131,14 @@ def placed_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
 def glides(model: BodyModel, names: tuple[str, ...]) -> bool:
     """Whether any of these markers moves on its segment."""
     chosen = [marker for marker in model.markers if marker.name in names]
-    return any(term.coordinate is not None for m in chosen for law in m.laws for term in law.terms)
+    return any(law.coordinates for marker in chosen for law in marker.laws)
 
 
 def _coordinates_of(model: BodyModel) -> dict[str, set[str]]:
     """Segment to the coordinates that its pose depends on, its own and those of what it hangs on."""
     found: dict[str, set[str]] = {}
     for segment in model.segments:
-        own = {t.coordinate for joint in segment.joints for t in joint.law.terms if t.coordinate is not None}
+        own = {c for joint in segment.joints for c in joint.law.coordinates}
         found[segment.name] = own | found.get(segment.parent, set())
     return found
 

@@ -42,8 +42,7 @@ class Motion:
 
     def column(self, coordinate: str) -> Array:
         """One coordinate over the trial, (n_frames,), rad or m."""
-        column: Array = self.q[:, self.coordinates.index(coordinate)]
-        return column
+        return self.q[:, self.coordinates.index(coordinate)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.model.body import (
     BodyModel,
@@ -19,8 +18,7 @@ from scaling_service.model.body import (
     tensor,
     vector,
 )
-
-Array = NDArray[np.float64]
+from scaling_service.numerics.multibody.laws import Array
 
 _MASSLESS = 2.0**-52
 """kg; OpenSim's Body::scaleInertialProperties takes lighter bodies as massless (SimTK::Eps)."""

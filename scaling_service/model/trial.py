@@ -162,8 +162,7 @@ class Trial:
 
     def position(self, label: str) -> Array:
         """Trajectory of one label, shape (n_frames, 3), m."""
-        trajectory: Array = self.markers[:, self.index(label)]
-        return trajectory
+        return self.markers[:, self.index(label)]
 
     def with_markers(self, markers: Array, *repairs: Repair) -> Trial:
         """The same clock and labels with other positions, and what was done noted."""
@@ -208,8 +207,7 @@ class ImagePose:
 
     def to_local(self, points: Array) -> Array:
         """Points of the image, (n, 3) or (3,), in the segment's frame, m."""
-        local: Array = (points - self.origin) @ self.rotation
-        return local
+        return (points - self.origin) @ self.rotation
 
 
 @dataclass(frozen=True, slots=True)

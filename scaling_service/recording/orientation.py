@@ -74,8 +74,7 @@ class Orientation:
 
         ``vectors``: (..., 3). Returns (..., 3).
         """
-        rotated: Array = np.asarray(vectors, float) @ self.R_new_old.T
-        return rotated
+        return np.asarray(vectors, float) @ self.R_new_old.T
 
 
 def decide(

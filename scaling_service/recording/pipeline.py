@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Repair, Trial, repair_each
-from scaling_service.numerics.signals.filters import butterworth, moving_average
-from scaling_service.recording import gaps, orientation
-from scaling_service.recording.settings import ProcessingSettings
+from scaling_service.model.trial import Array, Repair, Trial, repair_each
+from scaling_service.numerics.least_squares.masks import Mask, seen
+from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
+from scaling_service.numerics.signals.filters import butterworth, fill_short_gaps, moving_average, runs
+from scaling_service.recording import orientation
+from scaling_service.recording.settings import LONGEST_SPLINE_S, ProcessingSettings
 
 
 def process(
@@ -32,7 +35,7 @@ def process(
         turned = smooth_by_average(turned)
     elif chosen.smoothing == "butterworth":
         turned = smooth_by_cutoff(turned, chosen.cutoff_hz)
-    return gaps.fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
+    return fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
 
 
 WINDOW = 5  # frames; Puchaud et al. 2019, sec. 2.1
@@ -70,3 +73,161 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)
+
+
+MIN_COMMON_FRAMES = 10
+"""Frames in which a marker and three others are seen together (chosen: 0.1 s at 100 Hz, so that one bad frame
+does not make the shape)."""
+
+_MOST_COMMON = 2000  # chosen: frames, equally spaced; noise of 1 mm leaves 0.02 mm in their mean shape
+_SHAPE_ROUNDS = 10  # chosen: the mean shape settles by a factor above ten per round
+_SHAPE_SETTLED_M = 1e-6  # chosen: a hundredth of a camera system's noise
+
+
+def fill(
+    trial: Trial,
+    clusters: Mapping[str, tuple[str, ...]],
+    *,
+    longest_spline_s: float = LONGEST_SPLINE_S,
+) -> Trial:
+    """Fill what can be filled and note it; what remains stays NaN.
+
+    ``clusters``: segment to the labels that sit on it; absent labels are passed over. ``longest_spline_s``:
+    gaps up to this long, with frames seen on both sides, are interpolated by a C2 spline.
+    Returns one Repair per marker and kind:
+    ``gap_spline``, ``gap_solidification``, ``gap_left``.
+
+    Puchaud et al. 2019, sec. 2.1. Solidification after Soderkvist & Wedin 1993: the mean shape of the
+    segment's markers is carried onto the others that are seen; the small mismatch where the marker
+    disappears and comes back is spread linearly over the gap, so that no step is left. In gaps of 0.2 s cut
+    out of real walking, squats and hip movements this lowers the error by 1.5 to 6 times; at 1.5 s it does
+    not matter.
+    """
+    before = ~seen(trial.markers)
+    longest = int(np.floor(longest_spline_s * trial.rate_hz + 1e-6))
+    markers, splined = fill_short_gaps(trial.markers, longest=longest)
+    repairs = repair_each(
+        splined, trial.labels, "gap_spline", f"gaps of at most {longest} frames interpolated by a C2 spline"
+    )
+    filled = markers.copy()
+    for segment, labels in clusters.items():
+        for part in _solidify(markers, trial.labels, segment, labels):
+            # A marker listed for two segments is filled by the first that can.
+            new = part.frames & ~seen(filled[:, part.column])
+            if new.any():
+                filled[new, part.column] = part.positions[new]
+                repairs.append(
+                    Repair("gap_solidification", trial.labels[part.column], part.detail, int(new.sum()))
+                )
+    left = before & ~seen(filled)
+    repairs += repair_each(left, trial.labels, "gap_left", "not seen and not filled")
+    return trial.with_markers(filled, *repairs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solid:
+    """Positions of one marker in the frames where the rest of its segment gives them."""
+
+    column: int
+    frames: Mask  # (n_frames,)
+    positions: Array  # (n_frames, 3), m
+    detail: str
+
+
+def _solidify(
+    markers: Array, all_labels: tuple[str, ...], segment: str, labels: tuple[str, ...]
+) -> list[_Solid]:
+    columns = [all_labels.index(label) for label in dict.fromkeys(labels) if label in all_labels]
+    cloud = markers[:, columns]
+    shown = seen(cloud)
+    parts = []
+    for k, column in enumerate(columns):
+        others = shown.sum(axis=1) - shown[:, k]
+        wanted = ~shown[:, k] & (others >= MIN_POINTS)
+        common = shown[:, k] & (others >= MIN_POINTS)
+        if wanted.any() and common.sum() >= MIN_COMMON_FRAMES:
+            part = _carry(cloud, k, wanted, common)
+            if part is not None:
+                frames, positions, rms = part
+                detail = f"from the other markers of {segment}, which keep their shape to {1e3 * rms:.1f} mm"
+                parts.append(_Solid(column, frames, positions, detail))
+    return parts
+
+
+def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Array, float] | None:
+    """Marker k where it is wanted: frames, positions and how well the rest keeps its shape (RMS, m)."""
+    known = np.flatnonzero(common)
+    known = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), _MOST_COMMON)).astype(np.intp))]
+    shape = mean_shape(cloud[known])
+    rest = shape.copy()
+    rest[k] = np.nan
+    beside = wanted.copy()
+    beside[1:] |= wanted[:-1]
+    beside[:-1] |= wanted[1:]
+    rows = np.flatnonzero(beside)  # the gaps and their borders
+    predicted = np.full((len(cloud), 3), np.nan)
+    predicted[rows] = _place_shape(shape, rest, cloud[rows])[:, k]
+    possible = wanted & np.isfinite(predicted).all(axis=-1)
+    if not possible.any():
+        return None
+    misfit = cloud[known] - _place_shape(shape, rest, cloud[known])
+    misfit[:, k] = np.nan
+    squares = (misfit**2).sum(axis=-1)
+    rms = float(np.sqrt(squares[np.isfinite(squares)].mean())) if np.isfinite(squares).any() else float("nan")
+    predicted = predicted + _bridge_mismatch(cloud[:, k] - predicted, possible)
+    return possible, predicted, rms
+
+
+def _place_shape(shape: Array, rest: Array, cloud: Array) -> Array:
+    """The shape (m, 3) where the rest of it lies best on each frame of a cloud (n, m, 3)."""
+    rotation, shift = fit_rigid(rest, cloud)
+    fitted: Array = np.einsum("fij,mj->fmi", rotation, shape) + shift[:, None]
+    return fitted
+
+
+def mean_shape(cloud: Array) -> Array:
+    """Mean shape of a cluster over frames in which not every marker is seen.
+
+    ``cloud`` (n_frames, m, 3), m: NaN where not seen; at least three markers in every frame. Returns in the
+    axes of the frame with most markers; NaN for a marker never seen with three others.
+
+    Generalised Procrustes: every frame is fitted to the shape so far, the shape is the mean of the fitted
+    frames, until it settles.
+    """
+    shown = seen(cloud)
+    shape: Array = cloud[int(np.argmax(shown.sum(axis=1)))]
+    for _ in range(_SHAPE_ROUNDS):
+        rotation, shift = fit_rigid(shape, cloud)
+        local = np.einsum("fji,fmj->fmi", rotation, cloud - shift[:, None])
+        counted = np.isfinite(local).all(-1, keepdims=True)
+        count = counted.sum(axis=0)
+        mean = np.where(count > 0, np.where(counted, local, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+        both = np.isfinite(mean) & np.isfinite(shape)
+        change = np.abs(mean - shape)[both].max(initial=0.0)
+        settled = change < _SHAPE_SETTLED_M and np.isfinite(mean).sum() == np.isfinite(shape).sum()
+        # A marker that no fitted frame shows keeps what is known of it.
+        shape = np.where(np.isfinite(mean), mean, shape)
+        if settled:
+            break
+    return shape
+
+
+def _bridge_mismatch(mismatch: Array, wanted: Mask) -> Array:
+    """Correction inside each wanted run, linear between the mismatch at its two borders.
+
+    ``mismatch`` (n_frames, 3), m: measured minus carried, NaN where either is missing. ``wanted``:
+    (n_frames,) bool.
+    """
+    correction = np.zeros_like(mismatch)
+    n = len(mismatch)
+    for start, stop in runs(wanted).tolist():
+        before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
+        after = mismatch[stop] if stop < n else np.full(3, np.nan)
+        if not np.isfinite(before).all():
+            before = after
+        if not np.isfinite(after).all():
+            after = before
+        if np.isfinite(before).all():
+            share = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
+            correction[start:stop] = (1 - share) * before + share * after
+    return correction

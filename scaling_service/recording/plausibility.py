@@ -1,15 +1,17 @@
-"""What cannot be true of a body: the unit that a recording states, and positions far from all others."""
+"""What cannot be true of a body or of its markers: units, strays, labels that are missing or moved."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import Array, Repair, Trial, repair_each
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled, repair_each
+from scaling_service.numerics.least_squares.masks import Mask, seen
+from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 
@@ -101,5 +103,158 @@ def _median(positions: Array) -> Array:
     ordered = np.sort(positions, axis=1)  # NaN last
     count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
     low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
-    middle: Array = 0.5 * (low + high)
-    return middle
+    return 0.5 * (low + high)
+
+
+NEAR_M = 0.03
+"""Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
+
+OVERLAP = 0.1  # chosen: share of its frames in which a trajectory may be seen beside the marker that it fills
+
+
+@dataclass(frozen=True, slots=True)
+class Unlabelled:
+    """One trajectory without a label."""
+
+    label: str  # as the file has it
+    frames: int  # in which it is seen
+    fills: str | None = None  # the marker in whose gaps it lies
+    filled: int = 0  # frames of those gaps that it shows
+
+
+def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
+    """The trajectories without a label, each with the marker that it seems to be.
+
+    ``trial``: in m.
+    """
+    shown = seen(trial.markers)
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
+    for k, label in enumerate(trial.labels):
+        if k in named or not shown[:, k].any():
+            continue
+        best = min(
+            (_distance_in_gaps(trial.markers, shown, k, other) for other in named),
+            default=(float("inf"), 0, 0),
+        )
+        frames = int(shown[:, k].sum())
+        if best[0] <= NEAR_M:
+            yield Unlabelled(label, frames, trial.labels[best[1]], best[2])
+        else:
+            yield Unlabelled(label, frames)
+
+
+def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
+    """How far a trajectory, prolonged by a frame, misses another where that is lost or found again, m.
+
+    Returns ``distance``: median over those frames; infinite where the two are seen side by side or never
+    take turns. ``frames``: in which the trajectory is seen and the other is not.
+    """
+    here, there = shown[:, column], shown[:, other]
+    if (here & there).sum() > OVERLAP * here.sum():
+        return float("inf"), other, 0
+    missed = []
+    for step in (1, -1):  # the other is lost, then found again
+        own, its = markers[::step, column], markers[::step, other]
+        first = np.flatnonzero(there[::step][:-2] & here[::step][1:-1] & here[::step][2:]) + 1
+        missed.append(np.linalg.norm(2.0 * own[first] - own[first + 1] - its[first - 1], axis=1))
+    distances = np.concatenate(missed)
+    if not len(distances):
+        return float("inf"), other, 0
+    return float(np.median(distances)), other, int((here & ~there).sum())
+
+
+MOVED_M = 0.02
+"""Chosen: a distance within a segment whose median differs by more between recordings is no skin alone where
+the segment's other markers keep theirs (over a greater trochanter, hip against knee bending: 15 mm)."""
+
+FEWEST_OF_SEGMENT = 4
+"""Markers of a segment from which one can be told to have moved (chosen: three others are a shape)."""
+
+TOLD_BY = 2
+"""Neighbours from which its distance must differ (chosen: of one distance, either end may be wrong)."""
+
+_FRAMES = 500  # of a recording, evenly: a median needs no more (chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class MovedMarker:
+    """A marker of a recording that alone contradicts the shape which its segment has in others.
+
+    ``neighbour``, ``here_m``, ``there_m``: the distance that differs most, and in which recording
+    (``other``). ``left_m``: the largest difference among the other markers of the segment.
+    """
+
+    trial: str
+    label: str
+    neighbour: str
+    here_m: float
+    there_m: float
+    left_m: float
+    other: str
+
+    def __str__(self) -> str:
+        here, there, left = (f"{1e3 * value:.0f} mm" for value in (self.here_m, self.there_m, self.left_m))
+        return (
+            f"{self.trial}: {self.label} lies {here} from {self.neighbour}, and {there} in {self.other}, "
+            f"while the others on that segment keep their distances within {left}: it was knocked, stuck on "
+            "again, or is another"
+        )
+
+
+def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[MovedMarker]:
+    """Markers that sit elsewhere in a recording than in more than half of the others.
+
+    ``trials``: in m. Of two recordings that contradict each other the first tells. Labels that stand for each
+    other are for :func:`find_exchanges`, and tell nothing here.
+    """
+    some = [_thin(trial, max(1, trial.n_frames // _FRAMES)) for trial in trials]
+    shapes = {trial.name: measure_shape([trial], clusters) for trial in some}
+    told: set[tuple[str, str]] = set()
+    for trial in some:
+        others = [name for name in shapes if name != trial.name]
+        found = list(_moved_in(trial.name, shapes, others, clusters)) if others else []
+        if found:
+            usual = measure_shape((other for other in some if other is not trial), clusters)
+            exchanged = {label for item in find_exchanges(trial, clusters, usual) for label in item.labels}
+            found = [item for item in found if exchanged.isdisjoint((item.label, item.neighbour))]
+        yield from (item for item in found if (item.label, item.other) not in told)
+        told |= {(item.label, item.trial) for item in found}
+
+
+def _thin(trial: Trial, step: int) -> Trial:
+    """Every so many frames of a recording."""
+    return replace(
+        trial,
+        times=trial.times[::step],
+        markers=trial.markers[::step],
+        rate_hz=trial.rate_hz / step,
+    )
+
+
+def _moved_in(
+    trial: str, shapes: Mapping[str, Shape], others: Sequence[str], clusters: Clusters
+) -> Iterator[MovedMarker]:
+    for labels in clusters.values():
+        for label in labels:
+            known = [_compare(label, labels, trial, other, shapes) for other in others]
+            told = [one for one in known if one is not None]
+            moved = [one for one, alone in told if alone]
+            if 2 * len(moved) > len(told):
+                yield max(moved, key=lambda one: abs(one.here_m - one.there_m))
+
+
+def _compare(
+    label: str, labels: Sequence[str], trial: str, other: str, shapes: Mapping[str, Shape]
+) -> tuple[MovedMarker, bool] | None:
+    """The marker beside another recording, and whether it alone moved; None where that cannot be told."""
+    here, there = shapes[trial], shapes[other]
+    change = {pair: abs(here[pair] - there[pair]) for pair in here if pair in there and {*pair} <= {*labels}}
+    own = {pair: size for pair, size in change.items() if label in pair}
+    if len(own) < FEWEST_OF_SEGMENT - 1:
+        return None
+    worst = max(own, key=own.__getitem__)
+    left = max(size for pair, size in change.items() if label not in pair)
+    told_by = sum(size > EXPLAINED * own[worst] for size in own.values())
+    alone = own[worst] > MOVED_M and left < EXPLAINED * own[worst] and told_by >= TOLD_BY
+    (neighbour,) = {*worst} - {label}
+    return MovedMarker(trial, label, neighbour, here[worst], there[worst], left, other), alone

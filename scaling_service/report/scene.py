@@ -190,8 +190,7 @@ def _reach(surface: Bone, poses: Array) -> Array:
     ends = np.stack([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
     corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
     rotations, origins = poses[:, :9].reshape(-1, 3, 3), poses[:, 9:]
-    reached: Array = (corners @ np.transpose(rotations, (0, 2, 1)) + origins[:, None]).reshape(-1, 3)
-    return reached
+    return (corners @ np.transpose(rotations, (0, 2, 1)) + origins[:, None]).reshape(-1, 3)
 
 
 def _ticks(low: float, high: float) -> list[float]:

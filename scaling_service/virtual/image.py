@@ -111,8 +111,7 @@ def _poses(person: VirtualSubject) -> dict[str, ImagePose]:
 
 def _placed(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
-    moved: Array = points @ pose.rotation.T + pose.origin
-    return moved
+    return points @ pose.rotation.T + pose.origin
 
 
 def _markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> dict[str, tuple[str, Vector]]:

@@ -294,8 +294,7 @@ def _carry_forward(
 
 
 def _planted(phase: Array) -> NDArray[np.bool_]:
-    flat: NDArray[np.bool_] = (phase % 1.0 > _FLAT[0]) & (phase % 1.0 < _FLAT[1])
-    return flat
+    return (phase % 1.0 > _FLAT[0]) & (phase % 1.0 < _FLAT[1])
 
 
 def _slope(times: Array, x: Array, planted: NDArray[np.bool_]) -> float:

@@ -18,7 +18,7 @@ from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench import root_wrench
 
 RATE_HZ, SECONDS = 100.0, 2.5
 """Of one recording. Chosen: enough for a filter's run-in, and quick."""

@@ -97,8 +97,7 @@ def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, floa
 def _offset(model: BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
-    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
-    return total
+    return sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
 
 
 def draw_knee_tilt(seed: int, side: str) -> tuple[float, float]:

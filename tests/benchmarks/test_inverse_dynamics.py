@@ -12,8 +12,8 @@ import pytest
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of
+from scaling_service.numerics import wrench
 from scaling_service.numerics.multibody.motion import Motion
-from scaling_service.numerics.wrench import ground_wrench as wrench
 from tests.capabilities.motion.test_inverse_dynamics import RECORDINGS, differences, opensims, recorded
 
 pytestmark = pytest.mark.benchmark

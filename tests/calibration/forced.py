@@ -14,7 +14,7 @@ from scaling_service.model.inertia import mechanism_of, with_inertias
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench import root_wrench
 
 BODY = builtin("full_body_35dof")
 TIMES = np.arange(600) / 100

@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.motion.bones import Posed, estimate_bones, learn_skin_sizes
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import ik, track
-from scaling_service.capabilities.motion.skin import SkinField, skin_fields
+from scaling_service.capabilities.motion.uncertainty import SkinField, skin_fields
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import silent
 from scaling_service.model.anatomy.secondary import secondary_rotations

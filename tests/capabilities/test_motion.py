@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.motion.motion_files import poses_table
 from scaling_service.capabilities.motion.run import track
-from scaling_service.capabilities.motion.saving import trial_document
+from scaling_service.capabilities.motion.saving import poses_table, trial_document
 from scaling_service.files.osim import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion

@@ -11,7 +11,7 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import TrackedTrial, ik, track
-from scaling_service.capabilities.motion.skin import published_sd, skin_fields
+from scaling_service.capabilities.motion.uncertainty import published_sd, skin_fields
 from scaling_service.numerics.multibody.laws import Array
 from tests.capabilities.recorded import recorded
 

@@ -7,7 +7,7 @@ import pytest
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
-from scaling_service.numerics.statistics.cycles import Curves, normalised_cycles
+from scaling_service.numerics.statistics.waveforms import Curves, normalised_cycles
 
 TIMES = np.arange(301) / 100.0
 ANGLES = np.column_stack([np.sin(2 * np.pi * TIMES), TIMES**3 - TIMES])

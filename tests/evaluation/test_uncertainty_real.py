@@ -14,8 +14,8 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.files.forces import read_forces
 from scaling_service.files.osim import read_osim
 from scaling_service.files.trc import read_trc
+from scaling_service.recording.plates import synchronise
 from scaling_service.recording.plates_feet import assign_plates, foot_loads
-from scaling_service.recording.synchronise import synchronise
 
 FRAMES = 300
 

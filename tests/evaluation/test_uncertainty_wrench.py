@@ -20,7 +20,7 @@ from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor
 from scaling_service.numerics.signals.filters import butterworth
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 from tests.evaluation.uncertain import recording
 
 

@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import ttest_rel
 
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
-from scaling_service.numerics.statistics.cycles import Curves
 from scaling_service.numerics.statistics.permutation_tests import (
     CurveTest,
     PairedT,
@@ -18,6 +17,7 @@ from scaling_service.numerics.statistics.permutation_tests import (
     signs,
 )
 from scaling_service.numerics.statistics.waveforms import (
+    Curves,
     WaveformSettings,
     compare_waveforms,
     paired_t_test,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scaling_service.capabilities.playback.shapes import place_bones
+from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.saving import write_bones
 from scaling_service.files.mesh import read_mesh

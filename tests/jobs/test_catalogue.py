@@ -11,13 +11,14 @@ from typing import Any
 import pytest
 import typer
 import yaml
+from pydantic import ValidationError
 
 from scaling_service.capabilities.datasets.catalogue import Dataset, find_dataset, read_catalogue
 from scaling_service.capabilities.datasets.run import next_commands
 from scaling_service.cli.app import app
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.reference import read_reference, reference_folder
 
 CATALOGUE = read_catalogue()
 
@@ -89,14 +90,11 @@ def _top(**changes: object) -> Callable[[dict[str, Any]], None]:
         (_top(surprise=1), "surprise"),
     ],
 )
-def test_a_catalogue_that_cannot_be_used(
-    tmp_path: Path, spoil: Callable[[dict[str, Any]], None], said: str
-) -> None:
-    document = yaml.safe_load((reference_folder() / "datasets.yaml").read_text(encoding="utf-8"))
-    spoil(document["datasets"]["functional"])
-    (tmp_path / "datasets.yaml").write_text(yaml.safe_dump(document), encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        read_catalogue(tmp_path / "datasets.yaml")
+def test_a_dataset_that_cannot_be_used(spoil: Callable[[dict[str, Any]], None], said: str) -> None:
+    document = read_reference(reference_folder() / "datasets.yaml")["datasets"]["functional"]
+    spoil(document)
+    with pytest.raises(ValidationError, match=said):
+        Dataset.model_validate(document)
 
 
 def test_sizes_add_up() -> None:

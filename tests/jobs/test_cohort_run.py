@@ -30,10 +30,10 @@ from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, Su
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.serial import Serial
+from scaling_service.core.threads import Serial
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.subject import Subject
-from scaling_service.studies.puchaud2019.persons import VirtualPerson
+from scaling_service.studies.puchaud2019.run import VirtualPerson
 from scaling_service.virtual.subject import VirtualSettings, virtual_subject
 from tests.calibration.people import imaged, person
 

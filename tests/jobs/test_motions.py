@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.motion.motion_files import write_motion
+from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.files.sto import read_sto
 from scaling_service.model.body import BodyModel, Coordinate, Coupler, Joint, Law, Segment, Shape, Term
 from scaling_service.model.compile import law_values

@@ -19,7 +19,7 @@ from scaling_service.capabilities.intake.warnings import _OTHER
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
-from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import builtin
 from scaling_service.model.document import to_document

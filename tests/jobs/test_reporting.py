@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.playback.overlay import knee_axes
+from scaling_service.capabilities.playback.drawing import knee_axes
 from scaling_service.capabilities.scaling.comparison.curves import gait_curves
 from scaling_service.capabilities.scaling.demo import run_demo
 from scaling_service.capabilities.scaling.report.page import shown_trial

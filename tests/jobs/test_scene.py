@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.discovery.scene import AFTER, BEFORE, scene_of_discovery
 from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
-from scaling_service.capabilities.playback.shapes import MOST_FACES, find_ends, simple_shape, to_glb
+from scaling_service.capabilities.playback.drawing import MOST_FACES, find_ends, simple_shape, to_glb
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.scaling.scene import scene_of_results
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles, at_frames
 from scaling_service.model.builtin import builtin
 from scaling_service.model.poses import neutral_frames, segment_poses

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from scaling_service.numerics.signals.splines import DEGREE, ORDER, SplineBasis
-from scaling_service.numerics.signals.splines_band import (
+from scaling_service.numerics.signals.splines import (
+    DEGREE,
+    ORDER,
     Quadratic,
+    SplineBasis,
     Step,
     banded,
     gathered,

@@ -14,8 +14,8 @@ from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.numerics.multibody.motion import Motion, move_links, point_velocity
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY as DOWN
-from scaling_service.numerics.wrench.ground_wrench import Loads, inverse_dynamics, moment_about, root_wrench
+from scaling_service.numerics.wrench import GRAVITY as DOWN
+from scaling_service.numerics.wrench import Loads, inverse_dynamics, moment_about, root_wrench
 from tests.numerics.bodies import leg, random_tree
 from tests.numerics.massive import (
     GRAVITY,

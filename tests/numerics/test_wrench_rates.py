@@ -22,8 +22,7 @@ from scaling_service.numerics.multibody.marker_rates import (
 from scaling_service.numerics.multibody.mechanism import Mechanism
 from scaling_service.numerics.multibody.motion import Motion, move_links, screws_of
 from scaling_service.numerics.multibody.tree import Tree
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
-from scaling_service.numerics.wrench.wrench_rates import wrench_rates
+from scaling_service.numerics.wrench import root_wrench, wrench_rates
 
 STEP, FRAMES = 1e-5, 3
 RNG = np.random.default_rng(11)

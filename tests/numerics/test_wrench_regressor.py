@@ -8,7 +8,7 @@ import pytest
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
 from scaling_service.numerics.multibody.mechanism import Inertias
-from scaling_service.numerics.wrench.ground_wrench import inverse_dynamics, regressor_blocks
+from scaling_service.numerics.wrench import inverse_dynamics, regressor_blocks
 from tests.numerics.bodies import leg
 from tests.numerics.massive import random_motion, with_random_masses
 

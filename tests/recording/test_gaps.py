@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.trial import Trial
-from scaling_service.recording.gaps import fill, mean_shape
+from scaling_service.recording.pipeline import fill, mean_shape
 
 LABELS = ("A", "B", "C", "D", "E")
 CLUSTERS = {"femur_r": ("A", "B", "C", "D", "E")}

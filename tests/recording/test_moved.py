@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.model.trial import Trial
-from scaling_service.recording.moved import find_moved_markers
+from scaling_service.recording.plausibility import find_moved_markers
 
 LABELS = ("HEE", "CPG", "LCA", "STL", "NAV")
 FOOT = np.array([[0, 0, 0], [-70, 20, 10], [30, 5, 40], [35, 10, -30], [90, 40, -20]]) / 1000.0

@@ -13,8 +13,8 @@ from scaling_service.files.forces import read_forces
 from scaling_service.files.recording import read_recording
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
+from scaling_service.recording.plates import synchronise
 from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_plates, foot_loads
-from scaling_service.recording.synchronise import synchronise
 
 STEP, N = 0.01, 200
 TIMES = STEP * np.arange(N)

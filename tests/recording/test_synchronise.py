@@ -11,7 +11,7 @@ from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
 from scaling_service.numerics.signals.filters import butterworth
-from scaling_service.recording.synchronise import synchronise
+from scaling_service.recording.plates import synchronise
 
 
 def made(times: Array) -> GroundForces:

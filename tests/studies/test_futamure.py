@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.model.inertia import total_mass
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.studies.futamure.claims import less
 from scaling_service.studies.futamure.report import page as study_page
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter

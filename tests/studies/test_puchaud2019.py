@@ -11,7 +11,7 @@ from scaling_service.capabilities.cohort.summary import Following, MethodSummary
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.studies.claims import ClaimEntry
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, paper
+from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, SAME_LENGTHS, paper
 from scaling_service.studies.puchaud2019.run import build_document
 
 NODES = 101
@@ -45,7 +45,7 @@ def subject(k: int, *, like_the_paper: bool) -> SubjectSummary:
 def _lengths(
     method: str, size: Mapping[str, float], rng: np.random.Generator, noise: float
 ) -> dict[str, float]:
-    row = paper().lengths_mm[method]
+    row = paper()["segment_lengths_mm"][SAME_LENGTHS.get(method, method)]
     wide = {"inter_hip": 4.0}  # the paper's inter-hip distances scatter most
     return {
         name: 1e-3 * row[name][0] + size[name] + float(rng.normal(0.0, noise * wide.get(name, 1.0)))
@@ -54,16 +54,16 @@ def _lengths(
 
 
 def _error(method: str, rng: np.random.Generator) -> float:
-    mean, sd = paper().errors_mm[method]
+    mean, sd = paper()["kinematic_error_mm"][method]
     return 1e-3 * (mean + float(rng.normal(0.0, sd)))
 
 
 def _shift(method: str, rng: np.random.Generator) -> float:
-    return 1e-3 * paper().shifts_mm[method][0] + float(rng.normal(0.0, 1e-4))
+    return 1e-3 * paper()["marker_shift_mm"][method][0] + float(rng.normal(0.0, 1e-4))
 
 
 def _axes(method: str, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
-    spread = paper().knee_axes_deg[method]  # half the scatter, so that 26 draws have the paper's means
+    spread = paper()["knee_axis_deg"][method]  # half the scatter, so that 26 draws have the paper's means
     turns = [np.radians(rng.normal(spread[a][0], 0.5 * spread[a][1])) for a in AXES]
     return {"r": (turns[0], turns[1]), "l": (turns[2], turns[3])}
 
@@ -118,10 +118,10 @@ def test_six_subjects_cannot_decide_a_pair_of_curves() -> None:
 
 def test_the_papers_numbers_are_those_of_its_tables() -> None:
     known = paper()
-    assert known.lengths_mm["MB_am"] == known.lengths_mm["MB"]  # one column of table 2
-    assert known.lengths_mm["EB"]["inter_hip"][0] == 173.5
-    assert known.knee_axes_deg["EB_am"]["r_y"][0] == -2.02
-    for method, row in known.length_differences_mm.items():  # figure 4 and table 2 are of the same people
+    lengths = known["segment_lengths_mm"]
+    assert lengths["EB"]["inter_hip"][0] == 173.5
+    assert known["knee_axis_deg"]["EB_am"]["r_y"][0] == -2.02
+    for method, row in known["length_difference_mm"].items():  # figure 4 and table 2 are of the same people
         for name, (gap, _) in row.items():
-            apart = known.lengths_mm[method][name][0] - known.lengths_mm["EB"][name][0]
+            apart = lengths[method][name][0] - lengths["EB"][name][0]
             assert gap == pytest.approx(apart, abs=0.11)  # both rounded to 0.1 mm

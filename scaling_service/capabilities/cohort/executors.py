@@ -13,8 +13,7 @@ from contextvars import ContextVar
 from multiprocessing.synchronize import Event
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from scaling_service.core.serial import Serial
-from scaling_service.core.threads import use_one_thread
+from scaling_service.core.threads import Serial, use_one_thread
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue

@@ -15,7 +15,7 @@ from scaling_service.capabilities.cohort.report import cohort_page
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.numerics.statistics.cycles import NODES
+from scaling_service.numerics.statistics.waveforms import NODES
 
 DOCUMENT = "cohort.json"
 

@@ -26,9 +26,9 @@ from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.agreement import Estimate, agreement
 from scaling_service.numerics.statistics.complete import Panel, panels
-from scaling_service.numerics.statistics.cycles import Curves
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
+    Curves,
     WaveformComparison,
     WaveformSettings,
     compare_waveforms,

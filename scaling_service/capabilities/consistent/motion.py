@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.splines_band import Quadratic, Step, banded, solve_band
+from scaling_service.numerics.signals.splines import Quadratic, Step, banded, solve_band
 
 STEPS = 15
 """Most Gauss-Newton steps (chosen: three are usual)."""

@@ -22,8 +22,7 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scaled
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.recording.plates import orient_forces
-from scaling_service.recording.synchronise import synchronise
+from scaling_service.recording.plates import orient_forces, synchronise
 
 STANDING = "standing"
 """How the planar model is scaled: by the standing at the beginning (Futamure et al., section II.C.2)."""

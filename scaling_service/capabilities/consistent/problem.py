@@ -28,15 +28,14 @@ from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias,
 from scaling_service.numerics.multibody.motion import LinkMotion, Screws, move_links, screws_of
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
-from scaling_service.numerics.signals.splines import ORDER, SplineBasis
-from scaling_service.numerics.signals.splines_band import Quadratic, gathered, gathered_rows
-from scaling_service.numerics.wrench.ground_wrench import (
+from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, gathered, gathered_rows
+from scaling_service.numerics.wrench import (
     blocks,
     link_wrenches,
     moment_about,
     regressor_blocks,
+    wrench_rates,
 )
-from scaling_service.numerics.wrench.wrench_rates import wrench_rates
 
 SPREAD = GeometryPrior(0.05, 0.009)
 """5 % of a length, 9 mm of a marker's coordinate: the priors of the other calibrations."""

@@ -24,7 +24,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import trees_of
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import GROUND, BodyModel, Joint, Segment
+from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.compile import (
     coordinate_bounds,
     default_coordinates,
@@ -39,7 +39,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, regressor_blocks
+from scaling_service.numerics.wrench import GRAVITY, regressor_blocks
 
 ARTEFACT_M: Mapping[str, float] = {
     "toe": 0.001,
@@ -87,7 +87,8 @@ movements; below, it grows with the angle)."""
 
 def artefact_m(model: BodyModel) -> dict[str, float]:
     """The expected error of every marker of a model, m."""
-    still = {s.name for s in model.segments if s.parent == GROUND and not any(map(_moves, s.joints))}
+    rooted = [segment for segment in model.segments if segment.parent == GROUND]
+    still = {segment.name for segment in rooted if not any(j.law.coordinates for j in segment.joints)}
     found = {}
     for marker in model.markers:
         row = _OF_MARKERS.get(_mirror_to_right(marker.name))
@@ -102,10 +103,6 @@ def _mirror_to_right(name: str) -> str:
     known = canonical(name) or name
     mirrored = f"R{known[1:]}"
     return mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known
-
-
-def _moves(joint: Joint) -> bool:
-    return any(term.coordinate is not None for term in joint.law.terms)
 
 
 def artefact_shifts(
@@ -145,9 +142,7 @@ def _find_driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
         *(segment.joints if segment.parent != GROUND else ()),
         *(j for c in model.children(segment.name) for j in c.joints),
     ]
-    names = {
-        t.coordinate for j in joints if j.kind == "rotation" for t in j.law.terms if t.coordinate is not None
-    }
+    names = {c for joint in joints if joint.kind == "rotation" for c in joint.law.coordinates}
     rows = [k for k, c in enumerate(model.coordinates) if c.name in names and c.kind == "rotation"]
     angles = q[:, rows] - q[:, rows].mean(axis=0)
     if not rows or not np.ptp(angles, axis=0).max() > 0:

@@ -33,7 +33,7 @@ from scaling_service.model.scaling import scaled
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 
 _PREPARING, _FINDING = 0.3, 0.6
 """Chosen: about the shares of reading and scaling, and of the loop."""

@@ -19,7 +19,7 @@ from scaling_service.capabilities.consistent.recording import ConsistentRecordin
 from scaling_service.capabilities.consistent.report import consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.capabilities.dynamics.saving import provenance_of, write_massive_model
-from scaling_service.capabilities.motion.motion_files import write_motion
+from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.anatomy.lengths import segment_lengths
 from scaling_service.model.body import BodyModel

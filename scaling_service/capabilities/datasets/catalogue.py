@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
-from importlib.resources.abc import Traversable
 from pathlib import PurePosixPath
 from typing import Annotated
 
-import yaml
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
     StringConstraints,
-    ValidationError,
     model_validator,
 )
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.reference import reference_folder
+from scaling_service.core.text import did_you_mean
+from scaling_service.model.reference import read_reference, reference_folder
 
 SUBJECT_FILE = "subject.yaml"
 SOURCE_FILE = "SOURCE.md"
@@ -110,30 +107,15 @@ class CatalogueDocument(_Strict):
     datasets: dict[Name, Dataset]
 
 
-FILE_NAME = "datasets.yaml"
-
-
-def read_catalogue(file: Traversable | None = None) -> dict[str, Dataset]:
+def read_catalogue() -> dict[str, Dataset]:
     """All datasets by name, in the catalogue's order.
-
-    ``file``: another catalogue than the one that comes with the product. Raises InputError: the file does
-    not follow ``CatalogueDocument``.
 
     Examples
     --------
     >>> "jia_mri" in read_catalogue()
     True
     """
-    source = reference_folder() / FILE_NAME if file is None else file
-    try:
-        content = yaml.safe_load(source.read_text(encoding="utf-8"))
-        return dict(CatalogueDocument.model_validate(content).datasets)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValidationError) as error:
-        raise InputError(
-            f"the catalogue of datasets cannot be used: {_first_line(error)}",
-            file=FILE_NAME,
-            remedy="Install the program again",
-        ) from None
+    return CatalogueDocument.model_validate(read_reference(reference_folder() / "datasets.yaml")).datasets
 
 
 def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
@@ -143,15 +125,7 @@ def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
     """
     if name in catalogue:
         return catalogue[name]
-    close = difflib.get_close_matches(name.lower(), catalogue, n=1, cutoff=0.5)
-    guess = f"Did you mean '{close[0]}'? " if close else ""
+    guess = did_you_mean(name.lower(), catalogue, cutoff=0.5)
     raise InputError(
         f"there is no dataset '{name}'", field="NAME", remedy=f"{guess}There are {', '.join(catalogue)}"
     )
-
-
-def _first_line(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        first = error.errors(include_url=False)[0]
-        return f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}"
-    return str(error).splitlines()[0]

@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.bones import Posed, is_revealed, learn_skin_sizes, revealed_share
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import TrackedTrial, track
-from scaling_service.capabilities.motion.skin import SkinField, skin_fields
+from scaling_service.capabilities.motion.uncertainty import SkinField, skin_fields
 from scaling_service.model.anatomy.secondary import SecondaryRotation, secondary_rotations
 from scaling_service.model.body import BodyModel, Expectation, Law
 from scaling_service.model.compile import law_value

@@ -13,8 +13,7 @@ from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.playback import scene as playback
 from scaling_service.capabilities.playback.document import SceneDocument
-from scaling_service.capabilities.playback.overlay import Drawing, follow_person
-from scaling_service.capabilities.playback.shapes import MOST_FACES, place_bones
+from scaling_service.capabilities.playback.drawing import MOST_FACES, Drawing, follow_person, place_bones
 from scaling_service.model.trial import Bone
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.methods import words

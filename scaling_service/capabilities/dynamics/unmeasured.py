@@ -24,7 +24,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import forward
 from scaling_service.numerics.signals.filters import runs
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import NOBODY, FootContacts
 
 LACKING = 0.2

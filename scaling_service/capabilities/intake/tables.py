@@ -14,7 +14,7 @@ from scaling_service.capabilities.intake.files import RecordingFile, axes_entry,
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.errors import InputError
-from scaling_service.documents.arrays import ArrayEntry, PlateEntry
+from scaling_service.documents.base import ArrayEntry, PlateEntry
 from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.markers import looks_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces

@@ -21,7 +21,7 @@ from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import runs
 from scaling_service.recording.exchanged import Exchange, find_exchanges, find_turned_limbs, measure_shape
-from scaling_service.recording.unlabelled import find_unlabelled
+from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
 

@@ -19,9 +19,8 @@ from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Array, Repair, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.orientation import Orientation
-from scaling_service.recording.plates import ground_forces, orient_forces
+from scaling_service.recording.plates import ground_forces, orient_forces, synchronise
 from scaling_service.recording.plates_feet import FootContacts, assign_plates, foot_loads
-from scaling_service.recording.synchronise import synchronise
 
 LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same

@@ -18,13 +18,13 @@ from scaling_service.model.compile import parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import mechanism_of, total_mass
 from scaling_service.model.results import Motion
+from scaling_service.numerics import wrench
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.filters import butterworth, runs
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench import ground_wrench as wrench
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import FootContacts
 
 CUTOFF_HZ = 5.0

@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.skin import SkinField, is_pin, rigid_modes
 from scaling_service.capabilities.motion.uncertainty import (
     Mask,
+    SkinField,
     distinct_patterns,
     frame_blocks,
+    is_pin,
     loses,
     marker_rates,
+    rigid_modes,
 )
 from scaling_service.model.body import BodyModel, Expectation
 from scaling_service.model.compile import piecewise
@@ -256,8 +258,8 @@ class _Expected:
 
     @classmethod
     def of(cls, expectation: Expectation, names: Sequence[str]) -> _Expected:
-        drivers = {t.coordinate for t in expectation.law.terms if t.coordinate is not None}
-        return cls(expectation, names.index(expectation.coordinate), {n: names.index(n) for n in drivers})
+        columns = {name: names.index(name) for name in expectation.law.coordinates}
+        return cls(expectation, names.index(expectation.coordinate), columns)
 
     def linearised(self, q: Array) -> tuple[Array, Array]:
         """How many deviations each frame is off, (n,), and how that changes with q, (n, n_coordinates)."""

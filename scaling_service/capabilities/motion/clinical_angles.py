@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scaling_service.model.anatomy.conventional import ANGLES, KNEE, conventional_angles, heel_level
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy.frames import ANGLES, KNEE, SIDES, Side, conventional_angles, heel_level
 from scaling_service.model.anatomy.lengths import joint_centres, segment_of
 from scaling_service.model.anatomy.markers import canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
@@ -17,7 +16,7 @@ from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
 from scaling_service.model.results import Array, Motion
 from scaling_service.numerics.multibody.tree import forward, jacobian, positions
-from scaling_service.numerics.statistics.cycles import NODES, normalised_cycles
+from scaling_service.numerics.statistics.waveforms import NODES, normalised_cycles
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
-from rich.table import Table
 
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.shared.flags import Out, with_flags
 from scaling_service.capabilities.shared.screen import (
     console_of_results,
     list_files,
+    print_table,
     running,
     say,
     understood,
 )
 from scaling_service.core.text import few
+from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.document import MotionDocument
@@ -68,15 +69,14 @@ def show(document: MotionDocument, out: Path) -> None:
     console.print(f"Model [bold]{escape(document.model)}[/bold]", highlight=False, soft_wrap=True)
     for line in understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"):
-        table.add_column(column, justify="left" if column[0] in "Kn" else "right")
+    rows = []
     for name, trial in document.trials.items():
         error = trial.kinematic_error_mm
         lost = few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
-        numbers = (f"{value:.1f}" for value in (error.mean, error.rms, error.max))
-        table.add_row(f"  {escape(name)}", str(trial.frames), *numbers, escape(lost) or "nothing")
-    console.print(table)
+        numbers = [f"{value:.1f}" for value in (error.mean, error.rms, error.max)]
+        rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
+    columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]
+    print_table(console, Table("", columns, rows))
     say(console, "Note", "yellow", document.warnings)
     list_files(console, out, [", ".join([*document.files, "ik.json"])])
 

@@ -25,8 +25,7 @@ from scaling_service.capabilities.motion.clinical_angles import (
 from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.skin import skin_fields
-from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd
+from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd, skin_fields
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on

@@ -1,29 +1,119 @@
-"""Motions with their uncertainty onto disk: complete, or nothing at all."""
+"""Motions with their uncertainty onto disk: OpenSim files, with the coordinates that follow others, too."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
 from scaling_service.capabilities.motion.document import (
     KinematicErrorDocument,
     MotionDocument,
     TrackedTrialDocument,
 )
-from scaling_service.capabilities.motion.motion_files import (
-    poses_table,
-    write_clinical_angles,
-    write_motion,
-    write_motion_sd,
-)
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
 from scaling_service.capabilities.subject.loading import provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
-from scaling_service.files.sto import write_sto
-from scaling_service.model.body import BodyModel
+from scaling_service.files.sto import Table, motion_table, write_sto
+from scaling_service.files.tables import format_rows
+from scaling_service.model.anatomy.frames import ANGLES, SIDES
+from scaling_service.model.body import BodyModel, Coupler
+from scaling_service.model.compile import law_slopes, law_values
+from scaling_service.model.poses import segment_poses
+from scaling_service.model.results import Array, Motion
 from scaling_service.recording.settings import ProcessingSettings
+
+CLINICAL = "_clinical.csv"
+
+
+def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
+    """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
+
+    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file is in
+    degrees. Coordinates that a frame does not determine are NaN, and are written so.
+    """
+    followed = [law_values(coupler.law, _leading(coupler, motion)) for coupler in model.couplers]
+    _write(path, motion, motion.q, followed, model)
+
+
+def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
+    """Write standard deviations (n_frames, n_coordinates) in the columns and units of :func:`write_motion`.
+
+    A dependent coordinate's is that of the leading one times the slope of its law.
+    """
+    followed = []
+    for coupler in model.couplers:
+        slopes = law_slopes(coupler.law, _leading(coupler, motion))
+        followed.append(np.abs(slopes) * sd[:, motion.coordinates.index(coupler.independent)])
+    _write(path, motion, sd, followed, model)
+
+
+def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
+    names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
+    kinds = [model.coordinate(name).kind for name in motion.coordinates]
+    kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
+    write_sto(
+        path, motion_table(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+    )
+
+
+def _leading(coupler: Coupler, motion: Motion) -> Array:
+    """The coordinate that a dependent one follows, (n_frames,)."""
+    return motion.q[:, motion.coordinates.index(coupler.independent)]
+
+
+def poses_table(motion: Motion, model: BodyModel) -> Table:
+    """Where every segment is, in the columns of OpenSim's BodyKinematics.
+
+    Origin in ground (m), and body-fixed X-Y-Z angles (deg); NaN where a coordinate that carries the segment
+    is not determined.
+    """
+    poses = segment_poses(model, motion.q)
+    lost = np.asarray(np.isnan(poses).any(axis=2))
+    turns = np.where(lost[..., None], Rotation.identity().as_quat(), poses[..., 3:])
+    turned = Rotation.from_quat(turns.reshape(-1, 4))
+    angles = turned.as_euler("XYZ", degrees=True, suppress_warnings=True).reshape(*lost.shape, 3)
+    angles[lost] = np.nan
+    columns = (f"{s}_{part}" for s in model.segment_names for part in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
+    values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
+    data = np.column_stack([motion.times, values])
+    return Table(motion.trial, ("time", *columns), data, in_degrees=True)
+
+
+def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
+    """``<trial>_clinical.csv``: every angle over time, its standard deviation after it where that is known.
+
+    Nothing is written where the model tells none.
+    """
+    columns = {
+        f"{name}_{side}_{what}deg": np.degrees(values[side][name])
+        for side in SIDES
+        for name in ANGLES
+        for what, values in (("", angles.values), ("sd_", angles.sd))
+        if name in angles.values[side] and name in values.get(side, {})
+    }
+    if columns:
+        rows = np.column_stack([angles.times, *columns.values()])
+        write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], format_numbers(rows))
+
+
+def format_numbers(table: Array) -> Iterator[list[str]]:
+    """Rows of a table, (n_rows, n_columns), as text; empty where a number is not known."""
+    for lines in format_rows(",".join(["%.4f"] * table.shape[1]), table):
+        yield from (line.split(",") for line in lines.replace("nan", "").splitlines())
+
+
+def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A table of comma-separated values."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(heads)
+        writer.writerows(rows)
+
 
 FILE_NAME = "ik.json"
 

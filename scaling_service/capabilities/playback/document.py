@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.arrays import ArrayEntry, PlateEntry
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import ArrayEntry, Part, PlateEntry
 
 SCHEMA_VERSION = 1
 

@@ -22,9 +22,8 @@ from scaling_service.capabilities.playback.document import (
     SceneTrial,
     SegmentEntry,
 )
-from scaling_service.capabilities.playback.overlay import knee_axes
-from scaling_service.capabilities.playback.shapes import build_surfaces, to_glb
-from scaling_service.documents.arrays import ArrayEntry
+from scaling_service.capabilities.playback.drawing import build_surfaces, knee_axes, to_glb
+from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
 from scaling_service.model.anatomy.lengths import joint_centres

@@ -16,7 +16,7 @@ from scaling_service.capabilities.motion.clinical_angles import (
     clinical_angles,
     clinical_cycles,
 )
-from scaling_service.capabilities.motion.motion_files import (
+from scaling_service.capabilities.motion.saving import (
     format_numbers,
     write_clinical_angles,
     write_numbers,
@@ -26,13 +26,12 @@ from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.documents.writing import CYCLES_TABLE
-from scaling_service.model.anatomy.conventional import ANGLES, PELVIS
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import reference_folder
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.statistics.cycles import NODES
+from scaling_service.numerics.statistics.waveforms import NODES
 
 VARIABLES = (
     "pelvis_anterior_tilt",

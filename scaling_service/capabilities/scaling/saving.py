@@ -19,8 +19,8 @@ from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.motion_files import write_motion
-from scaling_service.capabilities.playback.shapes import place_bones
+from scaling_service.capabilities.motion.saving import write_motion
+from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
     clinical_document,

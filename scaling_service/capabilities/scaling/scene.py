@@ -7,9 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.playback.document import CycleScene, GaitScene, SceneDocument, TestEntry
-from scaling_service.capabilities.playback.overlay import draw_body, follow_person, place_points
+from scaling_service.capabilities.playback.drawing import (
+    MOST_FACES,
+    draw_body,
+    follow_person,
+    place_bones,
+    place_points,
+)
 from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
-from scaling_service.capabilities.playback.shapes import MOST_FACES, place_bones
 from scaling_service.capabilities.scaling.comparison.curves import describe_test, gait_curves
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError

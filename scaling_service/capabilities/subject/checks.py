@@ -16,7 +16,7 @@ from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subj
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
-from scaling_service.recording.moved import find_moved_markers
+from scaling_service.recording.plausibility import find_moved_markers
 
 SAME_M = 1e-5
 """Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import few
+from scaling_service.core.text import did_you_mean, few
 from scaling_service.model.anatomy.marker_sets import tracking_segments
 from scaling_service.model.anatomy.markers import LabelMap, looks_computed, match_labels, strip_prefix
 from scaling_service.model.body import BodyModel
@@ -42,7 +41,7 @@ def check_segments(subject: Subject, model: BodyModel) -> None:
             raise SubjectInvalid(
                 f"model '{model.name}' has no segment '{segment}'",
                 field=f"extra_markers.{label}",
-                remedy=f"{_guess(segment, model.segment_names)}Its segments are "
+                remedy=f"{did_you_mean(segment, model.segment_names)}Its segments are "
                 f"{', '.join(model.segment_names)}",
             )
 
@@ -55,13 +54,13 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
             raise SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
-                remedy=f"{_guess(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+                remedy=f"{did_you_mean(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
             )
         if not _has(present, label):
             raise SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{_guess(label, [strip_prefix(p) for p in present])}Their labels are "
+                remedy=f"{did_you_mean(label, [strip_prefix(p) for p in present])}Their labels are "
                 f"{', '.join(present)}",
             )
 
@@ -129,11 +128,6 @@ def _explicit_in(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
 
 def _has(labels: Sequence[str], label: str) -> bool:
     return label in labels or label in map(strip_prefix, labels)
-
-
-def _guess(name: str, known: Sequence[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f"Did you mean '{close[0]}'? " if close else ""
 
 
 def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.text import did_you_mean
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
@@ -134,13 +134,12 @@ class _Finder:
     def builtin(self, name: str) -> str:
         if name in BUILTIN_NAMES:
             return name
-        close = difflib.get_close_matches(name, BUILTIN_NAMES, n=1)
-        guess = f"Did you mean '{close[0]}'? " if close else ""
         raise SubjectInvalid(
             f"there is no built-in model '{name}'",
             file=self._file,
             field="model",
-            remedy=f"{guess}Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim or model.json",
+            remedy=f"{did_you_mean(name, BUILTIN_NAMES)}Use one of {', '.join(BUILTIN_NAMES)}, "
+            "or the path of an .osim or model.json",
         )
 
     @staticmethod
@@ -148,9 +147,8 @@ class _Finder:
         """What lies in that folder under a similar name."""
         folder = missing.parent
         names = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
-        close = difflib.get_close_matches(missing.name, names, n=1, cutoff=0.75)  # suffixes are alike
-        otherwise = "Paths are relative to the subject file: correct the path"
-        return f"Did you mean '{close[0]}'?" if close else otherwise
+        guess = did_you_mean(missing.name, names, cutoff=0.75)  # suffixes are alike
+        return guess.strip() or "Paths are relative to the subject file: correct the path"
 
 
 def recordings(subject: Subject) -> tuple[Path, ...]:

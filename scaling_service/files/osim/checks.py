@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Coordinate, Marker
 from scaling_service.model.compile import compile_model
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import marker_positions
-
-Array = NDArray[np.float64]
 
 SAME = 1e-6
 """m; the most that a written model may differ (chosen: a thousandth of a marker's measuring error)."""
@@ -85,5 +83,4 @@ def _spread_poses(coordinates: tuple[Coordinate, ...]) -> Array:
     lower = np.array([c.lower if np.isfinite(c.lower) else c.default - _CHECKED_REACH for c in coordinates])
     upper = np.array([c.upper if np.isfinite(c.upper) else c.default + _CHECKED_REACH for c in coordinates])
     steps = np.arange(1, _CHECKED_POSES + 1)[:, None] * np.arange(1, len(coordinates) + 1)
-    spread: Array = np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])
-    return spread
+    return np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])

@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
+from scaling_service.files.osim.joints import NotPolynomial, fit_piecewise, substitute
 from scaling_service.files.osim.library import items, numbers, opensim
-from scaling_service.files.osim.shapes import NotPolynomial, fit_piecewise, substitute
 from scaling_service.model.body import (
     GROUND,
     BodyModel,

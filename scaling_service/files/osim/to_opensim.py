@@ -9,20 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
 from scaling_service.files.osim.from_opensim import body_model, is_pure
-from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
+from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, one_shape, plan_joints
 from scaling_service.files.osim.library import items, load, numbers, opensim, short
-from scaling_service.files.osim.shapes import EXACT, one_shape
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
 from scaling_service.model.compile import shape_values
 from scaling_service.model.parameters import tilt_rotation
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_from_vector
-
-Array = NDArray[np.float64]
 
 _WRITTEN = "written.osim"  # in the worker's own scratch directory
 _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint"})

@@ -16,8 +16,7 @@ from typing import Any
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.from_opensim import body_model
 from scaling_service.files.osim.library import load
-from scaling_service.files.osim.muscle_paths import measure
-from scaling_service.files.osim.path_points import list_points, move_points
+from scaling_service.files.osim.muscle_paths import list_points, measure, move_points
 from scaling_service.files.osim.to_opensim import write
 from scaling_service.model.document import from_document, to_document
 

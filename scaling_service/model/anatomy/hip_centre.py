@@ -17,13 +17,11 @@ from dataclasses import dataclass
 from math import cos, radians, sin
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.frames import pelvis_frame
-
-Array = NDArray[np.float64]
-
+from scaling_service.numerics.multibody.laws import Array
 
 _Row = tuple[float, float, float, float]
 

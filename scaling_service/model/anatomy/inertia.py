@@ -6,7 +6,7 @@ hand, so that a scaled model gets what the table says of a segment of that size.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Segment, vector
-from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import (
     InertiaRow,
     InertiaTable,
@@ -22,10 +21,9 @@ from scaling_service.model.inertia import (
     inertia_table,
     six,
     tensor_of,
-    whole_tree,
 )
+from scaling_service.model.poses import Frame, neutral_frames
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward
 
 ROLES = {
     "pelvis": "pelvis",
@@ -215,8 +213,8 @@ def _place(
     first, last = row.span
     start = needed(neutral, first, side, person.sex, segment)
     end = landmark(neutral, last, side, person.sex)
-    if end is None and row.length_m is not None:
-        length = row.length_m * person.height_m / table.stature_m[person.sex]
+    if end is None and row.length_mm is not None:
+        length = 1e-3 * row.length_mm * person.height_m / table.stature_m[person.sex]
         end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
     if end is None and row.com_pct is None:
         end = start  # the fallback gives centre and radii
@@ -284,38 +282,29 @@ class Neutral:
     """A model in its neutral posture."""
 
     model: BodyModel
-    axes: Array  # (n_segments, 3, 3): axes[k] @ v is a segment's vector in ground
-    origins: Array  # (n_segments, 3), m
-    markers: Array  # (n_markers, 3), m
+    frames: Mapping[str, Frame]
 
     @classmethod
     def of(cls, model: BodyModel) -> Neutral:
-        """Pose the model."""
-        q, p = np.zeros((len(model.coordinates), 1)), parameter_values(model)
-        poses = forward(whole_tree(model), q, p)
-        number = {name: k for k, name in enumerate(model.segment_names)}
-        axes = poses.axes[..., 0].transpose(0, 2, 1)
-        origins = poses.origins[..., 0]
-        local = np.array([m.nominal for m in model.markers]).reshape(-1, 3)
-        on = [number[m.segment] for m in model.markers]
-        markers = np.einsum("mai,mi->ma", axes[on], local) + origins[on]
-        return cls(model, axes, origins, markers)
+        """Pose the model, all coordinates at zero."""
+        return cls(model, neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
 
     def origin(self, segment: str) -> Array | None:
         """A segment's origin in ground, None if the model has no such segment."""
-        names = self.model.segment_names
-        return self.origins[names.index(segment)] if segment in names else None
+        return self.frames[segment][1] if segment in self.frames else None
 
     def marker(self, name: str) -> Array | None:
         """A marker in ground, None if the model has no such marker."""
-        names = self.model.marker_names
-        return self.markers[names.index(name)] if name in names else None
+        if name not in self.model.marker_names:
+            return None
+        marker = self.model.marker(name)
+        rotation, origin = self.frames[marker.segment]
+        return np.asarray(origin + rotation @ np.array(marker.nominal))
 
     def local(self, segment: str, point: Array) -> Array:
         """A point of the ground in a segment's frame, m."""
-        k = self.model.segment_names.index(segment)
-        local: Array = self.axes[k].T @ (point - self.origins[k])
-        return local
+        rotation, origin = self.frames[segment]
+        return np.asarray(rotation.T @ (point - origin))
 
 
 def landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
@@ -360,7 +349,7 @@ def _on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
     if top is None or bottom is None:
         return None
     table = inertia_table(TRUNK)
-    lengths = [table.row(part, sex).length_m or 0.0 for part in ("thorax", "abdomen", "pelvis")]
+    lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
     share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
     return np.asarray(top + share * (bottom - top))
 

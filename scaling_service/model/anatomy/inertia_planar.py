@@ -126,9 +126,10 @@ def _turn(old: Array, new: Array) -> Array:
 def _together(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
     """Mass, centre of mass and tensor about it of rigidly joined segments, ground axes."""
     rows = [neutral.model.segment_names.index(name) for name in pieces]
-    inertias, axes = inertias_of(neutral.model), neutral.axes[rows]
+    axes, origins = map(np.array, zip(*(neutral.frames[name] for name in pieces), strict=True))
+    inertias = inertias_of(neutral.model)
     mass = inertias.mass[rows]
-    at = np.einsum("kai,ki->ka", axes, inertias.com[rows]) + neutral.origins[rows]
+    at = np.einsum("kai,ki->ka", axes, inertias.com[rows]) + origins
     own = np.einsum("kai,kij,kbj->ab", axes, inertias.tensor[rows], axes)
     com = mass @ at / mass.sum()
     arm = at - com

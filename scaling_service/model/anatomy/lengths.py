@@ -183,19 +183,13 @@ def _turns(segment: Segment) -> bool:
 
 
 def _is_driven(joint: Joint) -> bool:
-    return joint.kind == "rotation" and any(term.coordinate is not None for term in joint.law.terms)
+    return joint.kind == "rotation" and bool(joint.law.coordinates)
 
 
 def straight_values(model: BodyModel) -> dict[str, float]:
     """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
-    turning = {
-        term.coordinate: 0.0
-        for _, joint in model.joints()
-        if joint.kind == "rotation"
-        for term in joint.law.terms
-        if term.coordinate is not None
-    }
-    return model_values(model, turning)
+    turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
+    return model_values(model, dict.fromkeys(turning, 0.0))
 
 
 def _ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:

@@ -16,7 +16,8 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-Array = NDArray[np.float64]
+from scaling_service.numerics.multibody.laws import Array
+
 Mask = NDArray[np.bool_]
 
 MIN_CONTEXT = 2
@@ -38,8 +39,7 @@ def runs(flags: Mask) -> NDArray[np.intp]:
     edges = np.flatnonzero(
         np.diff(np.concatenate(([False], np.asarray(flags, bool), [False])).astype(np.int8))
     )
-    pairs: NDArray[np.intp] = edges.reshape(-1, 2)
-    return pairs
+    return edges.reshape(-1, 2)
 
 
 def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:
@@ -134,19 +134,27 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
     x = np.array(signal, dtype=float)
     columns = x.reshape(x.shape[0], -1)
     unfiltered = np.zeros(columns.shape, bool)
+    for (start, stop), members in _shared_runs(np.isfinite(columns)).items():
+        run = filter_run(columns[start:stop, members].T, rate_hz=rate_hz, cutoff_hz=cutoff_hz, order=order)
+        if run is None:
+            unfiltered[start:stop, members] = True
+        else:
+            columns[start:stop, members] = run.T
+    return Filtered(columns.reshape(x.shape), unfiltered.reshape(x.shape))
+
+
+def filter_run(run: Array, *, rate_hz: float, cutoff_hz: float, order: int) -> Array | None:
+    """Signals (m, n_frames) without gaps through the filter of :func:`butterworth`.
+
+    None where they are too short for its start-up.
+    """
     sections = butterworth_sections(order // 2, cutoff_hz, rate_hz)
     # scipy's own start-up length; at least one period of the cutoff so that the reflection has settled.
-    startup = 3 * (2 * len(sections) + 1)
-    for (start, stop), members in _shared_runs(np.isfinite(columns)).items():
-        length = stop - start
-        if length <= startup:
-            unfiltered[start:stop, members] = True
-            continue
-        padding = min(length - 1, max(startup, int(np.ceil(rate_hz / cutoff_hz))))
-        columns[start:stop, members] = scipy.signal.sosfiltfilt(
-            sections, columns[start:stop, members], axis=0, padlen=padding
-        )
-    return Filtered(columns.reshape(x.shape), unfiltered.reshape(x.shape))
+    startup, length = 3 * (2 * len(sections) + 1), run.shape[1]
+    if length <= startup:
+        return None
+    padding = min(length - 1, max(startup, int(np.ceil(rate_hz / cutoff_hz))))
+    return np.asarray(scipy.signal.sosfiltfilt(sections, run, padlen=padding))
 
 
 @lru_cache(maxsize=64)

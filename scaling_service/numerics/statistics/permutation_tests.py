@@ -179,8 +179,7 @@ def _products(choices: Array, rows: Array) -> Array:
 def _ratio(explained: Array, total: Array, void: NDArray[np.bool_]) -> Array:
     """Explained over unexplained variation; zero where there is none at all."""
     left = np.maximum(total - explained, _CERTAIN * total)
-    ratio: Array = np.divide(explained, left, out=np.zeros_like(explained), where=~void & (left > 0.0))
-    return ratio
+    return np.divide(explained, left, out=np.zeros_like(explained), where=~void & (left > 0.0))
 
 
 def _batches(count: int, size: int) -> Iterator[slice]:

@@ -26,7 +26,7 @@ from scaling_service.documents.service import (
     ModelWord,
     Vocabulary,
 )
-from scaling_service.model.anatomy.conventional import ANGLES, WAYS
+from scaling_service.model.anatomy.frames import ANGLES, WAYS
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.service.http.bodies import in_writer_thread, read_model

@@ -6,7 +6,6 @@ the same data.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from collections.abc import Mapping
@@ -20,6 +19,7 @@ from sqlalchemy import Connection
 
 from scaling_service.capabilities.shared.job import Documents, JobRequest
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.text import did_you_mean
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
 from scaling_service.documents.writing import code_version as released_version
@@ -128,10 +128,11 @@ def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, st
     there = {file.name: file for file in uploaded}
     for field, name in named.items():
         if name not in there:
-            close = difflib.get_close_matches(name, there, n=1, cutoff=0.75)  # suffixes are alike
-            guess = f"Did you mean '{close[0]}'?" if close else "Upload it to the subject, then ask again"
+            guess = did_you_mean(name, there, cutoff=0.75)  # suffixes are alike
             raise SubjectInvalid(
-                f"'{name}' was not uploaded for subject '{subject}'", field=field, remedy=guess
+                f"'{name}' was not uploaded for subject '{subject}'",
+                field=field,
+                remedy=guess.strip() or "Upload it to the subject, then ask again",
             )
     return [there[name] for name in dict.fromkeys(named.values())]
 

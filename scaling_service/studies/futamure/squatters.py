@@ -22,7 +22,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench import root_wrench
 from scaling_service.virtual.artefact import draw_shared
 from scaling_service.virtual.motion import wander
 

@@ -37,7 +37,7 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import inertias_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
 from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.squatters import (

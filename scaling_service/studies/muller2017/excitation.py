@@ -29,7 +29,7 @@ from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import marker_positions
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench.ground_wrench import root_wrench
+from scaling_service.numerics.wrench import root_wrench
 from scaling_service.virtual.artefact import draw_shared, glide_marker, shift_marker
 from scaling_service.virtual.motion import wander
 from scaling_service.virtual.sequence import sequence
@@ -251,12 +251,5 @@ def _gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker
 def _joints_about(model: BodyModel, segment: str) -> list[str]:
     """Angles of the joint that carries a segment and of those that it carries, the root's own apart."""
     near = [s for s in model.segments if s.name == segment or s.parent == segment]
-    found = {
-        term.coordinate
-        for s in near
-        if s.parent != "ground"
-        for joint in s.joints
-        for term in joint.law.terms
-        if term.coordinate is not None
-    }
-    return sorted(found)
+    joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
+    return sorted({c for joint in joints for c in joint.law.coordinates})

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -69,48 +69,22 @@ SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
 Spread = tuple[float, float]
 """Mean and standard deviation over subjects."""
 
-Spreads = Mapping[str, Spread]
-
-
-@dataclass(frozen=True, slots=True)
-class Paper:
-    """What the paper found, of each method."""
-
-    source: str
-    lengths_mm: Mapping[str, Spreads]  # table 2
-    differs_from_EB: Mapping[str, Mapping[str, str]]  # method to length to stars, where table 2 has any
-    knee_axes_deg: Mapping[str, Spreads]  # table 3
-    errors_mm: Spreads  # figure 5
-    shifts_mm: Spreads  # section 3.1
-    length_differences_mm: Mapping[str, Spreads]  # figure 4: method minus EB
-    literature_errors_mm: Mapping[str, float]  # table 5: study to its mean kinematic error
-
 
 @cache
-def paper() -> Paper:
-    """The paper's numbers, read once."""
-    content = read_reference(reference_folder() / "puchaud2019.yaml")
-    lengths = content["segment_lengths_mm"]
-    return Paper(
-        source=" ".join(content["source"].split()),
-        lengths_mm={m: lengths[SAME_LENGTHS.get(m, m)] for m in METHODS},
-        differs_from_EB=lengths["differs_from_EB"],
-        knee_axes_deg=content["knee_axis_deg"],
-        errors_mm=content["kinematic_error_mm"],
-        shifts_mm=content["marker_shift_mm"],
-        length_differences_mm=content["length_difference_mm"],
-        literature_errors_mm=content["literature_error_mm"],
-    )
+def paper() -> Mapping[str, Any]:
+    """The paper's numbers as ``puchaud2019.yaml`` has them, read once."""
+    return MappingProxyType(read_reference(reference_folder() / "puchaud2019.yaml"))
 
 
 def lengths(found: StatisticsDocument) -> list[Beside]:
     """Table 2."""
-    stars = paper().differs_from_EB
+    theirs = paper()["segment_lengths_mm"]
+    stars = theirs["differs_from_EB"]
     return [
         _against_image(
             found.quantity("segment_lengths_mm", name),
             method,
-            paper().lengths_mm[method][name],
+            theirs[SAME_LENGTHS.get(method, method)][name],
             stars.get(method, {}).get(name, ""),
         )
         for name in LENGTHS
@@ -122,7 +96,7 @@ def knee_axes(found: StatisticsDocument) -> list[Beside]:
     """Table 3."""
     return [
         _beside(found.quantity("knee_axis_deg", name), method, row[name])
-        for method, row in paper().knee_axes_deg.items()
+        for method, row in paper()["knee_axis_deg"].items()
         for name in AXES
     ]
 
@@ -130,7 +104,7 @@ def knee_axes(found: StatisticsDocument) -> list[Beside]:
 def errors(found: StatisticsDocument) -> list[Beside]:
     """Figure 5, of which table 5 repeats some means."""
     entry = found.quantity("kinematic_error_mm", "calibration")
-    return [_against_image(entry, method, paper().errors_mm[method]) for method in METHODS]
+    return [_against_image(entry, method, paper()["kinematic_error_mm"][method]) for method in METHODS]
 
 
 def length_differences(found: StatisticsDocument) -> list[Beside]:
@@ -140,7 +114,7 @@ def length_differences(found: StatisticsDocument) -> list[Beside]:
         for name in LENGTHS:
             values = found.quantity("segment_lengths_mm", name).values
             gaps = np.array([of[method] - of["EB"] for of in values.values()])
-            theirs = paper().length_differences_mm[method].get(name, (None, None))
+            theirs = paper()["length_difference_mm"][method].get(name, (None, None))
             cells.append(
                 Beside(
                     quantity=name,
@@ -157,7 +131,7 @@ def length_differences(found: StatisticsDocument) -> list[Beside]:
 def marker_shifts(found: StatisticsDocument) -> list[Beside]:
     """Section 3.1. The paper's scatter is over coordinates, ours over subjects."""
     entry = found.quantity("marker_shift_mm", "mean_over_markers")
-    return [_beside(entry, method, spread) for method, spread in paper().shifts_mm.items()]
+    return [_beside(entry, method, spread) for method, spread in paper()["marker_shift_mm"].items()]
 
 
 def _beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scaling_service.core.streams import stream
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones.shapes import (
-    Array,
     Part,
     Shape,
     at_mm,

@@ -1,4 +1,10 @@
-"""The bones of a virtual person: around true joint centres and knee axes, under the true markers."""
+"""The bones of a virtual person: around true joint centres and knee axes, under the true markers.
+
+A hip bone is described in the pelvis frame, the right half: origin half-way between the markers on the
+anterior spines, x forward, y up, z to the right. Places on it are those of a hip bone whose hip centre lies
+86.75 mm from the middle (Puchaud 2019, table 2), chosen after the proportions of an adult's; they grow with
+the pelvis.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +17,122 @@ from numpy.typing import NDArray
 from scaling_service.core.progress import silent
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
 from scaling_service.model.parameters import axis_of
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones.leg import SOCKET_GAP_M, LegShape, Places, Side, femur, leg_shape, tibia
-from scaling_service.virtual.bones.pelvis import hip_bone
-from scaling_service.virtual.bones.shapes import Array, surface_of
+from scaling_service.virtual.bones.shapes import (
+    Part,
+    Shape,
+    at_mm,
+    ball,
+    chain,
+    half_space,
+    rod,
+    solid,
+    strip,
+    surface_of,
+)
 from scaling_service.virtual.subject import FEMUR, VirtualSubject, stature_spread
+
+HALF_WIDTH_M = 0.08675  # of the generic model, for which places below are given
+SPINE_M = 6e-3  # chosen: radius of the anterior spine's tip
+POSTERIOR_SPINE_M = 8e-3  # chosen: radius of the posterior spine's tip
+
+_CREST = ((-26, 24, 126), (-50, 43, 133), (-72, 53, 121), (-95, 56, 95), (-113, 50, 71), (-124, 32, 57))
+_CREST_RADII = (6.0, 6.0, 7.0, 6.0, 5.0, 6.0, 7.0, 8.0)  # with both spines
+_LOWER = ((-33, -38, 100), (-38, -44, 98), (-49, -47, 96), (-66, -46, 92), (-84, -40, 80), (-101, -28, 64))
+_REAR = ((-112, -22, 55), (-119, -20, 50))  # towards the lower posterior spine
+_WING_M = 3.5e-3  # chosen: half of the wing's thickness
+_WALL_M = 7e-3  # chosen: bone behind the socket
+_OPENING = (0.32, -0.58, 0.75)  # of the socket: 48 degrees out and 23 forward; chosen
+_DEPTH = 0.2  # chosen: the rim lies this share of the radius beside the centre, inwards
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HipBone:
+    """The solid of a right hip bone and its landmarks, in the pelvis frame, m."""
+
+    solid: Shape
+    landmarks: dict[str, Array]
+
+
+def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
+    """Build a right hip bone.
+
+    ``hip`` ((3,), m): the hip centre, in the middle of the socket. ``socket`` (m): its radius. ``asis``,
+    ``psis`` ((3,), m): the foremost point of the anterior and the rearmost of the posterior spine.
+    """
+    w = float(hip[2]) / HALF_WIDTH_M
+    forward = np.array([w, 0.0, 0.0])
+    front, rear = asis - SPINE_M * forward, psis + POSTERIOR_SPINE_M * forward
+    parts = [
+        *_ilium(front, rear, w),
+        *_ischium_and_pubis(w),
+        *_socket(hip, socket, w),
+        # What marks the spines stands on its own, so that no blend moves its tip.
+        Part(ball(front, SPINE_M * w)),
+        Part(ball(rear, POSTERIOR_SPINE_M * w)),
+    ]
+    return HipBone(solid(parts), {"ASIS": asis, "PSIS": psis})
+
+
+def _ilium(front: Array, rear: Array, w: float) -> list[Part]:
+    """The wing between its crest and the bone above the socket, thick where it meets the sacrum."""
+    crest = np.vstack([front, at_mm(_CREST, w), rear])
+    lower = np.vstack([at_mm(_LOWER, w), at_mm(_REAR, w)])
+    over_socket = at_mm(((-32, -31, 104), (-35, -42, 101), (-41, -52, 96), (-57, -54, 90), (-76, -58, 82)), w)
+    return [
+        Part(chain(crest, [1e-3 * w * r for r in _CREST_RADII])),
+        Part(strip(crest, lower, _WING_M * w), 4e-3),
+        Part(chain(over_socket, [1e-3 * w * r for r in (5.0, 8.0, 12.0, 15.0, 13.0)]), 8e-3),
+        Part(chain(at_mm((_LOWER[4], _LOWER[5], _REAR[1]), w), [11e-3 * w, 9e-3 * w, 7e-3 * w]), 8e-3),
+        Part(rod(at_mm((-114, -8, 48), w), at_mm((-106, 16, 53), w), 9e-3 * w), 8e-3),
+    ]
+
+
+def _ischium_and_pubis(w: float) -> list[Part]:
+    """The ring around the obturator foramen, the spine above the lesser notch, the tubercle."""
+    ischium = at_mm(((-72, -62, 84), (-72, -108, 76), (-68, -138, 58), (-54, -146, 46)), w)
+    lower_ramus = at_mm(((-54, -146, 46), (-32, -136, 28), (-16, -122, 13)), w)
+    upper_ramus = at_mm(((-34, -80, 74), (-22, -88, 50), (-14, -95, 24)), w)
+    symphysis = at_mm(((-13, -98, 10.5), (-20, -124, 10.5)), w)
+    spine = at_mm(((-78, -84, 74), (-96, -96, 58)), w)
+    mm = 1e-3 * w
+    return [
+        Part(chain(ischium, [14 * mm, 12 * mm, 14 * mm, 11 * mm]), 8e-3),
+        Part(chain(lower_ramus, [9 * mm, 5.5 * mm, 7 * mm]), 5e-3),
+        Part(chain(upper_ramus, [10 * mm, 7.5 * mm, 8 * mm]), 6e-3),
+        Part(rod(symphysis[0], symphysis[1], 8 * mm), 4e-3),
+        Part(rod(spine[0], spine[1], 8 * mm, 3.5 * mm), 6e-3),
+        Part(ball(at_mm((-11, -94, 22), w), 5.5 * mm), 3e-3),
+    ]
+
+
+def _socket(hip: Array, radius: float, w: float) -> list[Part]:
+    """Bone around the head, opened to its side; only then the sphere itself, sharp-edged."""
+    out = np.array(_OPENING) / np.linalg.norm(_OPENING)
+    cup = solid(
+        (
+            Part(ball(hip, radius + _WALL_M * w)),
+            Part(half_space(hip - _DEPTH * radius * out, out), 3e-3, "trim"),
+        )
+    )
+    aside = radius * out
+    inward = _unit(np.array([0.1, -0.45, -0.85]))  # of the fossa, from the hip centre
+    below = _unit(np.array([0.35, -0.9, 0.0]))
+    fossa = hip + 0.6 * radius * inward
+    return [
+        Part(cup, 7e-3),
+        # Room for the neck, which passes over nothing but the rim.
+        Part(rod(hip + 0.2 * aside, hip + 2.5 * aside, 0.97 * radius, 1.1 * radius), 2e-3, "cut"),
+        Part(ball(fossa, 0.55 * radius), 2e-3, "cut"),
+        Part(rod(fossa, fossa + 1.2 * radius * below, 0.38 * radius), 2e-3, "cut"),
+        Part(ball(hip, radius), 2e-3, "cut"),
+    ]
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
 
 Faces = NDArray[np.intp]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import PchipInterpolator
 
-Array = NDArray[np.float64]
+from scaling_service.numerics.multibody.laws import Array
 
 _FAR = 1.0  # m; chosen: larger than any bone, so "nothing near"
 _NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out
@@ -189,8 +189,7 @@ def _smooth_max(a: Array, b: Array, blend: float) -> Array:
     if blend == 0.0:
         return larger
     near = np.maximum(blend - np.abs(a - b), 0.0)
-    rounded: Array = larger + near * near * (0.25 / blend)
-    return rounded
+    return larger + near * near * (0.25 / blend)
 
 
 def _interpolate(at: Array, knots: Array, values: Array) -> Array:

@@ -33,9 +33,9 @@ from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import forward, positions
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, root_wrench
+from scaling_service.numerics.wrench import GRAVITY, root_wrench
+from scaling_service.recording.plates import synchronise
 from scaling_service.recording.plates_feet import assign_plates, foot_loads
-from scaling_service.recording.synchronise import synchronise
 from tests.peers.opensim_id import OpenSimId, run_opensim_id, write_loads
 
 BODY = builtin("full_body_35dof")

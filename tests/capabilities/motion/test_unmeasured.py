@@ -21,7 +21,7 @@ from scaling_service.model.compile import default_coordinates, parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY, root_wrench
+from scaling_service.numerics.wrench import GRAVITY, root_wrench
 from scaling_service.recording.plates_feet import NOBODY, FootContacts
 
 MODEL = builtin("full_body_35dof")

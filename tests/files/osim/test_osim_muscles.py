@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.motion.motion_files import write_motion
+from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.files.osim import measure_muscles, read_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.model.anatomy.conventional import Array, Points, Side, heel_level
-from scaling_service.model.anatomy.frames import Frames, tibia_frame
+from scaling_service.model.anatomy.frames import Array, Frames, Points, Side, heel_level, tibia_frame
 
 
 def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.anatomy.conventional import (
+from scaling_service.model.anatomy.frames import (
     ANGLES,
     conventional_angles,
     heel_level,

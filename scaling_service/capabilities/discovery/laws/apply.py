@@ -34,7 +34,7 @@ from scaling_service.model.inertia import inertias_of, with_inertias
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 
 _LOADED_COLUMNS = 4
 """Of a carried load: its mass and its first moments."""

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.observations.oscillator import oscil
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotation_about
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 
 _UNIT = np.eye(3)
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight

@@ -16,7 +16,7 @@ from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
 from scaling_service.numerics.multibody.tree import forward
-from scaling_service.numerics.wrench.ground_wrench import regressor_blocks
+from scaling_service.numerics.wrench import regressor_blocks
 
 _BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
 

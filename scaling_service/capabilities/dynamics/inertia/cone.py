@@ -113,8 +113,7 @@ def _positive(mean: Array, moves: Array) -> tuple[Array, Array]:
 
 def _triangle(matrices: Array) -> Array:
     """Upper triangles as the solver takes them, (..., 10)."""
-    triangle: Array = matrices[..., _ROWS, _COLUMNS] * _ROOTS
-    return triangle
+    return matrices[..., _ROWS, _COLUMNS] * _ROOTS
 
 
 def _is_positive(triangle: Array) -> bool:

@@ -13,7 +13,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import parameter_values
 from scaling_service.model.inertia import mechanism_of
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.wrench.ground_wrench import moment_about, regressor_blocks
+from scaling_service.numerics.wrench import moment_about, regressor_blocks
 
 N_COMPONENTS = 6
 

@@ -88,8 +88,7 @@ def _deviations(inertias: Inertias, spread: PriorSpread) -> Array:
     second = [
         (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
     ]
-    sd: Array = np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
-    return sd
+    return np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
 
 
 def _slopes(inertias: Inertias) -> Array:

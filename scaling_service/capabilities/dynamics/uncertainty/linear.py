@@ -38,7 +38,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import (
 )
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, Poses, cross, jacobian, positions, rates_of
-from scaling_service.numerics.wrench.ground_wrench import GRAVITY
+from scaling_service.numerics.wrench import GRAVITY
 
 LAGS = tuple(range(-HALO, HALO + 1))
 """Frames that a wrench depends on, relative to its own."""

@@ -30,7 +30,7 @@ from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import jacobian, marker_positions, positions
 from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench.ground_wrench import regressor_blocks
+from scaling_service.numerics.wrench import regressor_blocks
 
 SHARED = 0.75
 """Share of the variance of a marker's error that is its segment's: skin markers move together by about 18

@@ -155,8 +155,7 @@ def _nearest(ascending: Array, wanted: Array) -> Array:
     after = np.clip(np.searchsorted(ascending, wanted), 1, len(ascending) - 1)
     before = after - 1
     nearer = wanted - ascending[before] < ascending[after] - wanted
-    places: Array = np.where(nearer, before, after)
-    return places
+    return np.where(nearer, before, after)
 
 
 def slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:

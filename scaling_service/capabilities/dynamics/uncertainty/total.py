@@ -26,7 +26,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn,
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.errors import InputError
-from scaling_service.core.serial import Serial
+from scaling_service.core.threads import Serial
 from scaling_service.numerics.multibody.laws import Array
 
 PER_SAMPLE = 3

@@ -17,10 +17,13 @@ from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.statistics.cycles import Curves as CohortCurves
-from scaling_service.numerics.statistics.cycles import normalised_cycles
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
-from scaling_service.numerics.statistics.waveforms import WaveformSettings, compare_waveforms
+from scaling_service.numerics.statistics.waveforms import Curves as CohortCurves
+from scaling_service.numerics.statistics.waveforms import (
+    WaveformSettings,
+    compare_waveforms,
+    normalised_cycles,
+)
 
 _JOINTS = ("hip", "knee", "ankle")
 """How the names of a leg's coordinates begin. Puchaud 2019 (section 2.3) compares hips and knees."""

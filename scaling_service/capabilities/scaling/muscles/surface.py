@@ -11,7 +11,7 @@ import numpy as np
 
 from scaling_service.bones.morph import SurfaceMap, map_surface, measure_distances
 from scaling_service.bones.results import MeshRefused
-from scaling_service.capabilities.playback.shapes import place_bones
+from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.text import few
 from scaling_service.files.osim import Attachment, Wrap, move_attachments, read_attachments
 from scaling_service.model.anatomy.lengths import joint_ends

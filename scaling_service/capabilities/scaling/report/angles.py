@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, Band, schwartz2008
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
-from scaling_service.model.anatomy.conventional import ANGLES, WAYS
+from scaling_service.model.anatomy.frames import ANGLES, WAYS
 from scaling_service.report.blocks import (
     Block,
     Bullets,

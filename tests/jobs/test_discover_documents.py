@@ -8,11 +8,16 @@ from typing import Any
 
 import pytest
 
-from scaling_service.capabilities.discovery.document import DiscoveryDocument, QuantityDocument
+from scaling_service.capabilities.discovery.document import (
+    DiscoveryDocument,
+    LevelDocument,
+    QuantityDocument,
+    UnexplainedDocument,
+)
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.result import discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.text import format_quantity, meaning
+from scaling_service.capabilities.discovery.text import format_quantity, headline, meaning
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -109,3 +114,13 @@ def test_a_mass_has_its_unit_once() -> None:
 )
 def test_a_number_is_shown_to_what_is_known_of_it(value: float, sd: float | None, said: str) -> None:
     assert format_quantity("x_mm_per_deg", QuantityDocument(value=value, sd=sd), spread=True) == said
+
+
+@pytest.mark.parametrize(("after", "says"), [(1.1, False), (2.4, True)])
+def test_effects_that_explain_little_are_not_the_whole_headline(after: float, says: bool) -> None:
+    level = LevelDocument(before=2.5, after=after, floor=1.0, ceiling=1.0, low=None, high=None)
+    left = UnexplainedDocument(
+        where=["LCPG"], observable="marker", unit="mm", law="none", rms=42.0, floor=2.0
+    )
+    said = headline("found", [], level, [left], held_out=True)
+    assert ("left unexplained, above all at LCPG (42 mm)" in said) is says

@@ -119,17 +119,18 @@ def discovery_document(
     carries = carrying(found.named)
     effects = [_effect(n, prepared.model, c) for n, c in zip(found.named, carries, strict=True)]
     gap = BothGaps(fit=_gap(found.fit), held_out=_gap(found.held_out))
+    left = [UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained]
     return DiscoveryDocument(
         **_provenance(results),
         verdict=found.verdict,
-        headline=text.headline(found.verdict, effects, gap.held_out.whitened, held_out=bool(held_out)),
+        headline=text.headline(found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)),
         smaller=text.describe_smaller(effects),
         reason=found.reason,
         disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
         effects=effects,
         gap=gap,
         tried=[TriedDocument(**_place(o.candidate), gain=o.held_out.gain) for o in found.tried],
-        unexplained=[UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained],
+        unexplained=left,
         bones=_bones(results),
         start=prepared.start,
         fitted_trials=fitted,

@@ -13,6 +13,7 @@ from scaling_service.capabilities.discovery.document import (
     LevelDocument,
     PlacedEffect,
     QuantityDocument,
+    UnexplainedDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Reweighed
@@ -30,6 +31,7 @@ LEVELS = (
 """Fields of a gap, what each is of, and its unit."""
 
 _NORMAL_95 = 1.96
+_LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
 _TOLD_ALONE = 1.0 / 3.0
 """Probability within its class from which an effect is told by itself (chosen: the class's others are no
@@ -122,9 +124,18 @@ def describe_model(document: DiscoveryDocument) -> str:
 
 
 def headline(
-    verdict: str, effects: Sequence[EffectDocument], level: LevelDocument | None, *, held_out: bool
+    verdict: str,
+    effects: Sequence[EffectDocument],
+    level: LevelDocument | None,
+    left: Sequence[UnexplainedDocument],
+    *,
+    held_out: bool,
 ) -> str:
-    """The verdict in one sentence; ``level``: of all together, on what was held out if anything was."""
+    """The verdict in one sentence.
+
+    ``level``: of all together, on what was held out if anything was. ``left``: what no effect explains, the
+    largest first.
+    """
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
         left = f": {unseen} are tracked to {figures(level.after)} times the noise floor" if level else ""
@@ -141,7 +152,20 @@ def headline(
     if level is None:
         return f"{things} found{doubt}"
     fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
-    return f"{things} found{doubt}; the gap on {unseen} {fall}"
+    return f"{things} found{doubt}; the gap on {unseen} {fall}{_most_left(level, left)}"
+
+
+def _most_left(level: LevelDocument, left: Sequence[UnexplainedDocument]) -> str:
+    """Where effects explain little of what stands above the noise: that, and where most of it is left."""
+    if level.before is None or level.after is None or not left:
+        return ""
+    above, taken = level.before**2 - 1.0, level.before**2 - level.after**2
+    if taken >= _LITTLE * above:
+        return ""
+    most = left[0]
+    return (
+        f". Most of it is left unexplained, above all at {few(most.where)} ({figures(most.rms)} {most.unit})"
+    )
 
 
 def describe_smaller(effects: Sequence[EffectDocument]) -> str:

@@ -41,6 +41,9 @@ _HEAD_IN_SOCKET = (0.65, 1.05)
 _KNEE_GAP = (1.1, 2.0, 3.5)
 """Chosen: from the middle of the condyles to that of the plateaus over the condyles' radius, 1.55 to 1.6 on
 three persons: below the first or above the second there is a word, above the third they are no knee."""
+_PLATEAU_TO_FEMUR = (0.78, 1.15)
+"""Chosen: width of the plateau over that between the epicondyles, 0.91 to 0.98 on three persons.
+Outside, tibia and femur are of persons of different size."""
 _CONDYLE_M = 0.02  # chosen: an adult's, where no sphere was fitted
 
 
@@ -204,15 +207,36 @@ def _knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[float, flo
     return gap, gap / (float(np.mean(radii)) if radii else _CONDYLE_M)
 
 
+def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[str]:
+    """A word where a plateau is too wide or too narrow for the epicondyles."""
+    ends = {
+        "tibia": ("plateau_medial", "plateau_lateral"),
+        "femur": ("epicondyle_medial", "epicondyle_lateral"),
+    }
+    widths = {}
+    for bone, (medial, lateral) in ends.items():
+        points = found[f"{bone}_{side}"].points if f"{bone}_{side}" in found else {}
+        if medial not in points or lateral not in points:
+            return
+        widths[bone] = float(np.linalg.norm(points[medial] - points[lateral]))
+    low, high = _PLATEAU_TO_FEMUR
+    if not low <= widths["tibia"] / widths["femur"] <= high:
+        yield (
+            f"tibia_{side}: its plateau is {1e3 * widths['tibia']:.0f} mm wide, femur_{side} "
+            f"{1e3 * widths['femur']:.0f} mm between the epicondyles: check that they are of one person"
+        )
+
+
 def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     """Whether bones meet in their joints, as they do in one image of one person.
 
-    ``found``: bone to its landmarks. Returns a word on each knee that is too wide or too narrow. Raises
-    MeshRefused: a femur's head is nowhere near its socket, or a tibia nowhere near its femur.
+    ``found``: bone to its landmarks. Returns a word on each knee whose gap or whose bones' widths do not
+    fit. Raises MeshRefused: a femur's head is nowhere near its socket, or a tibia nowhere near its femur.
     """
-    notes = []
+    notes: list[str] = []
     remedy = "Export all bones in the frame of one image of one person, not each in its own"
     for side in "rl":
+        notes += _compare_widths(found, side)
         gap = _hip_gap(found, side)
         if gap is not None and gap > _OTHER_FRAME_M:
             problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import time
+
 import numpy as np
 import pytest
+import trimesh
 
 from scaling_service.bones.results import MeshRefused
-from scaling_service.bones.whole import find_landmarks, find_unit
+from scaling_service.bones.whole import check_joined, find_landmarks, find_unit
+from scaling_service.files.mesh import MAX_FACES
 from tests.bones import bones
 
 CUBE = bones.meshed([lambda p: np.abs(p).max(axis=1) - 50], [-60] * 3, [60] * 3, step=4.0)
@@ -123,3 +128,44 @@ def test_the_unit_follows_from_the_size(factor: float, unit: str) -> None:
 def test_mixed_units_are_refused() -> None:
     with pytest.raises(MeshRefused, match="in no unit"):
         find_unit({"femur_r": 440.0, "tibia_r": 0.39})
+
+
+@pytest.mark.parametrize(
+    ("size", "shift", "said"),
+    [
+        ([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], "^$"),
+        ([1.0, 1.0, 1.0], [0.0, -25.0, 0.0], "mm from the middle of the condyles of femur_r: other poses"),
+        ([0.7, 0.7, 0.7], [0.0, 0.0, 0.0], "wide, femur_r .* check that they are of one person"),
+        ([1.0, 1.0, 1.0], [500.0, 0.0, 0.0], "^tibia_r: Export all bones in the frame of one image"),
+        ([1.0, 1.0, -1.0], [0.0, 0.0, 0.0], "^tibia_r: Give it as tibia_l; if the export mirrored it"),
+        ([0.1, 0.1, 0.1], [0.0, 0.0, 0.0], "^tibia_r: Check the unit"),
+    ],
+    ids=["its own", "pulled away", "of a child", "half a metre away", "mirrored", "in cm"],
+)
+def test_a_tibia_that_does_not_belong_to_its_femur(size: list[float], shift: list[float], said: str) -> None:
+    vertices, faces = bones.tibia()
+    pair = {"femur_r": bones.metres(bones.femur()), "tibia_r": bones.metres((vertices * size + shift, faces))}
+    try:
+        told = " ".join(check_joined(find_landmarks(pair)))
+    except MeshRefused as refusal:
+        told = f"{refusal.field}: {refusal.remedy}"
+    assert re.search(said, told), told
+
+
+MOST_S = 120.0  # of CPU time; pelvis, femur and tibia of that size then take a few minutes
+SAME = 1e-4  # m; landmarking's own resolution
+
+
+@pytest.mark.costly
+def test_as_many_faces_as_are_read_take_their_time_and_change_no_centre() -> None:
+    coarse = trimesh.Trimesh(*bones.femur(), process=False)
+    fine = coarse.subdivide().subdivide().subdivide()
+    assert 0.8 * MAX_FACES < len(fine.faces) <= MAX_FACES
+    start = time.process_time()
+    found, usual = (
+        find_landmarks({"femur_r": (np.asarray(mesh.vertices) * 1e-3, np.asarray(mesh.faces))})["femur_r"]
+        for mesh in (fine, coarse)
+    )
+    assert time.process_time() - start < MOST_S
+    for name in ("hip_centre", "knee_centre"):
+        assert np.linalg.norm(found.points[name] - usual.points[name]) < SAME, name

@@ -73,22 +73,24 @@ def test_hips_further_apart_leave_the_pelvis_its_size() -> None:
     assert any("hip_r: its centre by" in note for note in found.warnings)
 
 
-def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one() -> None:
+@pytest.mark.parametrize(("side", "other"), ["rl", "lr"])
+def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one(side: str, other: str) -> None:
     who = person(44, factors=SIZES, tilts_deg=TILTS_DEG, shift_m=0.002, seconds=3.0)
-    found = as_osim(who, imaged(who, TILTS_DEG, "r"))
-    assert found.scale_factors["femur_r"][0] == pytest.approx(1.05, abs=1e-6)
-    assert found.scale_factors["femur_l"][0] == pytest.approx(1.03, abs=0.02)
-    assert any("not imaged" in note and "femur_l" in note for note in found.warnings)
+    found = as_osim(who, imaged(who, TILTS_DEG, side))
+    femur, unseen = f"femur_{side}", f"femur_{other}"
+    assert found.scale_factors[femur][0] == pytest.approx(SIZES[femur][0], abs=1e-6)
+    assert found.scale_factors[unseen][0] == pytest.approx(SIZES[unseen][0], abs=0.02)
+    assert any("not imaged" in note and unseen in note for note in found.warnings)
     assert found.bone_sized == {
-        f"{bone}_{side}": whose
+        f"{bone}_{leg}": whose
         for bone in ("femur", "tibia")
-        for side, whose in (("r", "own"), ("l", "other leg"))
+        for leg, whose in ((side, "own"), (other, "other leg"))
     }
-    x, y = np.radians(TILTS_DEG["knee_r"][:2])
+    x, y = np.radians(TILTS_DEG[f"knee_{side}"][:2])
     model = found.model
     axes = {s: axis_in_parent(model.segment(f"tibia_{s}"), straight_values(model)) for s in "rl"}
     assert axes["r"][:2] == pytest.approx(-axes["l"][:2], abs=1e-9)
-    assert abs(axes["r"][1]) == pytest.approx(abs(axis_of((x, y))[1]), abs=1e-6)
+    assert abs(axes[side][1]) == pytest.approx(abs(axis_of((x, y))[1]), abs=1e-6)
 
 
 @pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])

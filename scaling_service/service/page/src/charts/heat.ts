@@ -17,7 +17,7 @@ export interface Heat {
 }
 
 /** Room beside the drawing, px. */
-export const HEAT_SIDES = { left: 84, right: 66 };
+export const HEAT_SIDES = { left: 84, right: 76 };
 export const HEAT_ABOVE = 6;
 export const HEAT_BELOW = 38;
 
@@ -29,12 +29,12 @@ export function heatOption(ink: Ink, heat: Heat): Option {
     tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(heat, found) },
     xAxis: {
       type: "category",
-      data: columns.map((time) => time.toFixed(2)),
+      data: columns,
       name: "time, s",
       nameLocation: "middle",
       nameGap: 22,
       nameTextStyle: { color: ink.quiet },
-      axisLabel: { color: ink.quiet, hideOverlap: true },
+      axisLabel: { color: ink.quiet, ...roundTimes(columns) },
       axisTick: { show: false },
     },
     yAxis: { ...nameAxis(ink, heat.names, HEAT_SIDES.left - 10), splitArea: { show: false } },
@@ -42,7 +42,7 @@ export function heatOption(ink: Ink, heat: Heat): Option {
       min: 0,
       max: heat.top,
       orient: "vertical",
-      right: 4,
+      right: 0,
       top: "middle",
       itemWidth: 10,
       itemHeight: 110,
@@ -51,6 +51,18 @@ export function heatOption(ink: Ink, heat: Heat): Option {
       inRange: { color: ink.heat },
     },
     series: [{ type: "heatmap", data: cells(heat), progressive: 0, itemStyle: { borderWidth: 0 }, emphasis: { disabled: true } }],
+  };
+}
+
+/** Labels at the first column of every whole step of time. */
+function roundTimes(times: readonly number[]): object {
+  const least = ((times.at(-1) ?? 0) - (times[0] ?? 0)) / 12;
+  const ten = 10 ** Math.floor(Math.log10(Math.max(least, 1e-3)));
+  const step = ten * ([1, 2, 5].find((one) => one * ten >= least) ?? 10);
+  const steps = (column: number): number => Math.floor((times[column] ?? -step) / step + 1e-6);
+  return {
+    interval: (column: number) => steps(column) > (column === 0 ? ((times[0] ?? 0) - 1e-6) / step : steps(column - 1)),
+    formatter: (_: unknown, column: number) => String(Number((steps(column) * step).toPrecision(6))),
   };
 }
 

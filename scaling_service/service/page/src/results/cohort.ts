@@ -5,7 +5,7 @@ import type { CohortDocument, SubjectEntry } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { bullets, callout } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
-import { guarded } from "../ui/problem.ts";
+import { guarded, sentence } from "../ui/problem.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
 import { agreement } from "./agreement.ts";
@@ -45,14 +45,14 @@ function subjects({ subjects: all, statistics, notes, headline, why }: CohortDoc
         { text: one.id, node: opening(one, found, failed) },
         cell(one.status, undefined, one.status === "done" ? "good" : one.status === "failed" ? "poor" : "unknown"),
         ...groups.map((name) => cell(one.groups[name] ?? "")),
-        cell(Object.entries(one.strides).map(([leg, count]) => `${leg} ${count}`).join(", "), Object.values(one.strides).reduce((sum, count) => sum + count, 0)),
+        cell(Object.entries(one.strides).map(([leg, count]) => `${leg === "r" ? "right" : "left"} ${count}`).join(", "), Object.values(one.strides).reduce((sum, count) => sum + count, 0)),
         ...methods.map((method) => cell(number(errors?.values[one.id]?.[method]), errors?.values[one.id]?.[method] ?? null)),
         cell(said(one) || "–"),
         cell(number(one.wall_s), one.wall_s),
       ]),
       filter: true,
     }),
-    notes.length + statistics.notes.length > 0 ? bullets([...notes, ...statistics.notes]) : "",
+    notes.length + statistics.notes.length > 0 ? bullets([...notes, ...statistics.notes].map(sentence)) : "",
   );
 }
 

@@ -142,15 +142,21 @@ function truth(all: Record<string, Record<string, number>>): HTMLElement {
 
 function recordings({ markers_used, repairs }: ComparisonDocument): HTMLElement {
   const labels = Object.entries(markers_used).map(([marker, used]) => [cell(marker), cell(used.join(", "))]);
-  const notes = Object.entries(repairs).flatMap(([trial, all]) =>
-    all.map((one) => [cell(trial), cell(one.what), cell(one.where), cell(one.detail), cell(String(one.frames), one.frames)]),
-  );
+  const alike = new Map<string, { trials: string[]; row: Cell[] }>(); // the same in several recordings is told once
+  for (const [trial, all] of Object.entries(repairs)) {
+    for (const { what, where, detail, frames } of all) {
+      const row = [cell(what), cell(where.startsWith(`${trial}.`) ? "labels" : where), cell(detail), cell(String(frames), frames)];
+      const key = row.map(({ text }) => text).join("|");
+      alike.set(key, { trials: [...(alike.get(key)?.trials ?? []), trial], row });
+    }
+  }
+  const notes = [...alike.values()].map(({ trials, row }) => [cell(trials.join(", ")), ...row]);
   return folded(
     "What was done to the recordings",
     table({
       caption: "Repairs and decisions",
       name: "repairs",
-      columns: [{ title: "recording" }, { title: "what", words: true }, { title: "where", words: true }, { title: "detail", words: true }, { title: "frames" }],
+      columns: [{ title: "recordings" }, { title: "what", words: true }, { title: "where", words: true }, { title: "detail", words: true }, { title: "frames" }],
       rows: notes,
       filter: true,
     }),

@@ -14,6 +14,7 @@ from scaling_service.capabilities.discovery import demo as discover_demo
 from scaling_service.capabilities.discovery.command import show
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
 from scaling_service.capabilities.discovery.result import DiscoverResults, discovery_document
+from scaling_service.capabilities.discovery.text import headline
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
@@ -68,6 +69,20 @@ def test_a_class_is_told_with_what_would_separate_it(
     assert "joint axis tilt at knee_0" in line
     assert "and 2 more" in line
     assert "standing hip rotation" in line
+
+
+def test_where_no_member_of_a_class_stands_out_the_class_is_told(
+    document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
+) -> None:
+    effect = document.effects[-1]
+    assert effect.belief is not None
+    doubtful = effect.belief.model_copy(update={"member": 0.05})
+    effect = effect.model_copy(update={"belief": doubtful, "name": "one of 20 not told apart here: a; b"})
+    out = said(document.model_copy(update={"effects": [effect]}), capsys)
+    assert "or another of its class" in out
+    assert any(line.startswith("Class") and "one of 20" in line for line in out.splitlines())
+    assert "told only as a class" in headline("found", [effect], None, held_out=True)
+    assert "told only as a class" not in headline("found", document.effects[:1], None, held_out=True)
 
 
 def test_how_the_files_were_read_is_said(

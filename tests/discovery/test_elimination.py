@@ -8,7 +8,11 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
-from scaling_service.capabilities.discovery.search.elimination import eliminate_backward, settle
+from scaling_service.capabilities.discovery.search.elimination import (
+    drop_negligible,
+    eliminate_backward,
+    settle,
+)
 from tests.discovery.hidden import passed, person, recorded, sized
 
 
@@ -36,3 +40,18 @@ def test_what_chance_explains_as_well_is_dropped() -> None:
     now = fit_recordings(SearchContext(model, recordings), (), [offset, nothing])
     kept, _ = eliminate_backward([passed(nothing), passed(offset)], now)
     assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]
+
+
+def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_told() -> None:
+    """The cameras' noise is known, and with it what stands above."""
+    large = sized("marker_offset", "RFH", numbers=(9.0, 0.0, 9.0))
+    small = sized("marker_offset", "LFH", numbers=(1.5, 0.0, 1.5))
+    model = person().model
+    context = SearchContext(model, recorded(person(), with_effects(model, [large, small], "")))
+    before = fit_recordings(context)
+    for effect, holds in ((small, False), (large, True)):
+        named, after, said = drop_negligible(
+            [passed(effect)], fit_recordings(context, (), [effect], before), before
+        )
+        assert bool(named) is bool(after.effects) is holds
+        assert [effect.candidate.name in each for each in said] == [True] * (not holds)

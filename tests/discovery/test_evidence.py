@@ -87,6 +87,17 @@ def test_groups_by_themselves_are_parts_of_all_together(
         assert one.gain == pytest.approx(other.gain, rel=1e-6)
 
 
+def test_a_rough_look_is_a_tenth_of_all_frames(
+    tracked: tuple[TrackedTrial, ...], picked: list[Candidate]
+) -> None:
+    closely, rough = (
+        MARKERS.gather(tracked, (), picked, BLOCK_S, together=False, rough=rough) for rough in (False, True)
+    )
+    numbers = [sum(s.freedom for s in found.blocks) for found in (closely, rough)]
+    assert numbers[1] / numbers[0] == pytest.approx(0.1, rel=0.1)
+    np.testing.assert_allclose(rough.raw / closely.raw, 0.1, rtol=0.3)
+
+
 def test_arranged_anew_is_as_gathered_so(tracked: tuple[TrackedTrial, ...], picked: list[Candidate]) -> None:
     """Some of what was looked at as nuisances, and the rest in another order."""
     every = MARKERS.gather(tracked, (), picked, BLOCK_S, together=True)

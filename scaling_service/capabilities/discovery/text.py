@@ -33,9 +33,9 @@ LEVELS = (
 _NORMAL_95 = 1.96
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
-_TOLD_ALONE = 1.0 / 3.0
-"""Probability within its class from which an effect is told by itself (chosen: the class's others are no
-likelier each, so below it two of them and more are as good)."""
+_TOLD_ALONE = 0.3
+"""Probability within its class from which an effect is told by itself (chosen: below it there are more than
+three as good, for no other member is likelier)."""
 _SUFFIXES = (
     ("_mm_per_deg", " mm/deg"),
     ("_deg_per_deg", " deg/deg"),

@@ -17,7 +17,11 @@ from tests.blind.effects.soft_tissue_artefact import SoftTissueArtefact
 from tests.blind.hidden import Hidden, Scene, direction, one, sign
 from tests.blind.osim.disturbances import DISTURBANCES
 from tests.blind.osim.engine import OsimBody
+from tests.blind.osim.unseen import UNSEEN
 from tests.blind.strangers import STRANGERS
+
+KINDS = DISTURBANCES | UNSEEN
+"""Disturbances that this bank draws itself."""
 
 NULLS = ("white", "autocorrelated")
 BY_ANY_ENGINE = ("lens_distortion", "vibrating_camera", "clock_drift", "plate_saturation")
@@ -87,11 +91,11 @@ class SkinOfTwoJoints(SoftTissueArtefact):
 
 
 def cases() -> list[Case]:
-    """Every effect in two sizes, two disturbances of each kind, sixteen recordings with nothing."""
+    """Every effect in two sizes, two disturbances of each kind, twenty recordings with nothing."""
     kinds = list(dict.fromkeys([*EFFECTS, *OWN]))
     all_ = [_case("effect", kind, size, k) for k, kind in enumerate(kinds) for size in SIZES[1:]]
-    all_ += [_case("null", NULLS[k % 2], "none", k) for k in range(16)]
-    strange = (*BY_ANY_ENGINE, *DISTURBANCES)
+    all_ += [_case("null", NULLS[k % 2], "none", k) for k in range(20)]
+    strange = (*BY_ANY_ENGINE, *KINDS)
     return all_ + [_case("stranger", kind, "large", k + n) for k, kind in enumerate(strange) for n in (0, 1)]
 
 
@@ -108,8 +112,8 @@ def drawn(case: Case, body: Body, rng: np.random.Generator) -> tuple[Hidden, ...
         return ()
     kind, level = case.kinds[0], SIZES.index(case.size)
     spread = float(np.exp(rng.uniform(-0.3, 0.3)))
-    if kind in DISTURBANCES:
-        return (DISTURBANCES[kind](body, rng),)
+    if kind in KINDS:
+        return (KINDS[kind](body, rng),)
     if kind in OWN:
         sizes, draw = OWN[kind]
         return (draw(body, sizes[level] * spread, rng),)

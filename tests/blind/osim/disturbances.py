@@ -212,7 +212,7 @@ def _toward(rng: np.random.Generator) -> tuple[float, float, float]:
     return (float(x), float(y), float(z))
 
 
-def _limb_marker(body: Body, rng: np.random.Generator) -> tuple[str]:
+def limb_marker(body: Body, rng: np.random.Generator) -> tuple[str]:
     """A marker of a thigh or shank, which move in squats, too."""
     segments = [f"{s}_{side}" for s in ("femur", "tibia") for side in "rl"]
     return (one(rng, [m for s in segments for m in body.on(s)]),)
@@ -227,12 +227,12 @@ _ALL_FORCES = ("forces", *COMPONENTS)
 
 def _marker_late(body: Body, rng: np.random.Generator) -> Hidden:
     delay = sign(rng) * rng.uniform(0.04, 0.07)
-    return MarkerLate(kind="marker_late", where=_limb_marker(body, rng), parameters={"delay_s": delay})
+    return MarkerLate(kind="marker_late", where=limb_marker(body, rng), parameters={"delay_s": delay})
 
 
 def _frozen_marker(body: Body, rng: np.random.Generator) -> Hidden:
     parameters = {"every_s": 0.6, "spell_s": rng.uniform(0.2, 0.3)}
-    return FrozenMarker(kind="frozen_marker", where=_limb_marker(body, rng), parameters=parameters)
+    return FrozenMarker(kind="frozen_marker", where=limb_marker(body, rng), parameters=parameters)
 
 
 def _smoothed_cluster(body: Body, rng: np.random.Generator) -> Hidden:
@@ -246,14 +246,14 @@ def _smoothed_cluster(body: Body, rng: np.random.Generator) -> Hidden:
 def _sliding_marker(body: Body, rng: np.random.Generator) -> Hidden:
     parameters = {"mm_per_s": rng.uniform(10.0, 20.0)}
     return SlidingMarker(
-        kind="sliding_marker", where=_limb_marker(body, rng), parameters=parameters, toward=_toward(rng)
+        kind="sliding_marker", where=limb_marker(body, rng), parameters=parameters, toward=_toward(rng)
     )
 
 
 def _ghost_flicker(body: Body, rng: np.random.Generator) -> Hidden:
     parameters = {"share": rng.uniform(0.1, 0.25), "mm": rng.uniform(20.0, 40.0)}
     return GhostFlicker(
-        kind="ghost_flicker", where=_limb_marker(body, rng), parameters=parameters,
+        kind="ghost_flicker", where=limb_marker(body, rng), parameters=parameters,
         toward=_toward(rng), seed=int(rng.integers(2**31)),
     )  # fmt: skip
 

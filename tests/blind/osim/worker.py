@@ -125,7 +125,9 @@ def _add_moves(model: Any, joint: Any, before: list[Any], after: list[Any]) -> N
         _place(parent, (base, at, turned))
     if after:
         body = _massless(model, f"{joint.getName()}_moved")
-        end = _physical(child), child.get_translation(), child.get_orientation()
+        # copies: what a frame gives is its own, and changes with it
+        own = child.get_translation(), child.get_orientation()
+        end = _physical(child), *map(_opensim().Vec3, own)
         _place(child, (body, zero, zero))
         for move in after[:-1]:
             body = _bridge(model, move, (body, zero, zero))

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 
 from scaling_service.core.errors import FileUnreadable
+from scaling_service.files.tables import read_text
 from scaling_service.model.body import Vector
 
 COLUMNS = ("marker", "segment", "x_mm", "y_mm", "z_mm")
@@ -19,12 +20,7 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
     label to (segment, position in m). Raises FileUnreadable: a column is missing, a number is not one, or a
     marker stands twice.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileUnreadable(
-            f"cannot be read as text ({error})", file=path, remedy="Check the path"
-        ) from None
+    text, _ = read_text(path, "a table of image markers")
     rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
     missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
     if missing:

@@ -11,9 +11,10 @@ import pytest
 
 from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.start import prepare
 from scaling_service.capabilities.kinetics.forces import trial_forces
+from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim import read_osim

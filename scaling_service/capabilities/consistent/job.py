@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from scaling_service.capabilities.consistent.document import ConsistentDocument
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, ForceSettings
+from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared.job import Kind, OfForces
-from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
@@ -20,10 +17,6 @@ class ConsistentRequest(OfForces, ForceSettings):
 
     The planar squat_4dof is scaled by its standing.
     """
-
-    settings: Settings = Field(
-        default=UNSMOOTHED, description="How recordings are processed and models fitted."
-    )
 
 
 def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

@@ -14,14 +14,14 @@ from scaling_service.capabilities.consistent.estimate import consistent as ident
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, UNSMOOTHED, ForceSettings
+from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     inverse_dynamics,
     judged_frames,
 )
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress, part_of, silent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.shared.screen import (
@@ -17,7 +17,7 @@ from scaling_service.capabilities.shared.screen import (
     running,
     say,
 )
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.dynamics.document import DynamicsDocument

@@ -5,22 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
 from scaling_service.capabilities.dynamics.document import DynamicsDocument
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared.job import Kind, OfForces
-from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import DOCUMENT
 
 
 class DynamicsRequest(OfForces, DynamicsSettings):
     """Compute joint loads and residuals from a subject's forces, with their uncertainty."""
-
-    settings: Settings = Field(
-        default=UNSMOOTHED, description="How recordings are processed and models fitted."
-    )
 
 
 def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:

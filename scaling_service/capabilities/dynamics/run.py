@@ -18,7 +18,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.settings import PLAIN, UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     Recording,
@@ -39,7 +39,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     inverse_dynamics,
     judged_frames,
 )
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress, part_of, silent

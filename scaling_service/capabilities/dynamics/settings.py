@@ -8,12 +8,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.capabilities.shared.names import Inertia, Start
-from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.options import Flag, Options
-from scaling_service.recording.settings import ProcessingSettings
-
-UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))
-"""Markers are not smoothed: motion and forces then pass one filter, and the same one."""
 
 DEFAULT_TABLE = "dumas2007"
 """For built-in models that were scaled to a person: the table of Muller et al. 2017, sec. 2.3."""

@@ -5,12 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scaling_service.capabilities.dynamics.settings import (
-    DEFAULT_TABLE,
-    PLAIN_FORCES,
-    UNSMOOTHED,
-    ForceSettings,
-)
+from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, PLAIN_FORCES, ForceSettings
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
@@ -20,7 +15,7 @@ from scaling_service.capabilities.kinetics.forces import (
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, Field
 
-from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
 from scaling_service.documents.names import plain_name
@@ -83,6 +83,9 @@ class OfForces(OfRecordings):
     subject: Identifier = Field(
         description="Name of the subject, as uploaded: a model with feet, and recordings with forces.",
         examples=["S02"],
+    )
+    settings: Settings = Field(
+        default=UNSMOOTHED, description="How recordings are processed and models fitted."
     )
 
 

@@ -152,3 +152,7 @@ class Settings(Options):
     def resolved(self) -> dict[str, Any]:
         """All settings with their defaults, as plain values for a document; the seed stands apart."""
         return self.model_dump(exclude={"seed"})
+
+
+UNSMOOTHED = Settings(processing=ProcessingSettings(smoothing="none"))
+"""Markers are not smoothed: motion and forces then pass one filter, and the same one."""

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element
 
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import HEIGHT_RANGE_M
+from scaling_service.files.tables import read_bytes
 from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
 
 
@@ -18,14 +19,7 @@ def parse_xml(path: Path) -> Element:
     Raises FileUnreadable if the file is absent, empty, not well-formed, or declares a document type or
     entities, which OpenSim's files never do and which can be abused to read other files or fill the memory.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise FileUnreadable(
-            f"cannot be opened ({error.strerror})", file=path, remedy="Check its path and its permissions"
-        ) from error
-    if not content.strip():
-        raise FileUnreadable("the file is empty", file=path, remedy="Save or copy it again")
+    content = read_bytes(path, "an OpenSim file")
     # UTF-16 spreads the characters with zero bytes; without them the keywords cannot hide.
     plain = content.replace(b"\x00", b"").upper()
     if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:

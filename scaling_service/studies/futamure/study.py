@@ -22,10 +22,11 @@ from scaling_service.capabilities.consistent.planar import (
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.consistent.run import read
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ, ORDER
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
+from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import silent
 from scaling_service.documents.base import Part, Rounded

@@ -19,7 +19,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
-from scaling_service.capabilities.dynamics.settings import UNSMOOTHED, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
@@ -39,6 +39,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     residual_indicator,
 )
 from scaling_service.capabilities.shared.names import AS_IT_IS
+from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.documents.base import Part
 from scaling_service.documents.writing import code_version
 from scaling_service.model.body import BodyModel

@@ -15,9 +15,10 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.numbers import format_quantity
 from scaling_service.capabilities.discovery.result import discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.text import format_quantity, headline, meaning
+from scaling_service.capabilities.discovery.text import headline, meaning
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 

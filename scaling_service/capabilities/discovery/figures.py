@@ -19,10 +19,11 @@ from scaling_service.capabilities.discovery.document import (
     GapDocument,
     LevelDocument,
 )
+from scaling_service.capabilities.discovery.numbers import figures
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
-from scaling_service.capabilities.discovery.text import figures, placed
+from scaling_service.capabilities.discovery.text import placed
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.figures import Figure, chart, plain
 from scaling_service.report.methods import INK

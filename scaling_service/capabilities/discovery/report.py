@@ -21,9 +21,10 @@ from scaling_service.capabilities.discovery.figures import (
     draw_ranking,
     heat_maps,
 )
+from scaling_service.capabilities.discovery.numbers import chance, figures, interval
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.scene import draw_largest_change
-from scaling_service.capabilities.discovery.text import chance, figures, placed
+from scaling_service.capabilities.discovery.text import placed
 from scaling_service.core.text import few
 from scaling_service.report.blocks import (
     Block,
@@ -188,7 +189,7 @@ def _tabulate_numbers(effect: EffectDocument) -> Table:
         smallest = figures(effect.smallest_nameable.get(name))
         usual = "–" if quantity.usual is None else " to ".join(map(figures, quantity.usual))
         shown = Cell(said, tone="fair" if quantity.implausible or quantity.at_bound else "plain")
-        rows.append(Row(name, [shown, text.interval(quantity), usual, smallest]))
+        rows.append(Row(name, [shown, interval(quantity), usual, smallest]))
     return Table(
         "Its numbers",
         ["", "value", "95 % interval", "met", "named from"],

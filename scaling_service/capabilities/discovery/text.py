@@ -17,6 +17,7 @@ from scaling_service.capabilities.discovery.document import (
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Reweighed
+from scaling_service.capabilities.discovery.numbers import chance, figures, format_quantity, percent
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.core.text import few
 from scaling_service.report.blocks import Cell, Row, Table
@@ -30,23 +31,11 @@ LEVELS = (
 )
 """Fields of a gap, what each is of, and its unit."""
 
-_NORMAL_95 = 1.96
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
 _TOLD_ALONE = 0.3
 """Probability within its class from which an effect is told by itself (chosen: below it there are more than
 three as good, for no other member is likelier)."""
-_SUFFIXES = (
-    ("_mm_per_deg", " mm/deg"),
-    ("_deg_per_deg", " deg/deg"),
-    ("_kgmm", " kg mm"),
-    ("_mm", " mm"),
-    ("_deg", " deg"),
-    ("_Nm", " N m"),
-    ("_N", " N"),
-    ("_hz", " Hz"),
-    ("_s", " s"),
-)
 
 
 def meaning(kind: str) -> str:
@@ -138,8 +127,8 @@ def headline(
     """
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
-        left = f": {unseen} are tracked to {figures(level.after)} times the noise floor" if level else ""
-        return f"Nothing stands above the noise{left}"
+        tracked = f": {unseen} are tracked to {figures(level.after)} times the noise floor" if level else ""
+        return f"Nothing stands above the noise{tracked}"
     if verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
     count = sum(effect.carries for effect in effects)
@@ -347,74 +336,3 @@ def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
         f"And {more} more places, which are in discovery.json." if more > 0 else "",
         words=True,
     )
-
-
-# Numbers
-
-
-def figures(value: float | None, count: int = 3) -> str:
-    """A number to some figures, a dash where there is none.
-
-    Examples
-    --------
-    >>> figures(0.020134), figures(None), figures(1234.5)
-    ('0.0201', '–', '1.23e+03')
-    """
-    return "–" if value is None else f"{value:.{count}g}"
-
-
-def chance(p: float | None) -> str:
-    """A p-value as shown.
-
-    Examples
-    --------
-    >>> chance(0.3), chance(3e-9)
-    ('0.30', '< 0.001')
-    """
-    if p is None or math.isnan(p):
-        return "–"
-    return "< 0.001" if p < 1e-3 else f"{p:.2f}" if p >= 0.01 else f"{p:.3f}"
-
-
-def percent(probability: float) -> str:
-    """A probability as shown.
-
-    Examples
-    --------
-    >>> percent(0.4), percent(0.9999), percent(1e-9)
-    ('40 %', '> 99 %', '< 1 %')
-    """
-    return "> 99 %" if probability > 0.99 else "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
-
-
-def format_quantity(name: str, quantity: QuantityDocument, *, spread: bool = False) -> str:
-    """A number of an effect with its unit, and its standard deviation where asked for.
-
-    Examples
-    --------
-    >>> format_quantity("x_mm_per_deg", QuantityDocument(value=0.2013, sd=0.011), spread=True)
-    'x 0.201 ± 0.011 mm/deg'
-    >>> format_quantity("delay_s", QuantityDocument(value=0.02, sd=None))
-    'delay 0.02 s'
-    """
-    suffix, unit = next(((s, u) for s, u in _SUFFIXES if name.endswith(s)), ("", ""))
-    stem = name.removesuffix(suffix).replace("_", " ")
-    if name == "kg":
-        stem, unit = "", " kg"
-    if isinstance(quantity.value, tuple):
-        return f"{stem} ({', '.join(f'{v:.2f}' for v in quantity.value)}){unit}"
-    if not quantity.determined:
-        return f"{stem} not determined".strip()
-    sd = quantity.sd if spread else None
-    if sd is None or sd <= 0.0:
-        return f"{stem} {quantity.value:.3g}{unit}".strip()
-    digits = max(0, 1 - math.floor(math.log10(sd)))
-    return f"{stem} {quantity.value:.{digits}f} ± {sd:.{digits}f}{unit}".strip()
-
-
-def interval(quantity: QuantityDocument) -> str:
-    """95 % interval of a number; a dash where its spread is not known."""
-    if quantity.sd is None or isinstance(quantity.value, tuple):
-        return "–"
-    half = _NORMAL_95 * quantity.sd
-    return f"{figures(quantity.value - half)} to {figures(quantity.value + half)}"

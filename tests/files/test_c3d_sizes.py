@@ -82,8 +82,8 @@ def test_sizes_of_a_subject_file_are_millimetres():
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("knee_width_mm", 104, "Did you mean knee_width_"),
-        ("knee_width_r", 0.104, "Did you mean knee_width_r_mm"),
+        ("knee_width_mm", 104, "Did you mean 'knee_width_"),
+        ("knee_width_r", 0.104, "Did you mean 'knee_width_r_mm'"),
         ("knee_width_r_mm", 0.104, "between 40 and 200 mm"),
     ],
 )

@@ -224,30 +224,6 @@ def muscle_analysis(request):
     return {name: columns(file) for name, file in files.items()}
 
 
-def marker_errors(request):
-    """Root mean square marker error of every frame (m) by OpenSim's inverse kinematics tool."""
-    model = osim.Model(request["file"])
-    model.initSystem()
-    times = osim.TimeSeriesTableVec3(request["markers"]).getIndependentColumn()
-    tool = osim.InverseKinematicsTool()
-    tool.setModel(model)
-    tool.setName("oracle")
-    tool.setMarkerDataFileName(request["markers"])
-    tool.setStartTime(times[0])
-    tool.setEndTime(times[-1])
-    for name, weight in request["weights"].items():
-        task = osim.IKMarkerTask()
-        task.setName(name)
-        task.setWeight(weight)
-        tool.getIKTaskSet().cloneAndAppend(task)
-    tool.set_accuracy(1e-9)
-    tool.set_report_errors(True)
-    tool.setResultsDir(request["folder"])
-    tool.setOutputMotionFileName(f"{request['folder']}/ik.mot")
-    tool.run()
-    return {"rms": columns(f"{request['folder']}/oracle_ik_marker_errors.sto")["marker_error_RMS"]}
-
-
 def columns(file):
     table = osim.TimeSeriesTable(file)
     return {name: table.getDependentColumn(name).to_numpy().tolist() for name in table.getColumnLabels()}
@@ -255,7 +231,7 @@ def columns(file):
 
 def answer(request):
     osim.Logger.setLevelString("Error")
-    operations = (positions, scaled, build, muscle_analysis, marker_errors)
+    operations = (positions, scaled, build, muscle_analysis)
     return {each.__name__: each for each in operations}[request["operation"]](request)
 
 

@@ -86,6 +86,10 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
     return model.with_markers((*model.markers, *added))
 
 
+_NO_PLACE = (None, "T10")
+"""Labels that do not say where a marker sits: no landmark, and a vertebra, which is counted by palpation."""
+
+
 def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, tuple[str, ...]]:
     """Markers that are no known landmark moved to where a standing trial shows them.
 
@@ -94,7 +98,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
-    landmarks = {m.name: float(m.anatomical and canonical(m.name) is not None) for m in model.markers}
+    landmarks = {m.name: float(canonical(m.name) not in _NO_PLACE) for m in model.markers}
     tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
     shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:

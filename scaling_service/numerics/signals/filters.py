@@ -14,7 +14,6 @@ from functools import lru_cache
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from scaling_service.numerics.multibody.laws import Array
 
@@ -199,5 +198,5 @@ def fill_short_gaps(signal: ArrayLike, *, longest: int) -> tuple[Array, Mask]:
     frames = np.arange(len(x))
     for column in np.flatnonzero(filled.any(0)):
         known, wanted = seen[:, column], filled[:, column]
-        x[wanted, column] = CubicSpline(frames[known], x[known, column])(frames[wanted])
+        x[wanted, column] = scipy.interpolate.CubicSpline(frames[known], x[known, column])(frames[wanted])
     return x, filled

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
-from scipy.linalg import cho_solve_banded, cholesky_banded, solveh_banded
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import runs
@@ -93,7 +92,7 @@ class SplineBasis:
                 one[start::ORDER] = 1.0
                 here = (self.first + local) % ORDER == start
                 if here.any():
-                    spline = BSpline(self.knots, one, DEGREE)
+                    spline = scipy.interpolate.BSpline(self.knots, one, DEGREE)
                     for order in range(ORDERS):
                         found[here, order, local] = spline(self.times[here], nu=order)
         return found
@@ -135,7 +134,7 @@ class SplineBasis:
             for j in range(i + 1):
                 np.add.at(band[i - j], self.first + j, rows[:, i] * rows[:, j])
         band[0] += _RIDGE * band[0].max()
-        found: Array = solveh_banded(band, right, lower=True)
+        found: Array = scipy.linalg.solveh_banded(band, right, lower=True)
         return found
 
 
@@ -165,7 +164,9 @@ def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
         for start, stop in runs(patterns[:, k]).tolist():
             if stop - start >= MIN_SAMPLES:
                 rows, part = slice(start, stop), np.ix_(np.arange(start, stop), columns)
-                spline = make_interp_spline(t[rows], x[part], k=DEGREE, bc_type=(ends, ends))
+                spline = scipy.interpolate.make_interp_spline(
+                    t[rows], x[part], k=DEGREE, bc_type=(ends, ends)
+                )
                 first[part], second[part] = spline(t[rows], 1), spline(t[rows], 2)
     return first, second
 
@@ -278,6 +279,6 @@ def solve_band(band: Array, right: Array, held: NDArray[np.bool_]) -> Array:
             reached = fixed[fixed >= below]
             band[below, reached - below] = 0.0
         band[0, fixed] = 1.0
-    factor = cholesky_banded(band, lower=True, check_finite=False)
-    found: Array = cho_solve_banded((factor, True), right, check_finite=False)
+    factor = scipy.linalg.cholesky_banded(band, lower=True, check_finite=False)
+    found: Array = scipy.linalg.cho_solve_banded((factor, True), right, check_finite=False)
     return found

@@ -12,9 +12,9 @@ from scaling_service.numerics.signals.splines import (
     Quadratic,
     SplineBasis,
     Step,
+    add_to_blocks,
+    add_to_rows,
     banded,
-    gathered,
-    gathered_rows,
     solve_band,
 )
 
@@ -73,9 +73,9 @@ def test_bands_hold_the_dense_normal_matrix_and_its_solution() -> None:
     blocks, gradient = np.zeros((ORDER, count, m, m)), np.zeros((count, m))
     border = np.zeros((count, m, k))
     for rows in (slice(0, 70), slice(70, n)):
-        gathered(basis, rows, blocks, curvature[rows])
-        gathered_rows(basis, rows, gradient, slope[rows])
-        gathered_rows(basis, rows, border, coupling[rows])
+        add_to_blocks(basis, rows, blocks, curvature[rows])
+        add_to_rows(basis, rows, gradient, slope[rows])
+        add_to_rows(basis, rows, border, coupling[rows])
     design = _dense_rows(basis)
     dense = np.einsum("nia,nijcd,njb->acbd", design, curvature, design).reshape(count * m, -1)
     np.testing.assert_allclose(

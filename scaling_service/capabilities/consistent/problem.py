@@ -28,7 +28,7 @@ from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias,
 from scaling_service.numerics.multibody.motion import LinkMotion, Screws, move_links, screws_of
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
-from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, gathered, gathered_rows
+from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, add_to_blocks, add_to_rows
 from scaling_service.numerics.wrench import (
     blocks,
     link_wrenches,
@@ -271,14 +271,14 @@ class _Sum:
     def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
         """Add what some frames say of the coefficients."""
         self.value += value
-        gathered_rows(self.basis, rows, self.of.gradient, gradient)
-        gathered(self.basis, rows, self.of.blocks, curvature)
+        add_to_rows(self.basis, rows, self.of.gradient, gradient)
+        add_to_blocks(self.basis, rows, self.of.blocks, curvature)
 
     def add_shared(self, rows: slice, which: slice, gradient: Array, corner: Array, cross: Array) -> None:
         """Add what some frames say of some shared numbers."""
         self.of.shared_gradient[which] += gradient
         self.of.corner[which, which] += corner
-        gathered_rows(self.basis, rows, self.of.border[:, :, which], cross)
+        add_to_rows(self.basis, rows, self.of.border[:, :, which], cross)
 
     def quadratic(self) -> Quadratic:
         """The sum."""

@@ -212,7 +212,7 @@ class Quadratic:
         return result
 
 
-def gathered(basis: SplineBasis, rows: slice, blocks: Array, curvature: Array) -> None:
+def add_to_blocks(basis: SplineBasis, rows: slice, blocks: Array, curvature: Array) -> None:
     """Add what frames say to blocks of the coefficients.
 
     ``rows``: which frames.
@@ -239,7 +239,7 @@ def gathered(basis: SplineBasis, rows: slice, blocks: Array, curvature: Array) -
         blocks[i - j, start + j : last + 1 + j] += whole[:, k]
 
 
-def gathered_rows(basis: SplineBasis, rows: slice, total: Array, values: Array) -> None:
+def add_to_rows(basis: SplineBasis, rows: slice, total: Array, values: Array) -> None:
     """Add what frames say, (n_rows, 3, ...), to rows of the coefficients (n_coefficients, ...), in place."""
     first, weights = basis.first[rows], basis.weights[rows]
     n, width = len(first), int(np.prod(values.shape[2:]))

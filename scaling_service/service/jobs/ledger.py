@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -100,10 +100,10 @@ class Ledger:
         if over < count:
             self._move(connection, row, Event.WAIT, _progress_of_parts(over, count))
 
-    def lease(self, worker: str, host: str) -> JobRow | None:
-        """Take the next job; None where nothing waits."""
+    def lease(self, worker: str, host: str, kinds: Collection[str] | None = None) -> JobRow | None:
+        """Take the next job, of any kind or of some; None where nothing waits."""
         with self.store.write() as connection:
-            row = queueing.next_queued(connection)
+            row = queueing.next_queued(connection, kinds)
             if row is None:
                 return None
             begun = {

@@ -87,6 +87,7 @@ class Runner:
         make_executor: MakeExecutor | None = None,
     ) -> None:
         self._store, self._settings, self._kinds = store, settings, kinds
+        self._brief = [name for name, kind in kinds.items() if kind.brief]
         self._make_executor = make_executor or executor_maker(settings)
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
         self._lock = RunnerLock(store.blobs.folder)
@@ -229,14 +230,17 @@ class Runner:
             log.warning("job taken back", extra={"job": job})
 
     def _start_queued(self, executor: Executor) -> None:
-        free = self._settings.workers - len(self._held)
-        while free > 0 and queueing.anything_queued(self._store.database):
+        """As many jobs as there are workers, and one more that is brief: nobody waits hours for seconds."""
+        while len(self._held) <= self._settings.workers:
+            long = sum(held.row.kind not in self._brief for held in self._held.values())
+            kinds = None if long < self._settings.workers else self._brief
+            if not queueing.anything_queued(self._store.database, kinds):
+                return
             self._store.require_room(self._settings.reserve_mb * 1_000_000)
-            row = self._ledger.lease(self.name, socket.gethostname())
+            row = self._ledger.lease(self.name, socket.gethostname(), kinds)
             if row is None:
                 return
             self._start(row, executor)
-            free -= 1
 
     def _start(self, row: JobRow, executor: Executor) -> None:
         kind = self._kinds.get(row.kind)

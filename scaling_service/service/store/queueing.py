@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
-from sqlalchemy import Connection, Select, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Select, func, or_, select, update
 
 from scaling_service.documents.jobs import State
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
@@ -16,17 +16,21 @@ _LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
 _QUEUED = jobs.c.state == State.QUEUED.value
 
 
-def next_queued(connection: Connection) -> JobRow | None:
-    """The next job, locked; None where nothing waits.
+def _queued(kinds: Collection[str] | None) -> ColumnElement[bool]:
+    return _QUEUED if kinds is None else _QUEUED & jobs.c.kind.in_(kinds)
+
+
+def next_queued(connection: Connection, kinds: Collection[str] | None = None) -> JobRow | None:
+    """The next job, locked, of any kind or of some; None where nothing waits.
 
     Owners take turns: first who has the fewest jobs running, then who was served longest ago. Among an
     owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
     the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
-    for owner in connection.scalars(_waiting()).all():
+    for owner in connection.scalars(_waiting(kinds)).all():
         oldest = (
             select(*SHOWN)
-            .where(jobs.c.owner == owner, _QUEUED)
+            .where(jobs.c.owner == owner, _queued(kinds))
             .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
             .limit(1)
             .with_for_update(skip_locked=True)
@@ -38,11 +42,11 @@ def next_queued(connection: Connection) -> JobRow | None:
     return None
 
 
-def _waiting() -> Select[tuple[str]]:
+def _waiting(kinds: Collection[str] | None) -> Select[tuple[str]]:
     """Owners with a queued job, the next to be served first."""
     mine = jobs.c.owner == owners.c.name
     # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
-    waits = select(jobs.c.id).where(mine, _QUEUED).limit(1).correlate(owners).scalar_subquery()
+    waits = select(jobs.c.id).where(mine, _queued(kinds)).limit(1).correlate(owners).scalar_subquery()
     running = select(func.count()).where(mine, _LEASED).correlate(owners).scalar_subquery()
     wanted = select(owners.c.name).where(waits.is_not(None))
     return wanted.order_by(running, owners.c.served_us, owners.c.name)
@@ -54,10 +58,10 @@ def waiting_at_least(connection: Connection, owner: str, number: int) -> bool:
     return (connection.scalar(select(func.count()).select_from(some.subquery())) or 0) >= number
 
 
-def anything_queued(database: Database) -> bool:
-    """Whether a job waits."""
+def anything_queued(database: Database, kinds: Collection[str] | None = None) -> bool:
+    """Whether a job waits, of any kind or of some."""
     with database.read() as connection:
-        return connection.scalar(select(jobs.c.id).where(_QUEUED).limit(1)) is not None
+        return connection.scalar(select(jobs.c.id).where(_queued(kinds)).limit(1)) is not None
 
 
 def lease_end(seconds: float) -> Any:

@@ -87,6 +87,19 @@ def test_a_failure_is_told_in_the_words_of_the_command_line(service: Service) ->
     assert service.result("lab", job) is None
 
 
+def test_what_is_brief_waits_for_no_worker_and_takes_no_long_jobs_place(service: Service) -> None:
+    """Of five workers' worth of long jobs, two run: as many as there are workers."""
+    long = [ask(service, number=k, seconds=20.0) for k in range(5)]
+    with running(service):
+        until(lambda: service.counts()[State.RUNNING] == 2)
+        for number in range(3):
+            brief = service.ask("lab", "brief", {"number": number})[0].id
+            assert ended(service, "lab", brief, within_s=10.0).state is State.DONE
+        states = [service.job("lab", job).state for job in long]
+    assert states.count(State.RUNNING) == 2
+    assert states.count(State.QUEUED) == 3
+
+
 def test_progress_is_seen_and_cancelling_takes_effect_at_once(service: Service) -> None:
     job = ask(service, seconds=60.0)
     with running(service):

@@ -43,4 +43,7 @@ def square(request: TinyRequest, inputs: Path, outputs: Path, progress: Progress
     return {"square": request.number**2, "read": read, "pid": os.getpid()}
 
 
-TINY = {"tiny": Kind(request=TinyRequest, work=square, route="tiny")}
+TINY = {
+    "tiny": Kind(request=TinyRequest, work=square, route="tiny"),
+    "brief": Kind(request=TinyRequest, work=square, route="brief", brief=True),
+}

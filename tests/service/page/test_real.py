@@ -63,6 +63,28 @@ def test_files_of_a_laboratory_are_understood(visit: Visit, url: str, shared_dat
 
 
 @pytest.mark.benchmark  # minutes, for the sake of files that differ
+@pytest.mark.parametrize(
+    ("folder", "height_m", "mass_kg"),
+    [
+        ("jia_mri", "1.62", "63"),
+        ("opencap_squat", "1.68", "62.6"),
+        ("functional", "1.75", "70"),
+        ("gait2354", "1.80", "72.6"),
+        ("clinic/HC031A", "1.33", "27.7"),
+    ],
+)
+def test_a_folder_comes_to_a_verdict_with_height_and_mass_alone(
+    visit: Visit, url: str, shared_data: Path, folder: str, height_m: str, mass_kg: str
+) -> None:
+    visitor = visit(url)
+    bring(visitor, shared_data / folder, folder.replace("/", "_"))
+    describe(visitor, height_m, mass_kg)
+    visitor.follow("On to the analyses")
+    visitor.press("Compare")
+    visitor.sees("How far to trust", LONGEST_MS)
+
+
+@pytest.mark.benchmark
 def test_walking_with_bones(visit: Visit, url: str, shared_data: Path) -> None:
     visitor = visit(url)
     bring(visitor, shared_data / "jia_mri", "walker")

@@ -16,6 +16,9 @@ export interface DotGroup {
 
 export function dotsOption(ink: Ink, groups: readonly DotGroup[], unit: string): Option {
   const common = base(ink);
+  const values = groups.flatMap((group) => group.values.map(({ value }) => value));
+  const low = Math.min(...values);
+  const fromZero = low >= 0 && low < Math.max(...values) / 2; // else what differs would be too small to see
   return {
     ...common,
     tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(groups, unit, found) },
@@ -26,7 +29,7 @@ export function dotsOption(ink: Ink, groups: readonly DotGroup[], unit: string):
       axisLine: { lineStyle: { color: ink.quiet } },
       axisTick: { show: false },
     },
-    yAxis: valueAxis(ink, { name: unit }, "y"),
+    yAxis: valueAxis(ink, fromZero ? { name: unit, min: 0 } : { name: unit }, "y"),
     series: [
       {
         type: "scatter",

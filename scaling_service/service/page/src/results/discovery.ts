@@ -16,7 +16,8 @@ import { where } from "./where.ts";
 export const discovery: ResultView = async (found) => {
   const document = await getResult<DiscoveryDocument>(found.job.id, found.signal);
   const { hidden_in_example } = await vocabulary();
-  found.main.append(...verdict(document, isExample(document) ? hidden_in_example : []));
+  const first = (found.place.parts[2] ?? "where") === "where";
+  found.main.append(...(first ? verdict(document, isExample(document) ? hidden_in_example : []) : [summary(document)]));
   await parts("Steps of the story", found, [
     { name: "where", title: "1. Where", show: (place) => where(document, found.signal, place) },
     { name: "what", title: "2. What", show: (place) => what(document, found.signal, place) },
@@ -37,6 +38,10 @@ const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 const isExample = ({ subject, input_hashes }: DiscoveryDocument): boolean =>
   /^example(_\d+)?$/.test(subject) && "image_markers.csv" in input_hashes;
 
+const summary = ({ headline, verdict, effects }: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
+  callout(headline, effects.some(({ carries, belief }) => carries && (belief?.cautions.length ?? 0) > 0) ? "fair" : TONES[verdict], ...more);
+
+/** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
@@ -46,10 +51,9 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLEl
   const left = few(unexplained.flatMap((one) => one.where));
   return [
     h("p", { class: "quiet" }, subtitle(document)),
-    callout(
-      document.headline,
-      cautions.length > 0 ? "fair" : TONES[document.verdict],
-      main.length > 0 && h("ol", null, ...main.map(({ name, belief }) => h("li", null, belief == null ? name : `${name} (${belief.summary})`))),
+    summary(
+      document,
+      main.length > 0 && h("ol", null, ...main.map(({ name, belief }) => h("li", null, name, belief != null && h("div", { class: "quiet" }, belief.summary)))),
       left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),

@@ -63,5 +63,8 @@ function setAttribute(element: Element, name: string, value: Attributes[string])
 function wanted(children: Child[]): (Node | string)[] {
   return children
     .filter((child) => child !== null && child !== undefined && child !== false)
-    .map((child) => (child instanceof Node ? child : String(child)));
+    .map((child) => (child instanceof Node ? child : withMinus(String(child))));
 }
+
+/** A number's sign as a minus, also within the sentences of the service, which write a hyphen. */
+const withMinus = (text: string): string => text.replace(/(?<=^|[\s(±])-(?=\d)/g, "−");

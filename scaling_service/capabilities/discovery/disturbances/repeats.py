@@ -63,7 +63,7 @@ def repeated_frames(fit: Fit) -> Iterator[Disturbance]:
     if not again.any():
         return
     of_role = [[item for item in fit.tracked if item.role == role] for role in ROLES]
-    p, held_out = (_by_chance(items or of_role[0], steps, fit.settings.block_s) for items in of_role)
+    p, held_out = (_test_direction(items or of_role[0], steps, fit.settings.block_s) for items in of_role)
     without = [
         replace(item, tracked=steps[item.name].leave_out(item.tracked), known_covariance=item.covariance)
         for item in fitting
@@ -73,7 +73,7 @@ def repeated_frames(fit: Fit) -> Iterator[Disturbance]:
     yield Disturbance(("markers",), law, gain, p, held_out, "wrench")
 
 
-def _by_chance(items: Sequence[TrackedTrial], steps: dict[str, _Steps], block_s: float) -> float:
+def _test_direction(items: Sequence[TrackedTrial], steps: dict[str, _Steps], block_s: float) -> float:
     """How likely any other direction has as much, each block being as good as one frame."""
     blocks = float(sum(len(list(item.blocks(block_s))) for item in items))
     along, across = (sum(float(getattr(steps[i.name], k).sum()) for i in items) for k in ("along", "across"))

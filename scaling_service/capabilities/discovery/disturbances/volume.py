@@ -31,30 +31,31 @@ def moving_volume(fit: Fit) -> Iterator[Disturbance]:
 
     So many numbers in every frame take off something of any effect, but of none the most.
     """
-    gains = {role: _gains(fit, role) for role in ROLES}
+    gains = {role: _sum_gains(fit, role) for role in ROLES}
     gain, chance, _ = gains["fit"]
     if gain - chance > _MOST_OF_IT * MARKERS.above_noise(fit) > 0.0:
         law = "the measured volume moves: by another linear function of the place in every frame"
-        p, held = (_by_chance(*gains[role]) for role in ROLES)
+        p, held = (_test_gain(*gains[role]) for role in ROLES)
         held_out = held if gains["held_out"][2] else p
         yield Disturbance(("markers",), law, gain - 2.0 * chance, p, held_out, flexible=True)
 
 
-def _by_chance(gain: float, chance: float, blocks: int) -> float:
+def _test_gain(gain: float, chance: float, blocks: int) -> float:
     """How likely as many other numbers take off as much, each block being as good as one frame."""
     few = float(_NUMBERS * blocks)
     return float(scipy.special.fdtrc(few, few, gain / max(chance, 1e-300))) if blocks else 1.0
 
 
-def _gains(fit: Fit, role: Role) -> tuple[float, float, int]:
+def _sum_gains(fit: Fit, role: Role) -> tuple[float, float, int]:
     """What the function takes off the trials of a role, what as many other numbers would, and the blocks."""
     items = [item for item in fit.tracked if item.role == role]
-    taken = np.array([_taken(item) for item in items]).reshape(-1, 2).sum(axis=0).tolist()
+    taken = np.array([_fit_trial(item) for item in items]).reshape(-1, 2).sum(axis=0).tolist()
     blocks = sum(len(list(item.blocks(fit.settings.block_s))) for item in items)
     return taken[0], taken[1], blocks
 
 
-def _taken(item: TrackedTrial) -> tuple[float, float]:
+def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
+    """What the function takes off the squares of a trial, and what as many other numbers would."""
     gaps, freedom = item.pose_free
     places = item.places
     away, (velocity, _) = places - places.mean(axis=(0, 1)), rates_of(places, item.step)

@@ -38,8 +38,12 @@ const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 const isExample = ({ subject, input_hashes }: DiscoveryDocument): boolean =>
   /^example(_\d+)?$/.test(subject) && "image_markers.csv" in input_hashes;
 
-const summary = ({ headline, verdict, effects }: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
-  callout(headline, effects.some(({ carries, belief }) => carries && (belief?.cautions.length ?? 0) > 0) ? "fair" : TONES[verdict], ...more);
+/** Sizes that are doubtful, of the effects that carry the gap. */
+const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
+  effects.flatMap(({ carries, belief }) => (carries ? belief?.cautions ?? [] : []));
+
+const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
+  callout(document.headline, cautionsOf(document).length > 0 ? "fair" : TONES[document.verdict], ...more);
 
 /** All that was found; steps after the first show only the summary above their own pictures. */
 function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLElement[] {
@@ -47,7 +51,7 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLEl
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const main = effects.filter(({ carries }) => carries);
   const small = effects.filter(({ carries }) => !carries);
-  const cautions = main.flatMap(({ belief }) => belief?.cautions ?? []);
+  const cautions = cautionsOf(document);
   const left = few(unexplained.flatMap((one) => one.where));
   return [
     h("p", { class: "quiet" }, subtitle(document)),

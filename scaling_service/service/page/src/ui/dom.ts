@@ -22,6 +22,9 @@ export function h<Tag extends keyof HTMLElementTagNameMap>(
   return element;
 }
 
+/** What may be copied, followed or chosen keeps its characters. */
+const VERBATIM = new Set(["PRE", "CODE", "OPTION", "TEXTAREA", "A"]);
+
 const SVG = "http://www.w3.org/2000/svg";
 
 /** An SVG element with attributes and children. */
@@ -32,13 +35,13 @@ export function svg<Tag extends keyof SVGElementTagNameMap>(
 ): SVGElementTagNameMap[Tag] {
   const element = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(given)) setAttribute(element, name, value);
-  element.append(...wanted(children));
+  element.append(...wanted(children, true));
   return element;
 }
 
 /** Replace all that an element holds. */
 export function fill(element: Element, ...children: Child[]): void {
-  element.replaceChildren(...wanted(children));
+  element.replaceChildren(...wanted(children, !VERBATIM.has(element.tagName)));
 }
 
 /** Set custom properties of styles, which styles sheets then use. */
@@ -60,11 +63,13 @@ function setAttribute(element: Element, name: string, value: Attributes[string])
   element.setAttribute(name, value === true ? "" : String(value));
 }
 
-function wanted(children: Child[]): (Node | string)[] {
+function wanted(children: Child[], prose: boolean): (Node | string)[] {
   return children
     .filter((child) => child !== null && child !== undefined && child !== false)
-    .map((child) => (child instanceof Node ? child : withMinus(String(child))));
+    .map((child) => (child instanceof Node ? child : prose ? withMinus(String(child)) : String(child)));
 }
 
 /** A number's sign as a minus, also within the sentences of the service, which write a hyphen. */
-const withMinus = (text: string): string => text.replace(/(?<=^|[\s(±])-(?=\d)/g, "−");
+function withMinus(text: string): string {
+  return text.replace(/(?<=^|[\s(±])-(?=\d)/g, "−");
+}

@@ -58,8 +58,16 @@ def test_a_volume_that_moves_is_told_whatever_its_course(change: Callable[[Trial
     assert "the measured volume moves" in found.unexplained[0].law
 
 
-def test_noise_alone_moves_no_volume() -> None:
-    assert not list(moving_volume(fitted(lambda trial: trial.markers)))
+def lost_for_a_while(trial: Trial) -> Array:
+    """Nothing is seen in some frames."""
+    markers = trial.markers.copy()
+    markers[5:9] = np.nan
+    return markers
+
+
+@pytest.mark.parametrize("change", [lambda trial: trial.markers, lost_for_a_while])
+def test_noise_alone_moves_no_volume(change: Callable[[Trial], Array]) -> None:
+    assert not list(moving_volume(fitted(change)))
 
 
 def test_frames_that_are_shown_again_are_left_out() -> None:

@@ -22,7 +22,7 @@ from scaling_service.capabilities.discovery.observations.parallel import map_par
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role, TrackedTrial, span
 
 _CHUNK = 64  # frames at once
-_ENOUGH = 256  # frames of a trial, equally spaced (chosen): each has its own numbers, none adds to shared ones
+_ENOUGH = 256  # frames of a trial, equally spaced (chosen): each only adds numbers of its own
 _NUMBERS = 9  # of a frame: six strains, for turns are the body's, and a delay along each axis
 _MOST_OF_IT = 0.8  # of what stands above the noise (chosen: as for effects on held-out recordings)
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyvista as pv
 import trimesh
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
 from scaling_service.bones.results import MeshRefused
 from scaling_service.model.trial import Bone
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 Array = NDArray[np.float64]
 
@@ -65,7 +68,7 @@ def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> 
     """
     ours, theirs = _surface(model), _surface(person)
     if ours.n_cells > _MOST_FACES:
-        ours = _facing(ours.decimate(1.0 - _MOST_FACES / ours.n_cells))
+        ours = _oriented(ours.decimate(1.0 - _MOST_FACES / ours.n_cells))
     own, wanted = (_spread(np.asarray(surface.points), _PLACES) for surface in (ours, theirs))
     moved = ours
     for smoothing, rounds in _STAGES:
@@ -84,7 +87,7 @@ def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> 
             soft = np.full(len(end), smoothing)
             soft[len(end) - len(ours_at) :] /= _HELD
             spline = RBFInterpolator(start, end, kernel="linear", degree=1, smoothing=soft)
-            moved = _facing(pv.PolyData.from_regular_faces(spline(ours.points), ours.regular_faces))
+            moved = _facing(spline(ours.points), ours.regular_faces)
     return SurfaceMap(spline, float(np.sqrt(np.mean(gap[kept] ** 2))))
 
 
@@ -125,13 +128,18 @@ def _surface(bone: Bone) -> pv.PolyData:
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
-    return _facing(pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces))
+    return _facing(mesh.vertices, mesh.faces)
 
 
-def _facing(mesh: pv.PolyData) -> pv.PolyData:
+def _facing(points: Array, faces: NDArray[np.int_]) -> pv.PolyData:
     """A surface with outward normals at its places and cells."""
-    facing = mesh.compute_normals(auto_orient_normals=True, split_vertices=False)
-    assert isinstance(facing, pv.PolyData)
+    import pyvista  # only here: it takes half a second, which who maps no bone should not wait
+
+    return _oriented(pyvista.PolyData.from_regular_faces(points, np.asarray(faces, dtype=int)))
+
+
+def _oriented(mesh: pv.PolyData) -> pv.PolyData:
+    facing: pv.PolyData = mesh.compute_normals(auto_orient_normals=True, split_vertices=False)
     return facing
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc
 from tests.peers.worker import serve
 

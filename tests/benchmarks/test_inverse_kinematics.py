@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc
 from tests.peers.ik_tasks import read_ik_tasks
 from tests.peers.nimble_ik import interpreter, run_nimble_ik

@@ -17,7 +17,7 @@ from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.sto import read_sto
 from scaling_service.model.builtin import builtin
 from scaling_service.model.compile import default_coordinates

@@ -22,7 +22,8 @@ from scaling_service.capabilities.scaling.methods.placement import frames_around
 from scaling_service.capabilities.shared.settings import PAPER
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.files.osim import read_osim, read_scale_setup
+from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.trc import read_trc
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import compile_model

@@ -18,7 +18,7 @@ from scaling_service.capabilities.scaling.methods.table import METHODS, calibrat
 from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
 from scaling_service.model.body import BodyModel, Vector, vector
 from scaling_service.model.parameters import axis_of

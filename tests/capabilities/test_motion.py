@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.motion.saving import poses_table, trial_document
-from scaling_service.files.osim import write_osim
+from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion
 from tests.capabilities.recorded import recorded

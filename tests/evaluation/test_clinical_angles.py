@@ -20,7 +20,7 @@ from scaling_service.capabilities.motion.clinical_angles import (
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.motion.saving import write_clinical_angles
 from scaling_service.capabilities.scaling.clinical_gait import clinical_gait
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.model.anatomy.frames import ANGLES, SIDES, conventional_angles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin

@@ -12,7 +12,7 @@ from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_l
 from scaling_service.capabilities.dynamics.uncertainty.total import Recording, UncertaintySettings, propagate
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.files.forces import read_forces
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc
 from scaling_service.recording.plates import synchronise
 from scaling_service.recording.plates_feet import assign_plates, foot_loads

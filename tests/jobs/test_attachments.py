@@ -17,7 +17,8 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.mesh import read_mesh
-from scaling_service.files.osim import read_attachments, read_osim
+from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.muscles import read_attachments
 from scaling_service.model.anatomy.lengths import segment_lengths
 from tests.jobs.recorded import imaged_walker_document, walker_document
 

@@ -24,7 +24,7 @@ from scaling_service.capabilities.discovery.models import (
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.scaling.methods.osim_image_based import Registration
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.anatomy.lengths import straight_values
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import builtin

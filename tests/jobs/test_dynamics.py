@@ -17,7 +17,7 @@ from scaling_service.capabilities.kinetics.forces import trial_forces
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.model.builtin import builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import inertias_of, total_mass, with_inertias

@@ -11,7 +11,7 @@ import pytest
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from tests.jobs.laboratory import write_subject
 from tests.jobs.recorded import squatter_document, walker_document
 

@@ -17,7 +17,7 @@ from scaling_service.core.errors import DependencyMissing, InputError, ModelRefu
 from scaling_service.documents import writing
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 from scaling_service.documents.writing import check_folder
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.sto import read_sto
 from scaling_service.model.document import from_document
 from scaling_service.model.results import Calibration

@@ -16,8 +16,8 @@ from scaling_service.capabilities.discovery.laws.profiles import Constant, Follo
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSpot, VolumeSpot
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
-from scaling_service.files.osim import write_osim
 from scaling_service.files.osim.joints import plan_joints
+from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Law, Vector
 from scaling_service.model.parameters import after
 

@@ -27,7 +27,7 @@ from scaling_service.capabilities.subject.loading import provenance, repair_note
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.files.osim import write_osim
+from scaling_service.files.osim.models import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel

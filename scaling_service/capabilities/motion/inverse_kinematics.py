@@ -263,7 +263,7 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
         task.bounds,
         loss=task.loss,
     )
-    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-8))
+    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
     gap = measured - np.moveaxis(
         positions(task.tree, forward(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
     )

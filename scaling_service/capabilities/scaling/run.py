@@ -21,7 +21,7 @@ from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress, part_of, silent
-from scaling_service.files.osim import render_osim
+from scaling_service.files.osim.models import render_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
 from scaling_service.model.results import Calibration, Motion

@@ -56,7 +56,7 @@ from scaling_service.documents.results import (
 )
 from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
 from scaling_service.files.engines import ENGINES
-from scaling_service.files.osim import replace_text
+from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.poses import neutral_frames
 from scaling_service.model.results import Calibration

@@ -22,7 +22,8 @@ from scaling_service.documents.writing import code_version
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
-from scaling_service.files.osim import read_osim, read_scale_setup
+from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, body_of
 from scaling_service.model.anatomy.markers import canonical, match_labels

@@ -123,6 +123,8 @@ def solve(
 def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
     """Estimate the coordinates, the parameters known: frames share nothing, so each ends by itself.
 
+    A frame ends with the step that promises too little to be worth another look at the cost.
+
     ``problem``: without parameters to estimate.
     ``q0``: (n_frames, n_coordinates).
     ``p``: (n_parameters,).
@@ -135,9 +137,11 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
         moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
         enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
         going = (promised > enough) & (damping[left] < _STUCK)
+        last = promised <= enough
+        q[left[last]] = moved[last]
         left, moved = left[going], moved[going]
         if not len(left):
-            return Solution(q, p, float(cost.sum()), steps, Outcome.CONVERGED)
+            return Solution(q, p, float(frame_costs(problem, q, p).sum()), steps, Outcome.CONVERGED)
         trial = frame_costs(problem.of_frames(left), moved, p)
         better = trial <= cost[left]
         q[left[better]], cost[left[better]] = moved[better], trial[better]

@@ -21,7 +21,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.sto import Table, motion_table, write_sto
 from scaling_service.files.trc import read_trc
 from scaling_service.model.body import BodyModel

@@ -19,7 +19,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc, write_trc
 from scaling_service.model.results import Motion
 from tests.jobs.laboratory import write_subject

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 
 LINE = {"kind": "LinearFunction", "values": [1.0, 0.0]}
 KNOTS = [

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.saving import write_motion
-from scaling_service.files.osim import measure_muscles, read_osim
+from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.muscles import measure_muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 import pytest
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable
-from scaling_service.files.osim import process, read_osim
+from scaling_service.files.osim import process
+from scaling_service.files.osim.models import read_osim
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.model.compile import compile_model
 from scaling_service.model.scaling import scaled
 from scaling_service.numerics.multibody.tree import marker_positions

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.osim import read_scale_setup
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.model.subject import Measurement
 
 SETUP = """<?xml version="1.0" encoding="UTF-8"?>

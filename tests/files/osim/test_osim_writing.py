@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.scaling.methods.osim_image_based import Registration, axis_in_parent
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.body import BodyModel, Joint, Law, Marker
 from scaling_service.model.builtin import BUILTIN_NAMES, builtin
 from scaling_service.model.compile import compile_model

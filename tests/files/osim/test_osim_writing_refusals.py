@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.files.osim import read_osim, write_osim
+from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
 from tests.files.osim.hand_made import X, Y, Z, hand_made
 

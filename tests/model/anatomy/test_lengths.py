@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.files.osim import read_osim
+from scaling_service.files.osim.models import read_osim
 from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths, segment_of
 from scaling_service.model.body import (
     BodyModel,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,8 @@ from scaling_service.capabilities.discovery.observations.performed import perfor
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.numerics.multibody.laws import Array
 
-_CHUNK, _FRAMES = 5e5, 48  # numbers of all columns at once: 4 MB, and frames of their spots (chosen)
+_CHUNK = 5e5  # numbers of all columns at once (chosen: 4 MB)
+_SPOTS, _FRAMES = 4e6, (16, 144)  # numbers of all spots at once (chosen: 32 MB), and fewest and most frames
 _MOST = 1e8  # numbers of all columns together; chosen: some eight seconds on one core
 _ROUGH = 5  # frames of a block that a rough look takes (chosen: each has as many numbers as all markers)
 _AT_ONCE = 128  # frames of a pose's freedom
@@ -59,7 +61,8 @@ class Markers(Observation[TrackedTrial]):
             step = _step(item, items, layout, block_s)
             made = _Columns(item, generators, len(on), here, values_of(profiles, item), step, layout.rough)
             sources += [
-                BlockSource(item.name, item.role, partial(made.chunks, rows)) for rows in item.blocks(block_s)
+                BlockSource(item.name, item.role, partial(made.blocks, stretch))
+                for stretch in made.stretches(item.blocks(block_s))
             ]
         return sources
 
@@ -140,6 +143,22 @@ class _Parts(NamedTuple):
         return cls(column, spot, profile, gain, turns)
 
 
+class _Freed(NamedTuple):
+    """Spots and residuals of some frames, by floors, freed of the pose."""
+
+    left: Array  # (n_spots, n, rows)
+    hidden: Array  # (n_spots, n, q): what the pose takes of them
+    values: Array  # (n_profiles, n)
+    residuals: Array  # (n, rows)
+    square: Array  # (n,): of the residuals, before they were condensed
+    numbers: Array  # (n,): how many the residuals are, the pose's taken off
+
+    def cut(self, some: slice) -> _Freed:
+        """Some of the frames."""
+        left, hidden, values = self.left[:, some], self.hidden[:, some], self.values[:, some]
+        return _Freed(left, hidden, values, self.residuals[some], self.square[some], self.numbers[some])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Columns:
     """Columns of one trial, of generators (spots) and values (n_profiles, n) of profiles."""
@@ -152,30 +171,55 @@ class _Columns:
     step: int  # every how many frames to look at
     rough: bool  # whether single precision will do
 
-    def chunks(self, rows: slice) -> Iterator[Chunk]:
-        """Of one block.
+    @property
+    def most(self) -> int:
+        """How many frames to look at at once."""
+        numbers = 3 * len(self.item.markers) * len(self.generators.variables)
+        return int(np.clip(_SPOTS / numbers, *_FRAMES))
 
-        The pose is taken out of the spots: there are far fewer of them than of columns, which are their sums.
-        """
-        for start in range(rows.start, rows.stop, self.step * _FRAMES):
-            frames = slice(start, min(start + self.step * _FRAMES, rows.stop), self.step)
-            free = self.generators.freed(self.item, frames)
-            square = np.square(free.residuals).sum(axis=1)
-            numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
-            free, digits = free.condensed(), "f4" if self.rough else "f8"
-            left, hidden = (
-                np.asarray(np.ascontiguousarray(np.moveaxis(a, 2, 0), digits))
-                for a in (free.columns, free.hidden)
+    def stretches(self, blocks: Iterable[slice]) -> list[list[NDArray[np.intp]]]:
+        """The frames to look at of neighbouring blocks, of as many of these together as may be at once."""
+        found: list[list[NDArray[np.intp]]] = [[]]
+        for rows in blocks:
+            frames = np.arange(rows.start, rows.stop, self.step)
+            if found[-1] and sum(map(len, found[-1])) + len(frames) > self.most:
+                found.append([])
+            found[-1].append(frames)
+        return found
+
+    def blocks(self, stretch: Sequence[NDArray[np.intp]]) -> Iterator[Iterator[Chunk]]:
+        """Of every block; the pose is taken out of a whole stretch at once, or of parts of a long block."""
+        if len(stretch) > 1:
+            free = self._freed(np.concatenate(stretch))
+            edges = np.cumsum([0, *map(len, stretch)]).tolist()
+            yield from (self._chunks(free.cut(slice(a, b))) for a, b in pairwise(edges))
+        else:
+            parts = (stretch[0][k : k + self.most] for k in range(0, len(stretch[0]), self.most))
+            yield chain.from_iterable(self._chunks(self._freed(part)) for part in parts)
+
+    def _freed(self, frames: NDArray[np.intp]) -> _Freed:
+        """The pose is taken out of the spots: there are far fewer of them than of columns, their sums."""
+        free = self.generators.freed(self.item, frames)
+        square = np.square(free.residuals).sum(axis=1)
+        numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
+        free, digits = free.condensed(), "f4" if self.rough else "f8"
+        left, hidden = (
+            np.asarray(np.ascontiguousarray(np.moveaxis(a, 2, 0), digits))
+            for a in (free.columns, free.hidden)
+        )
+        values: Array = self.values[:, frames].astype(digits)
+        return _Freed(left, hidden, values, free.residuals.astype(digits), square, numbers)
+
+    def _chunks(self, free: _Freed) -> Iterator[Chunk]:
+        """Columns of a block's frames, so many at once."""
+        at_once = max(1, int(_CHUNK / (free.left.shape[2] * max(self.count, 1))))
+        for first in range(0, len(free.numbers), at_once):
+            some = free.cut(slice(first, first + at_once))
+            columns = self._of(some.left, some.values)
+            raw = _squares(columns) + _squares(self._of(some.hidden, some.values))
+            yield Chunk(
+                columns, some.residuals.ravel(), raw, float(some.square.sum()), float(some.numbers.sum())
             )
-            residuals: Array = free.residuals.astype(digits)
-            values: Array = self.values[:, frames].astype(digits)
-            at_once = max(1, int(_CHUNK / (left.shape[2] * max(self.count, 1))))
-            for first in range(0, len(numbers), at_once):
-                some = slice(first, first + at_once)
-                columns = self._of(left[:, some], values[:, some])
-                raw = _squares(columns) + _squares(self._of(hidden[:, some], values[:, some]))
-                counts = float(square[some].sum()), float(numbers[some].sum())
-                yield Chunk(columns, residuals[some].ravel(), raw, *counts)
 
     def _of(self, generated: Array, values: Array) -> Array:
         """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -70,7 +71,8 @@ class Observation(ABC, Generic[Item]):
         of different candidates are wanted; ``rough``: whether it only tells which deserve a closer look.
         """
         layout = Layout.of(nuisances, candidates, together=together, rough=rough)
-        sums = map_parallel(lambda source: source.add_up(layout), self.sources(items, layout, block_s))
+        found = map_parallel(lambda source: source.add_up(layout), self.sources(items, layout, block_s))
+        sums = list(chain.from_iterable(found))
         raw = sum((squares for _, squares in sums), np.zeros(len(layout.columns)))
         return Evidence(tuple(block for block, _ in sums), raw, layout.nuisances, layout.groups)
 

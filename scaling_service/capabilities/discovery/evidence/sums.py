@@ -105,26 +105,21 @@ class Chunk(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockSource:
-    """A block of time of one trial, whose chunks are made when they are summed."""
+    """Neighbouring blocks of time of one trial, whose chunks are made when they are summed."""
 
     trial: str
     role: Role
-    chunks: Callable[[], Iterable[Chunk]]
+    blocks: Callable[[], Iterable[Iterable[Chunk]]]
     # what noise makes of both, columns and residuals, drawn a few times
-    by_chance: Sequence[Callable[[], Iterable[Chunk]]] = ()
+    by_chance: Sequence[Callable[[], Iterable[Iterable[Chunk]]]] = ()
 
-    def add_up(self, layout: Layout) -> tuple[Block, Array]:
-        """The block's sums without what noise alone makes of them on average, and the columns' squares."""
-        found, raw = self._sums(self.chunks(), layout)
-        if self.by_chance:
-            drawn = [self._sums(chunks(), layout)[0] for chunks in self.by_chance]
-            found = replace(
-                found,
-                scores=found.scores - np.mean([block.scores for block in drawn], axis=0),
-                cross=found.cross - np.mean([block.cross for block in drawn], axis=0),
-                own=found.own - np.mean([block.own for block in drawn], axis=0),
-            )
-        return found, raw
+    def add_up(self, layout: Layout) -> list[tuple[Block, Array]]:
+        """Each block's sums without what noise alone makes of them on average, and the columns' squares."""
+        found = [self._sums(chunks, layout) for chunks in self.blocks()]
+        if not self.by_chance:
+            return found
+        draws = [[self._sums(chunks, layout)[0] for chunks in drawn()] for drawn in self.by_chance]
+        return [(_without(block, drawn), raw) for (block, raw), *drawn in zip(found, *draws, strict=True)]
 
     def _sums(self, chunks: Iterable[Chunk], layout: Layout) -> tuple[Block, Array]:
         count, known = len(layout.columns), layout.nuisances
@@ -139,6 +134,15 @@ class BlockSource:
             square += weight * left
             freedom += weight * numbers
         return Block(self.trial, self.role, scores, cross, own, square, freedom), raw
+
+
+def _without(block: Block, drawn: Sequence[Block]) -> Block:
+    """A block without the mean of what was drawn."""
+    scores, cross, own = (
+        getattr(block, name) - np.mean([getattr(one, name) for one in drawn], axis=0)
+        for name in ("scores", "cross", "own")
+    )
+    return replace(block, scores=scores, cross=cross, own=own)
 
 
 def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:

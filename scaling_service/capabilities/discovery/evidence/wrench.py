@@ -59,8 +59,8 @@ class Wrench(Observation[WrenchFit]):
             strays = [_White(*map(np.subtract, next(made), own)) for _ in range(draws)]
             weight = float(_thin(item))
             for used in _frames_of(item, block_s):
-                chunks, *by_chance = (partial(one.chunk, used, weight) for one in (own, *strays))
-                sources.append(BlockSource(item.name, item.role, chunks, by_chance))
+                block, *by_chance = (partial(one.block, used, weight) for one in (own, *strays))
+                sources.append(BlockSource(item.name, item.role, block, by_chance))
         return sources
 
     def refit(self, fit: Fit, free: Sequence[Estimate], effects: Sequence[Estimate]) -> Fit:
@@ -97,12 +97,12 @@ class _White(NamedTuple):
     columns: Array
     residuals: Array
 
-    def chunk(self, used: NDArray[np.intp], weight: float) -> list[Chunk]:
+    def block(self, used: NDArray[np.intp], weight: float) -> list[list[Chunk]]:
         """Some of those frames; no pose is taken out."""
         columns, residuals = self.columns[used], self.residuals[used]
         flat = np.ascontiguousarray(columns.reshape(-1, columns.shape[2]).T)
         raw, square = np.square(flat).sum(axis=1), float(np.square(residuals).sum())
-        return [Chunk(flat, residuals.ravel(), raw, square, float(residuals.size), weight)]
+        return [[Chunk(flat, residuals.ravel(), raw, square, float(residuals.size), weight)]]
 
 
 def _thin(item: WrenchFit) -> int:

@@ -27,6 +27,7 @@ LETTERS = "xyz"
 _OPEN = 1e9  # no bound
 
 At = Literal["start", "before", "after"]
+Frames = slice | NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +226,7 @@ class Generators:
             volumes,
         )
 
-    def freed(self, item: TrackedTrial, rows: slice) -> PoseFree:
+    def freed(self, item: TrackedTrial, rows: Frames) -> PoseFree:
         """Residuals and the spots' columns in some frames without what the pose takes of them."""
         residuals, pose, columns = self.at(item, rows)
         basis = span(pose)
@@ -234,7 +235,7 @@ class Generators:
         residuals = residuals - (basis @ (across @ residuals[:, :, None]))[:, :, 0]
         return PoseFree(residuals, columns - basis @ hidden, hidden, basis)
 
-    def at(self, item: TrackedTrial, rows: slice) -> tuple[Array, Array, Array]:
+    def at(self, item: TrackedTrial, rows: Frames) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""
         poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = positions(self.tree, poses)

@@ -17,7 +17,7 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents.results import MuscleDifference, MuscleQuantity
-from scaling_service.files.osim import MuscleGeometry, measure_muscles
+from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -131,7 +131,7 @@ def _surface(bone: Bone) -> pv.PolyData:
     return _facing(mesh.vertices, mesh.faces)
 
 
-def _facing(points: Array, faces: NDArray[np.int_]) -> pv.PolyData:
+def _facing(points: Array, faces: NDArray[Any]) -> pv.PolyData:
     """A surface with outward normals at its places and cells."""
     import pyvista  # only here: it takes half a second, which who maps no bone should not wait
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import doctest
+import functools
 import inspect
 import pkgutil
 import re
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import BaseModel
@@ -41,10 +44,31 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def remembered() -> dict[str, Callable[..., Any]]:
+    """What several examples begin with, computed once."""
+
+    def remember(function: Callable[..., Any]) -> Callable[..., Any]:
+        results: dict[str, Any] = {}
+
+        @functools.wraps(function)
+        def compute(*given: Any, **named: Any) -> Any:
+            key = repr((given, named))
+            if key not in results:
+                results[key] = function(*given, **named)
+            return results[key]
+
+        return compute
+
+    return {name: remember(getattr(scaling_service, name)) for name in ("scale", "discover", "dynamics")}
+
+
 @pytest.mark.parametrize("name", MODULES)
 def test_examples(name: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if name in PUBLIC:
         monkeypatch.chdir(request.getfixturevalue("reader"))
+        for function, remembered in request.getfixturevalue("remembered").items():
+            monkeypatch.setattr(scaling_service, function, remembered)
     options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     assert doctest.testmod(import_module(name), optionflags=options).failed == 0
 

@@ -21,24 +21,30 @@ from tests.blind.scoring.records import Record
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
+COSTLY = pytest.mark.costly
 HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
     Case("pair", PAIRS[10], "large", "gait", True, 0),
-    Case("opposed", OPPOSED[1], "large", "gait", True, 0),
+    pytest.param(Case("opposed", OPPOSED[1], "large", "gait", True, 0), marks=COSTLY),
 ]
 NOTHING = [
     Case("null", ("autocorrelated",), "none", "gait", False, 0),
-    Case("null", ("other_scale",), "none", "varied", True, 399),
+    pytest.param(Case("null", ("other_scale",), "none", "varied", True, 399), marks=COSTLY),
 ]
 STRANGE = [
-    Case("stranger", ("marker_restuck",), "large", "gait", False, 0),
     Case("stranger", ("lens_distortion",), "large", "gait", False, 0),
-    Case("stranger", ("vibrating_camera",), "large", "gait", False, 0),
-    Case("stranger", ("clock_drift",), "large", "gait", True, 0),
-    Case("stranger", ("plate_saturation",), "large", "gait", True, 0),
-    Case("stranger", ("belt_speed_error",), "large", "gait", True, 0),
     Case("stranger", ("slipping_sole",), "large", "gait", True, 0),
+    *(
+        pytest.param(Case("stranger", (kind,), "large", "gait", forces, 0), marks=COSTLY)
+        for kind, forces in (
+            ("marker_restuck", False),
+            ("vibrating_camera", False),
+            ("clock_drift", True),
+            ("plate_saturation", True),
+            ("belt_speed_error", True),
+        )
+    ),
 ]
 
 

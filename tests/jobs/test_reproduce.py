@@ -16,6 +16,7 @@ from scaling_service.studies.puchaud2019.report import page as study_page
 from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 from tests.report.reading import Node, read
 
+costly = pytest.mark.costly
 WALKERS = 2  # looked at alone; the paper's six, and one more, take twice as long
 PERSONS = WALKERS + 1
 
@@ -41,6 +42,7 @@ def _cell(cells: list[Beside], quantity: str, method: str) -> Beside:
     return found
 
 
+@costly
 def test_tables_hold_the_papers_numbers_and_ours(result: Puchaud2019Document) -> None:
     femur = _cell(result.segment_lengths_mm, "femur_r", "MB_lam")
     assert (femur.paper_mean, femur.paper_sd, femur.paper_stars) == (440.2, 23.3, "**")
@@ -54,17 +56,20 @@ def test_tables_hold_the_papers_numbers_and_ours(result: Puchaud2019Document) ->
     assert gap.mean == pytest.approx(lengths.mean["MB"] - lengths.mean["EB"], abs=1e-3)
 
 
+@costly
 def test_lengths_of_images_are_near_the_truth(result: Puchaud2019Document) -> None:
     from_truth = result.statistics.quantity("from_truth_mm", "lengths").mean
     assert from_truth["EB"] < 3.0 < from_truth["MB"]
 
 
+@costly
 def test_every_claim_is_answered(result: Puchaud2019Document) -> None:
     assert [c.claim for c in result.claims] == [c.text for c in CLAIMS]
     assert len(result.walkers) == WALKERS
     assert len(result.subjects) == PERSONS
 
 
+@costly
 def test_the_page_says_what_the_document_says(result: Puchaud2019Document, page: Node) -> None:
     claims = next(t for t in page.all("table") if t.attributes["aria-label"] == "Claim by claim")
     rows = [[cell.text for cell in (*row.all("th"), *row.all("td"))] for row in claims.all("tr")[1:]]
@@ -75,6 +80,7 @@ def test_the_page_says_what_the_document_says(result: Puchaud2019Document, page:
     assert "Distance from the truth" in page.text
 
 
+@costly
 def test_another_seed_is_other_persons(result: Puchaud2019Document) -> None:
     assert result.subjects[0] == "virtual_1"
     assert not set(person_seeds(0, 26)) & set(person_seeds(1, 26))

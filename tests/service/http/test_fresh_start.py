@@ -115,14 +115,6 @@ def subject_file(document: dict[str, Any], folder: Path) -> Path:
     return file
 
 
-def test_a_method_from_images_gives_the_numbers_of_the_command_line(
-    shared_data: Path, tmp_path: Path
-) -> None:
-    file = subject_file(imaged_document(shared_data), tmp_path)
-    with served(tmp_path / "data") as url, Client(url) as client:
-        check_method(client, put(client, tmp_path, file), file, "EB", tmp_path)
-
-
 @pytest.mark.benchmark
 @pytest.mark.parametrize(
     ("make", "methods"),

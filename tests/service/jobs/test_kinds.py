@@ -11,9 +11,6 @@ import pytest
 import trimesh
 
 from scaling_service.capabilities.landmarks.run import landmark_bones
-from scaling_service.capabilities.scaling.run import compare
-from scaling_service.capabilities.scaling.saving import save
-from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
@@ -51,33 +48,6 @@ def done(service: Service, job: str) -> dict[str, Any]:
     assert row.state is State.DONE, row.failure
     result: dict[str, Any] = json.loads(service.result("lab", job) or "")
     return result
-
-
-def test_scaling_gives_the_numbers_of_the_command_line(service: Service, tmp_path: Path) -> None:
-    lab = tmp_path / "lab"
-    lab.mkdir()
-    file = laboratory(lab)
-    put(service, document(), lab, "standing.trc", "hips.trc", "walk.trc")
-    job = service.ask("lab", "scaling", {"subject": "S01", "methods": ["MB", "MB_am"]})[0].id
-    with running(service):
-        over_service = done(service, job)
-    there = save(compare(file, ("MB", "MB_am")), tmp_path / "out").model_dump(mode="json")
-    assert untimed(over_service) == untimed(there)
-    assert over_service["methods"]["MB_am"]["kinematic_error_mm"]["walk"]["mean"] > 0.0
-    names = {row.name for row in service.files("lab", job)}
-    written = {
-        p.relative_to(tmp_path / "out").as_posix() for p in (tmp_path / "out").rglob("*") if p.is_file()
-    }
-    assert {name for name in names if not name.startswith("scene/")} == written
-    assert "scene/scene.json" in names
-    _, path = service.file("lab", job, "MB/walk_ik.mot")
-    assert path.read_bytes() == (tmp_path / "out" / "MB" / "walk_ik.mot").read_bytes()
-    hashes = over_service["input_hashes"]
-    assert {name: hashes[name] for name in ("hips.trc", "walk.trc", "standing.trc")} == {
-        name.removeprefix("S01/"): digest
-        for name, digest in json.loads(service.specification("lab", job))["inputs"].items()
-    }
-    assert load_subject(file).id == over_service["subject"]
 
 
 def test_landmarks_are_those_of_the_command_line(service: Service, tmp_path: Path) -> None:

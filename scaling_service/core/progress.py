@@ -11,11 +11,11 @@ Progress = Callable[[str, float], None]
 
 
 def silent(what: str, share: float = 0.0) -> None:
-    """No progress is shown, whether it is told with a share or by names alone."""
+    """No progress is shown, whether with a share or by names alone."""
 
 
 def idle() -> None:
-    """No steps are told."""
+    """No steps are reported."""
 
 
 def part_of(progress: Progress, start: float, length: float) -> Progress:

@@ -39,7 +39,7 @@ def read_content(path: str | Path) -> object:
 def check_document(content: object, *, file: str | Path | None = None) -> SubjectDocument:
     """A subject document from what YAML or JSON gave.
 
-    Raises SubjectInvalid: it does not follow the contract; the first error is told, with the number of the
+    Raises SubjectInvalid: it does not follow the contract; the first error is shown, with the number of the
     others.
 
     Examples

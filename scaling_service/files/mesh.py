@@ -116,10 +116,10 @@ def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
 
 def _refuse_counts(file: Path) -> None:
     """Refuse what a VTP file claims to hold: VTK ends the program when it gets no memory for it."""
-    for told in _COUNTS.findall(file.read_bytes()):
-        if int(told[:20]) > 3 * MAX_FACES:  # each face with corners of its own
+    for count in _COUNTS.findall(file.read_bytes()):
+        if int(count[:20]) > 3 * MAX_FACES:  # each face with corners of its own
             raise FileUnreadable(
-                f"it claims to hold {int(told[:20])} points or cells, more than {3 * MAX_FACES}",
+                f"it claims to hold {int(count[:20])} points or cells, more than {3 * MAX_FACES}",
                 file=file,
                 remedy="Reduce the surface; 60,000 faces are enough for a bone",
             )

@@ -288,7 +288,7 @@ class BodyModel:
         return _named(self.coordinates, name)
 
     def bone_of(self, segment: str) -> str:
-        """The bone that a segment stands for: what is told of it, else its own name."""
+        """The bone that a segment stands for: what the model says of it, else its own name."""
         return next((bone for bone, name in self.bones if name == segment), segment)
 
     @property

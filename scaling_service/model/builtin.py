@@ -157,7 +157,7 @@ def expand(
 ) -> tuple[BodyModel, GenericPerson]:
     """The body model that a compact document describes, and whom it depicts.
 
-    Its keys are told in ``reference_models/README.md``. Only the midline and the right side are written down:
+    Its keys: see ``reference_models/README.md``. Only the midline and the right side are written down:
     an entry with ``mirrored: true`` also gives the left one (``_r`` to ``_l``, leading ``R`` to ``L``, z
     negated, turns about x and y reversed), so that both sides carry the same clinical signs. Of ``base``, the
     model that ``extends`` names, segments, coordinates and markers come first; its landmarks (markers of

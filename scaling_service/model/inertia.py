@@ -1,6 +1,6 @@
 """Mass, centre of mass and inertia of segments: published tables as printed, and arrays for dynamics.
 
-What the tables' numbers mean is told in ``reference_models/README.md``, section "Inertial tables".
+What the tables' numbers mean is described in ``reference_models/README.md``, section "Inertial tables".
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ def process(
     """Turn, scale, smooth and fill a recording.
 
     ``trial``: as read. ``axes``: the session's; see ``decide``. ``clusters``: segment to the labels that
-    sit on it. Returns X forward, Y up, Z right, m; NaN only where nothing could be told. Everything done is
+    sit on it. Returns X forward, Y up, Z right, m; NaN only where nothing is known. Everything done is
     in ``repairs``. Raises TrialUnusable if no marker is seen at all, or the unit cannot be told. Raises
     InputError if the cutoff does not suit the frame rate.
     """

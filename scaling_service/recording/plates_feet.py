@@ -38,7 +38,7 @@ a standing one stays under 0.3 m/s with skin motion)."""
 BRIEF_S = 0.03  # loads briefer than this are knocks (chosen)
 
 TOLERATED = 0.2
-"""Share of a contact in which the markers may disagree before it is told (chosen: rolling at both ends)."""
+"""Share of a contact in which the markers may disagree before it is noted (chosen: rolling at both ends)."""
 
 Mask = NDArray[np.bool_]
 

@@ -168,7 +168,7 @@ MOVED_M = 0.02
 the segment's other markers keep theirs (over a greater trochanter, hip against knee bending: 15 mm)."""
 
 FEWEST_OF_SEGMENT = 4
-"""Markers of a segment from which one can be told to have moved (chosen: three others are a shape)."""
+"""Markers of a segment from which one can be seen to have moved (chosen: three others are a shape)."""
 
 TOLD_BY = 2
 """Neighbours from which its distance must differ (chosen: of one distance, either end may be wrong)."""
@@ -209,7 +209,7 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
     """
     some = [_thin(trial, max(1, trial.n_frames // _FRAMES)) for trial in trials]
     shapes = {trial.name: measure_shape([trial], clusters) for trial in some}
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for trial in some:
         others = [name for name in shapes if name != trial.name]
         found = list(_moved_in(trial.name, shapes, others, clusters)) if others else []
@@ -217,8 +217,8 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
             usual = measure_shape((other for other in some if other is not trial), clusters)
             exchanged = {label for item in find_exchanges(trial, clusters, usual) for label in item.labels}
             found = [item for item in found if exchanged.isdisjoint((item.label, item.neighbour))]
-        yield from (item for item in found if (item.label, item.other) not in told)
-        told |= {(item.label, item.trial) for item in found}
+        yield from (item for item in found if (item.label, item.other) not in reported)
+        reported |= {(item.label, item.trial) for item in found}
 
 
 def _thin(trial: Trial, step: int) -> Trial:
@@ -237,9 +237,9 @@ def _moved_in(
     for labels in clusters.values():
         for label in labels:
             known = [_compare(label, labels, trial, other, shapes) for other in others]
-            told = [one for one in known if one is not None]
-            moved = [one for one, alone in told if alone]
-            if 2 * len(moved) > len(told):
+            reported = [one for one in known if one is not None]
+            moved = [one for one, alone in reported if alone]
+            if 2 * len(moved) > len(reported):
                 yield max(moved, key=lambda one: abs(one.here_m - one.there_m))
 
 

@@ -43,7 +43,7 @@ def input_blocks(document: Provenance) -> Iterator[Block]:
 
 
 def repair_blocks(document: Provenance) -> Iterator[Block]:
-    """What was done, the same in several places told once."""
+    """What was done, the same in several places said once."""
     found: dict[tuple[str, str], list[tuple[str, RepairNote]]] = {}
     for trial, repairs in document.repairs.items():
         for repair in repairs:

@@ -81,8 +81,8 @@ def test_where_no_member_of_a_class_stands_out_the_class_is_told(
     out = said(document.model_copy(update={"effects": [effect]}), capsys)
     assert "or another of its class" in out
     assert any(line.startswith("Class") and "one of 20" in line for line in out.splitlines())
-    assert "told only as a class" in headline("found", [effect], None, [], held_out=True)
-    assert "told only as a class" not in headline("found", document.effects[:1], None, [], held_out=True)
+    assert "named only as a class" in headline("found", [effect], None, [], held_out=True)
+    assert "named only as a class" not in headline("found", document.effects[:1], None, [], held_out=True)
 
 
 def test_how_the_files_were_read_is_said(

@@ -78,6 +78,21 @@ def test_sums_are_those_of_columns_made_one_by_one(
     assert sum(s.square for s in found.blocks) == pytest.approx(square, rel=1e-6)
 
 
+@pytest.mark.parametrize("most", [7, 16, 10**6])
+def test_how_many_frames_are_looked_at_at_once_makes_no_difference(
+    tracked: tuple[TrackedTrial, ...], picked: list[Candidate], most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parts of a block, a block or some, and whole recordings."""
+    usual = gathered(tracked, picked, together=True)
+    monkeypatch.setattr("scaling_service.capabilities.discovery.evidence.markers._FRAMES", (most, most))
+    changed = gathered(tracked, picked, together=True)
+    assert [block.trial for block in changed.blocks] == [block.trial for block in usual.blocks]
+    np.testing.assert_allclose(changed.raw, usual.raw, rtol=1e-9)
+    for one, other in zip(changed.blocks, usual.blocks, strict=True):
+        np.testing.assert_allclose(one.own, other.own, atol=1e-9 * np.abs(other.own).max())
+        assert (one.square, one.freedom) == pytest.approx((other.square, other.freedom), rel=1e-9)
+
+
 def test_groups_by_themselves_are_parts_of_all_together(
     tracked: tuple[TrackedTrial, ...], picked: list[Candidate]
 ) -> None:

@@ -42,7 +42,7 @@ def workers(count: int, listener: Listener | None = None) -> Iterator[Executor]:
 
     Worker processes use one thread of linear algebra each, unless the environment says otherwise. When
     the block is left by an interruption, tasks under way end when they next report their stage. The listener
-    is told how far each task is, perhaps from another thread.
+    hears how far each task is, perhaps from another thread.
     """
     with _here(listener) if count == 1 else _pool(count, listener) as executor:
         yield executor

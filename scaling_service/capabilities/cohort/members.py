@@ -68,7 +68,7 @@ def _candidates(path: Path) -> list[Path]:
 
 
 def _is_subject(file: Path) -> bool:
-    """Whether a document says anything of a subject; one that cannot be read counts, so that it is told."""
+    """Whether a document says anything of a subject; one that cannot be read counts, to be reported."""
     try:
         content = read_content(file)
     except InputError:

@@ -65,8 +65,10 @@ def _groups(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) 
                     entry.values[subject]
                 )
             if len(members) > 1:
-                told = "; ".join(f"{group} ({len(of)}): {_rank(_means(of))}" for group, of in members.items())
-                yield f"By {label}, kinematic error {said}, mm: {told}. Groups are described, not tested."
+                ranks = "; ".join(
+                    f"{group} ({len(of)}): {_rank(_means(of))}" for group, of in members.items()
+                )
+                yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
 
 
 def _means(values: Sequence[Mapping[str, float]]) -> dict[str, float]:

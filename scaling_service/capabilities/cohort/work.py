@@ -59,8 +59,8 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
 
 def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
     """How every subject ended, in the request's order, as its own job says."""
-    told = json.loads((inputs / PARTS).read_text(encoding="utf-8"))
-    ends = {end["request"]["subject"]: end for end in told}
+    ended = json.loads((inputs / PARTS).read_text(encoding="utf-8"))
+    ends = {end["request"]["subject"]: end for end in ended}
     labels = sorted({label for given in request.groups.values() for label in given})
     return [
         _outcome(

@@ -35,7 +35,7 @@ STANDING_S = 0.5
 chosen: half a second averages noise and sway)."""
 
 NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
-"""Markers without which lengths cannot be told."""
+"""Markers without which lengths cannot be found."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,7 +121,7 @@ def read_catalogue() -> dict[str, Dataset]:
 def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
     """One dataset by name.
 
-    Raises InputError: there is none of that name; close ones, or all, are told.
+    Raises InputError: there is none of that name; the error lists close ones, or all.
     """
     if name in catalogue:
         return catalogue[name]

@@ -15,7 +15,7 @@ from scaling_service.capabilities.datasets.catalogue import BASE_URL, RemoteFile
 from scaling_service.core.errors import FileUnreadable, InputError
 
 TIMEOUT_S = (10.0, 30.0)
-"""To connect, and without any data; chosen: a slow link still answers, a dead one is told within a minute."""
+"""To connect, and without any data; chosen: a slow link still answers, a dead one shows within a minute."""
 
 _CHUNK_BYTES = 1 << 16  # chosen: the progress moves several times a second on a slow link
 
@@ -185,7 +185,7 @@ def _refusal(status: int, url: str) -> tuple[str, str]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep pooch's own lines off the terminal; what happens is told by whoever asked."""
+    """Keep pooch's own lines off the terminal; the caller says what happens."""
     logger = pooch.get_logger()
     before = logger.level
     logger.setLevel(logging.ERROR)

@@ -235,5 +235,5 @@ def source_note(name: str, dataset: Dataset) -> str:
 
 
 def terms(dataset: Dataset) -> str:
-    """The licence in one line, commercial use told where it is excluded."""
+    """The licence in one line, with a word on commercial use where it is excluded."""
     return dataset.licence.name + (" (NON-COMMERCIAL USE ONLY)" if dataset.licence.non_commercial else "")

@@ -2,7 +2,7 @@
 
 Markers alone do not show what skin does as a whole over a bone. Three things say something of it: pins, the
 published smaller rotations of joints, and the posture in which the markers were placed, which is where the
-model fits them best. What none of them shows is told as undetermined, and the bones are left as they are.
+model fits them best. What none of them shows is reported as undetermined, and the bones are left as they are.
 """
 
 from __future__ import annotations

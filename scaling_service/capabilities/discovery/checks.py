@@ -128,7 +128,7 @@ def _sides_exchanged(model: BodyModel, trial: Trial, away: float) -> bool:
 
 
 def mirrored(labels: Sequence[str]) -> dict[str, str]:
-    """Each label to that of the other side, where the side is told by the first or last letter.
+    """Each label to that of the other side, where the first or last letter gives the side.
 
     Examples
     --------

@@ -46,7 +46,7 @@ from scaling_service.report.scene import Scene
 _TONES: dict[str, Tone] = {"found": "good", "nothing": "plain", "unexplained": "fair"}
 _OBSERVABLES = (("marker", "Markers", "mm"), ("force", "Ground force", "N"), ("moment", "Moment", "N m"))
 _MOST_PLACES, _MOST_ALIKE = 12, 6
-"""Places in a table, effects that are not told apart (chosen); discovery.json has all."""
+"""Places in a table, effects that cannot be told apart (chosen); discovery.json has all."""
 
 
 def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Page:

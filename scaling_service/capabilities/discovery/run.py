@@ -18,7 +18,7 @@ from scaling_service.core.progress import Progress, part_of, silent
 from scaling_service.model.subject import Subject
 
 USUAL = DiscoverySettings()
-"""How strict the search is unless told otherwise."""
+"""How strict the search is by default."""
 
 _PREPARING = 0.2
 """Chosen: about the share of reading and scaling; the search takes the rest."""

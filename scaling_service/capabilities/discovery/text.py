@@ -34,7 +34,7 @@ LEVELS = (
 _LITTLE = 0.5  # chosen: share of the gap above the noise that effects must explain to be the whole headline
 _MOST_NUMBERS, _MOST_ALIKE = 4, 3  # chosen: as many as fit a screen; discovery.json has all
 _TOLD_ALONE = 0.3
-"""Probability within its class from which an effect is told by itself (chosen: below it there are more than
+"""Probability within its class from which an effect stands by itself (chosen: below it there are more than
 three as good, for no other member is likelier)."""
 
 
@@ -136,7 +136,7 @@ def headline(
     doubtful = sum(effect.carries and has_doubtful_size(effect) for effect in effects)
     classes = sum(effect.carries and tells_class(effect) for effect in effects)
     whose = ("", "") if count == 1 else (f"{classes} of them ", f"{doubtful} of them ")
-    doubt = f", {whose[0]}told only as a class of effects" if classes else ""
+    doubt = f", {whose[0]}named only as a class of effects" if classes else ""
     doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
     if level is None:
         return f"{things} found{doubt}"
@@ -172,13 +172,13 @@ def describe_belief(effect: float, member: float, sign: float | None, size: floa
     >>> describe_belief(0.9999, 0.5, 0.98, 0.01)
     'not by chance: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
     """
-    told = (
+    beliefs = (
         ("not by chance", effect),
         ("this one of its class", member if member < 1.0 else None),
         ("its sign", sign),
         ("a size that laboratories meet", size),
     )
-    return "; ".join(f"{what}: {percent(value)}" for what, value in told if value is not None)
+    return "; ".join(f"{what}: {percent(value)}" for what, value in beliefs if value is not None)
 
 
 def describe_cautions(candidate: Candidate, parameters: Mapping[str, QuantityDocument]) -> Iterator[str]:

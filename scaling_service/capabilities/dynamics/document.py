@@ -176,7 +176,7 @@ class DynamicsDocument(Provenance):
 
 
 def merge_warnings(document: DynamicsDocument) -> list[str]:
-    """The recordings' warnings, what holds of several of them told once."""
+    """The recordings' warnings, what holds of several of them said once."""
     where: dict[str, list[str]] = {}
     for name, trial in document.trials.items():
         for warning in trial.warnings:

@@ -44,12 +44,12 @@ _HEADLINES: tuple[tuple[str, Tone], ...] = (
 """For no component of any recording, some, or all."""
 
 _WRONG_MASS: tuple[str, Tone] = (
-    "The declared mass is wrong: until it is right, nothing is told of the inertia",
+    "The declared mass is wrong: until it is right, nothing is said about the inertia",
     "fair",
 )
 
 _DARKEST = 3.0
-"""Prior standard deviations of the darkest cell (chosen: beyond it a change is told as a surprise)."""
+"""Prior standard deviations of the darkest cell (chosen: beyond it a change counts as a surprise)."""
 
 _NOTED = 0.1
 """Least change that is worth a row in the first table, prior standard deviations (chosen)."""

@@ -161,7 +161,7 @@ def dynamics(
         weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
         assert weight is not None  # a recording without a frame that counts is refused
         weight.check()
-        inertial, told = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
+        inertial, notes = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
     return DynamicsResults(
         prepared,
@@ -171,7 +171,7 @@ def dynamics(
         weight,
         verdict_of(trials, weight, refused),
         inertial,
-        (*prepared.warnings, *told),
+        (*prepared.warnings, *notes),
         time.perf_counter() - clock,
     )
 

@@ -65,7 +65,7 @@ def prepare(
         read = movement_forces(known, loaded.plates)
         if known.height_m is None:
             raise SubjectInvalid(
-                "residuals are told in shares of body weight times height, and no height is given",
+                "residuals are reported as shares of body weight times height, and no height is given",
                 field="subject.height_m",
                 remedy="Give the person's stature in m",
             )

@@ -31,7 +31,7 @@ _LASTING = (
 )
 
 NOTICED = 0.015
-"""Share of the mass by which plates and declaration must differ to be told (chosen: clothes and shoes)."""
+"""Share of the mass by which plates and declaration must differ to be noted (chosen: clothes and shoes)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,10 +86,10 @@ def _person(found: ProofDocument) -> Iterator[str]:
     yield f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"
     if found.sizes is not None:
         whole = (("height", found.sizes.height_m, "m"), ("mass", found.sizes.mass_kg, "kg"))
-        told = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
-        told += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
-        if told:
-            yield f"Sizes: {', '.join(told)} (from {few(found.sizes.source)})"
+        sizes = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
+        sizes += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
+        if sizes:
+            yield f"Sizes: {', '.join(sizes)} (from {few(found.sizes.source)})"
 
 
 def _marker_set(found: ProofDocument) -> Iterator[str]:

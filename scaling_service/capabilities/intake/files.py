@@ -1,4 +1,4 @@
-"""What uploaded files are, told by their names and contents; whatever cannot be read says why."""
+"""What uploaded files are, from their names and contents; whatever cannot be read says why."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def problem_of(error: InputError, severity: Severity = "error", file: str | None
 def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     """Read one recording; ``up`` and ``forward`` are the laboratory's axes, where they are known.
 
-    Raises InputError: its markers cannot be used at all. What is wrong with its plates is told in the result.
+    Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
     trial = remove_strays(read_recording(file))
     seen = RecordingFile(file.name, trial, _axes(trial, up, forward))
@@ -139,7 +139,7 @@ class InputFile:
 
     name: str
     kind: Kind
-    why: str  # how that was told
+    why: str  # how that was found
     problem: ProblemEntry | None = None  # why it cannot be used
     content: RecordingFile | GroundForces | str | Mapping[str, Any] | None = None
 
@@ -204,8 +204,8 @@ def _xml(file: Path) -> InputFile:
         if pattern.search(text):
             if place is None:
                 return InputFile(file.name, "other", "a set-up of OpenSim that is not used here")
-            told = "a scale set-up" if place == "scale_setup" else "a marker set"
-            return InputFile(file.name, "setup", f"{told} of OpenSim", content=place)
+            kind = "a scale set-up" if place == "scale_setup" else "a marker set"
+            return InputFile(file.name, "setup", f"{kind} of OpenSim", content=place)
     return InputFile(file.name, "other", "XML that is not used here")
 
 

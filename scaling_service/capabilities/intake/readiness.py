@@ -88,7 +88,7 @@ def judge_readiness(
     )
     feet, whole = _feet(model, markers), _whole_body(model, sizes.mass_kg)
     height = _measure(
-        "height", sizes.height_m, "m", "residuals are told in shares of body weight times height"
+        "height", sizes.height_m, "m", "residuals are reported as shares of body weight times height"
     )
     mass = _measure("mass", sizes.mass_kg, "kg", "the plates' weight stands in for it", required=False)
     both = Need(

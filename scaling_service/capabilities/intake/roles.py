@@ -43,7 +43,7 @@ def static_of(roles: Mapping[str, tuple[str, str]]) -> str | None:
 def assign_recordings(found: Sequence[InputFile]) -> Roles:
     """Standing, movements to fit, movements to judge.
 
-    Who stands still is told by the markers. Of the movements, names tell which serve for what. Without a
+    The markers show who stands still. Of the movements, names tell which serve for what. Without a
     movement to fit, all walks but the first serve for that; without one to judge, the first of those whose
     names say nothing does, a walk before others, if another is left to fit.
     """

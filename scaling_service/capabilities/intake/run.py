@@ -241,7 +241,7 @@ class _Look:
         except InputError as error:
             self.problems.append(problem_of(error, file=item.file))
         except ValidationError:
-            pass  # told with all else that is wrong with the document
+            pass  # reported with all else that is wrong with the document
         return item
 
     def _missing(self) -> Iterator[ProblemEntry]:
@@ -273,7 +273,7 @@ class _Look:
         sizes = {item.file: item.trial.sizes for item in self.seen}
         for file, (role, _) in self.roles.items():
             if role == "scale_setup":
-                with suppress(InputError):  # told by scaling's own refusal
+                with suppress(InputError):  # scaling's own refusal says it
                     setup = read_scale_setup(self.folder / file)
                     sizes[file] = MeasuredSizes(setup.height_m, setup.mass_kg)
         return sizes

@@ -1,4 +1,4 @@
-"""Which recording shows the person standing still: told by the markers, a name only breaks ties."""
+"""Which recording shows the person standing still: the markers decide, a name only breaks ties."""
 
 from __future__ import annotations
 

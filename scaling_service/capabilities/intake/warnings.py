@@ -84,7 +84,7 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
 def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
     """Labels of one segment that stand for each other for a while.
 
-    Of two recordings that contradict each other all along, it is told once for both.
+    Of two recordings that contradict each other all along, it is reported once for both.
     """
     wrong: dict[str, list[Exchange]] = {}
     for file, trial in trials.items():
@@ -268,7 +268,7 @@ _SAID_TWICE = re.compile(r"(: correct the labels in the recording|; map them und
 
 _NO_REMEDY = "Nothing is to be done"
 
-_OTHER = "Look whether it matters to you; scaling takes it as told here"
+_OTHER = "Look whether it matters to you; scaling takes it as described here"
 
 
 def warning_entry(text: str) -> ProblemEntry:
@@ -279,7 +279,7 @@ def warning_entry(text: str) -> ProblemEntry:
     >>> warning_entry("no recording shows RFH of the model: not used").remedy[:42]
     'If they were recorded under other names, m'
     """
-    remedy = next((told for ending, told in _REMEDIES.items() if re.search(ending, text)), _OTHER)
+    remedy = next((advice for ending, advice in _REMEDIES.items() if re.search(ending, text)), _OTHER)
     problem = _SAID_TWICE.sub("", text)
     severity: Severity = "note" if remedy.startswith(_NO_REMEDY) else "warning"
     return ProblemEntry(severity=severity, problem=problem, remedy=remedy)

@@ -38,7 +38,7 @@ EDGE_PERIODS = 0.5
 mirrored data: in public walking trials the residual peaks at 90 to 240 N there, at 30 to 120 N elsewhere."""
 
 FASTEST = 200.0
-"""Angular acceleration of a filtered joint that is told, rad/s2 (chosen: 0.2 rad to and fro at 5 Hz; knees in
+"""Angular acceleration of a filtered joint worth a note, rad/s2 (chosen: 0.2 rad to and fro at 5 Hz; knees in
 walking reach about 100). Markers that hardly determine a joint make it tremble so."""
 
 

@@ -39,9 +39,9 @@ class LandmarksRequest(OfOneSubject):
 
     def meshes(self, document: Mapping[str, Any]) -> dict[str, str]:
         """Bone to file, as asked for or as the subject's document says."""
-        told = dict(document.get("bones") or {})
-        told.pop("units", None)
-        return self.bones if self.bones is not None else {k: v for k, v in told.items() if v is not None}
+        bones = dict(document.get("bones") or {})
+        bones.pop("units", None)
+        return self.bones if self.bones is not None else {k: v for k, v in bones.items() if v is not None}
 
     def needed(self, documents: Documents) -> Needed:
         """The meshes."""

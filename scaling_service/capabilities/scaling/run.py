@@ -204,8 +204,8 @@ def _on_surfaces(scaling: Scaling, session: Session) -> Scaling:
     found = follow_surfaces(
         render_scaled(calibration, session), calibration, session.images.bones, Path(source)
     )
-    told = replace(calibration, warnings=(*calibration.warnings, *found.notes))
-    return replace(scaling, calibration=told, osim=found.osim, attachments=found.moved)
+    noted = replace(calibration, warnings=(*calibration.warnings, *found.notes))
+    return replace(scaling, calibration=noted, osim=found.osim, attachments=found.moved)
 
 
 def render_scaled(calibration: Calibration, session: Session) -> str:

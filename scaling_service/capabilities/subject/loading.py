@@ -273,8 +273,8 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     if not subject.bones:
         return None, ()
     if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
-        told = "bones are used with built-in and .osim models only: image-based methods were left out"
-        return None, (told,)
+        note = "bones are used with built-in and .osim models only: image-based methods were left out"
+        return None, (note,)
     scale = UNITS[subject.bone_units]
     meshes = {name: read_mesh(path) for name, path in subject.bones.items()}
     shapes = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
@@ -316,7 +316,7 @@ def provenance(
 ) -> dict[str, Any]:
     """The fields of a ``Provenance``: what is needed to get the same results again.
 
-    ``trials``: those whose repairs are told. ``settings``: as resolved, defaults included.
+    ``trials``: those whose repairs are reported. ``settings``: as resolved, defaults included.
     """
     subject = loaded.session.subject
     return {

@@ -159,7 +159,7 @@ def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
 
 
 def _move_wrap(wrap: Any, at: Sequence[float], size: float) -> None:
-    """Put a wrap elsewhere in its body, as large as told; its directions stay."""
+    """Put a wrap elsewhere in its body, of a given size; its directions stay."""
     wrap.set_translation(opensim().Vec3(*at))
     for kind, lengths in _LENGTHS.items():
         own = getattr(opensim(), kind).safeDownCast(wrap)

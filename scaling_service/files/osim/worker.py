@@ -43,8 +43,8 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
     try:
         return OPERATIONS[request["operation"]](request)
     except InputError as error:
-        told = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
-        return {"error": {"kind": type(error).__name__, **told}}
+        described = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
+        return {"error": {"kind": type(error).__name__, **described}}
 
 
 def main() -> None:

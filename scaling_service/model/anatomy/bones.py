@@ -1,4 +1,4 @@
-"""Which segment of a model is which bone: as told, by its name, or by the tree of the model's joints."""
+"""Which segment of a model is which bone: as stated, by its name, or by the tree of its joints."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ONE_FOOT_M = 0.07  # chosen: the subtalar joint lies 20 to 45 mm from the ankle
 
 
 def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, tuple[str, ...]]:
-    """The model with its bones told where its segments' names do not say them, and a word on each of these.
+    """The model with its bones stated where its segments' names do not say them, and a word on each of these.
 
     ``said``: bone to the segment that a person names for it. Without that, names count; where they leave out
     a femur, the tree of the joints is looked at.
@@ -39,7 +39,7 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
         for bone, name in (find_bones_by_tree(model) if nameless else {}).items()
         if bone not in {**named, **said} and name not in taken and (bone == "pelvis" or bone[-1] in nameless)
     }
-    told = {**seen, **said}
+    stated = {**seen, **said}
     notes = [
         f"bones by {source}: {', '.join(f'{bone} is {name}' for bone, name in pairs.items())}{remedy}"
         for source, pairs, remedy in (
@@ -48,7 +48,7 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
         )
         if pairs
     ]
-    return replace(model, bones=tuple(told.items())) if told else model, tuple(notes)
+    return replace(model, bones=tuple(stated.items())) if stated else model, tuple(notes)
 
 
 def _check_said(model: BodyModel, said: Mapping[str, str]) -> None:

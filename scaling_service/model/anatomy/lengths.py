@@ -99,7 +99,7 @@ def segment_lengths(model: BodyModel) -> dict[str, float]:
 def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     """The segment that plays a part on a side, whatever the model calls it; None if there is none.
 
-    What is told of the model's bones counts before the names of its segments.
+    What the model says of its bones counts before the names of its segments.
 
     ``role``: ``pelvis``, ``femur``, ``tibia``, ``foot`` (what the ankle moves), ``calcn`` (what carries the
     foot's markers), ``toes``, ``torso``, ``head``, ``humerus``, ``ulna`` or ``hand``.

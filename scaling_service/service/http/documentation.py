@@ -58,7 +58,7 @@ RESULT = _reference("JobResult")
 def json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
     """The part of a route's description that tells of its body, which the route reads itself.
 
-    The example runs as it stands; the body follows one of the models, which :func:`install` is told, too.
+    The example runs as it stands; the body follows one of the models, which :func:`install` is given, too.
     """
     choices = [_reference(model.__name__) for model in models]
     schema = choices[0] if len(choices) == 1 else {"anyOf": choices}

@@ -140,7 +140,7 @@ def delete_file(subject: Named, name: FileName, owner: Owner, service: ServiceDe
 
 
 def _refuse_too_large(request: Request, limit_mb: int) -> None:
-    """Say no before anything comes, where the length is told."""
+    """Say no before anything comes, where the length is stated."""
     length = request.headers.get("content-length", "")
     if length.isdigit() and int(length[:20]) > limit_mb * 1_000_000:
         raise TooLarge(

@@ -108,7 +108,7 @@ class Runner:
         self._wake.set()
 
     def run(self) -> None:
-        """Work until told to stop; then give back what is not finished.
+        """Work until asked to stop; then give back what is not finished.
 
         Whatever happens to the database or the disk, it goes on when they are there again.
         """

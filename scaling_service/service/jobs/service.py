@@ -220,7 +220,7 @@ def open_store(settings: ServiceSettings) -> Store:
 
 
 def _known_name(name: str, what: str) -> str:
-    """A name that something can have; others are told as not found before a database sees them."""
+    """A name that something can have; others count as not found before a database sees them."""
     if not name.isprintable():
         raise NotFound(f"there is no such {what}", field=what)
     return name

@@ -40,7 +40,7 @@ _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal
 def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> Outcome:
     """Have work done in a limited process, and wait for its end, whatever that is.
 
-    ``stop`` is asked ten times a second whether to stop; ``progress`` is told what is being done and the
+    ``stop`` is asked ten times a second whether to stop; ``progress`` hears what is being done and the
     share that is done.
     """
     try:

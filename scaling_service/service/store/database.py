@@ -26,7 +26,7 @@ from scaling_service.core.errors import DependencyMissing, InputError
 from scaling_service.service.store.errors import StoreUnavailable, full, of_sqlite
 
 CONNECT_S = 5
-"""Chosen: a PostgreSQL that does not answer by then is told of as unavailable, and tried again later."""
+"""Chosen: a PostgreSQL that does not answer by then is reported as unavailable, and tried again later."""
 
 BUSY_S = 10.0
 """How long a writer waits for another. Chosen: the longest write, a cascading delete, takes well under it."""

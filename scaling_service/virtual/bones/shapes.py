@@ -48,7 +48,7 @@ class Part:
 
 
 def rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float | None = None) -> Shape:
-    """A rod between two points with round ends, as thick all along unless told otherwise, in m."""
+    """A rod between two points with round ends, as thick all along by default, in m."""
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     growth = 0.0 if end_radius is None else end_radius - start_radius
     thick = start_radius + max(growth, 0.0)

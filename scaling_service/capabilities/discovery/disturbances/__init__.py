@@ -1,4 +1,4 @@
-"""Disturbances that no effect of the catalogue has: told as unexplained, never corrected.
+"""Disturbances that no effect of the catalogue has: reported as unexplained, never corrected.
 
 A lens that bends the volume, a camera that trembles: each looks somewhat like several effects at once, and
 these would be named in its stead. So such laws are looked for beside the catalogue. A file here holds

@@ -3,7 +3,7 @@
 A marker that came off half way, or that the cameras confuse with another, pulls the pose with it, and the
 nearest effects that the catalogue has would be named in its stead. So every marker is also allowed any
 course. Where that explains clearly more than any law, the marker is left out of the search, and what it shows
-is told as unexplained.
+is reported as unexplained.
 """
 
 from __future__ import annotations
@@ -62,8 +62,10 @@ def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
     if best is None:
         return None
     here = unseen.issuperset(best.candidate.trials) and bool(best.candidate.trials)
-    told = [o.held_out.gain * square if here and not o.candidate.trials else o.fitted.expected for o in laws]
-    return best if best.expected > settings.free_marker_lead * max(told, default=0.0) else None
+    explained = [
+        o.held_out.gain * square if here and not o.candidate.trials else o.fitted.expected for o in laws
+    ]
+    return best if best.expected > settings.free_marker_lead * max(explained, default=0.0) else None
 
 
 def _fitted(fit: Fit) -> Iterator[tuple[Candidate, Fitted]]:

@@ -31,7 +31,7 @@ from scaling_service.numerics.multibody.laws import Array
 
 _UNIT = np.eye(3)
 _SMOOTHED = 2.0  # acceleration over half the square of a delay; chosen: 0.5 is a delay alone
-_EVERY = 50  # of places looked at for a size that is told (chosen: thousands are left)
+_EVERY = 50  # of places looked at for a size that is reported (chosen: thousands are left)
 _SLOWEST_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 _FASTEST = 0.45  # of the frame rate
 _NEAR = (1.5, 15.0)  # widths of a line between which other frequencies are its neighbours (chosen)

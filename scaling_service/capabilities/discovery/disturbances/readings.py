@@ -21,7 +21,7 @@ from scaling_service.capabilities.discovery.evidence.statistics import p_above_z
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
-_PART = 0.25  # of what the largest component is off by, in floors, from which another is told (chosen)
+_PART = 0.25  # of what the largest component is off by, in floors, from which another is reported (chosen)
 _ALIKE = 0.03  # of the largest direction of all readings, below which one is no other (chosen: of its noise)
 
 

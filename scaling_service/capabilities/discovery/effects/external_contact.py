@@ -50,7 +50,7 @@ _STILL_M_S, _LOW_M, _NEAR_M = 0.2, 0.1, 0.15
 
 _MAIN = 0.6  # chosen: of all that stands out in a trial, what one contact must hold
 _QUIET = 0.1  # chosen: the quietest tenth of the frames
-_FEWEST, _MANY = 5, 8  # frames of a block, and blocks, from which something is told (both chosen)
+_FEWEST, _MANY = 5, 8  # frames of a block, and blocks, from which something can be said (both chosen)
 _PARTS = 10  # blocks that a contact should have at least (chosen: fewer can be sure of nothing)
 _PICKED = 2.0 * _STRONG  # chosen: frames of four times the usual square and more have about eight times it
 _MOSTLY = 0.8  # chosen: of a contact's frames, in which a foot must rest, and no plate's pressure be near

@@ -31,7 +31,7 @@ class ScoredCandidate:
     fitted: Fitted
     gains: Array | None  # (n_blocks,), or None: what it takes off each block that fits it
     held_out: HeldOut
-    equivalents: tuple[Candidate, ...] = ()  # those that are known not to be told from it
+    equivalents: tuple[Candidate, ...] = ()  # those that are known to be indistinguishable from it
 
     def p_family(self, count: int) -> float:
         """Of as much by chance in a catalogue of so many: in the fit and in recordings that fitted nothing.
@@ -59,7 +59,7 @@ class ScoredCandidates:
     count: int
     # those of the best that are sums of columns among the markers, and those that were searched for there
     of_markers: tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]] = ((), ())
-    tracked: tuple[TrackedTrial, ...] = ()  # the recordings that these were told from
+    tracked: tuple[TrackedTrial, ...] = ()  # the recordings that these were scored on
 
 
 def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> list[ScoredCandidate]:

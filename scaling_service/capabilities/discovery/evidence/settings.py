@@ -127,7 +127,7 @@ class DiscoverySettings:
     law_terms: int = 3  # of a description of what is left (chosen: a law of more is no longer simple)
     # of the variance: what a further term must explain, on the half that did not fit it (chosen)
     law_gain: float = 0.05
-    # share of a residual's variance that a coordinate explains, from which it is told (chosen)
+    # share of a residual's variance that a coordinate explains, from which it is reported (chosen)
     correlated_share: float = 0.3
     # single columns that the black-box bound is made of (chosen: far more than effects have numbers)
     black_box_columns: int = 60

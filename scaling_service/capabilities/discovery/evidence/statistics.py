@@ -35,7 +35,7 @@ _DETERMINED = 0.99
 """Share of a column's direction that must be shown for its number to mean anything (chosen)."""
 
 _FEWEST = 3
-"""Blocks from which a spread of gains is told (chosen: one degree of freedom more than needed)."""
+"""Blocks from which a spread of gains is estimated (chosen: one degree of freedom more than needed)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

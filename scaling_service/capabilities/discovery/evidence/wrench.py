@@ -46,7 +46,7 @@ class Wrench(Observation[WrenchFit]):
 
         Columns are made of the motion that leaves the residuals, so noise of the markers is in both, and its
         products do not vanish on average: a mass on a spring would seem to oscillate where nothing but
-        cameras' noise is. What they come to is told by noise drawn once more and taken off (the corrected
+        cameras' noise is. Noise drawn once more estimates what they come to, which is taken off (corrected
         score of errors in variables: Nakamura 1990, Biometrika 77:127).
         """
         draws = _DRAWS[layout.rough]

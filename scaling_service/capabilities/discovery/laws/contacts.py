@@ -1,10 +1,10 @@
 """Where on a segment something touches, and when that begins and ends.
 
-Where is told by the moment that is left about the point. The force may take any course; about the point where
-it acts there is no moment. A foot's contact wanders over its sole, any other contact a little; so much the
+The place follows from the moment that is left about the point. The force may take any course; where it acts
+there is no moment. A foot's contact wanders over its sole, any other contact a little; so much the
 moment may differ.
 
-When is told by the course of the force. One that rises smoothly stands above the noise only some time after
+The time follows from the course of the force. One that rises smoothly stands above the noise some time after
 it began. So ramps of several shapes are laid through it, of every beginning and length, each with the height
 that suits it best; what they say is weighed by their likelihood.
 """
@@ -179,7 +179,7 @@ def _about(arm: Array) -> Array:
 
 
 _THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
-_FEWEST = 5  # frames from which something is told
+_FEWEST = 5  # frames from which something can be said
 
 Edges = tuple[tuple[float, float], tuple[float, float]]
 """When a contact begins and when it ends, s, each with its standard deviation."""

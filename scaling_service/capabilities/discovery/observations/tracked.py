@@ -22,7 +22,7 @@ from scaling_service.numerics.signals.filters import butterworth
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
-_FEWEST_BLOCKS = 4  # of a trial; chosen: a spread is told from three, and one may be empty
+_FEWEST_BLOCKS = 4  # of a trial; chosen: a spread needs three, and one may be empty
 LEAST_M = 2e-4
 """m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
 of a millimetre). Recordings that show less were smoothed before."""
@@ -37,7 +37,7 @@ _UNLIKE = 2.0
 times). What shows less was smoothed, what shows more is no noise of the cameras."""
 
 _MEMORIES = np.linspace(0.0, 0.99, 100)
-"""Correlations from frame to frame of first-order autoregressive noise that are told apart."""
+"""Correlations from frame to frame of first-order autoregressive noise that are distinguished."""
 
 _WHITE = 0.2
 """Correlation below which noise counts as white (chosen: the error of a walk of a hundred frames and fifteen
@@ -46,7 +46,7 @@ markers)."""
 _STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
 
 _ENOUGH = 30
-"""Third differences from which a spread is told (chosen: its own error is then 15 %)."""
+"""Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
 
 DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
 _CHUNK = 64  # frames at once
@@ -161,16 +161,16 @@ class TrackedTrial:
         spread = np.array([[_spread(steps) for steps in self._strides(k)] for k in _STRIDES])
         spread[spread == 0.0] = np.nan
         longer = 2.0 * np.log(spread[1:] / spread[0])
-        told = np.isfinite(longer).any(axis=1)
-        powers = np.array(_STRIDES[1:])[told, None]
+        known = np.isfinite(longer).any(axis=1)
+        powers = np.array(_STRIDES[1:])[known, None]
         expected = np.log(_growth(_MEMORIES**powers) / _growth(_MEMORIES))
-        off = np.abs(np.nanmedian(longer[told], axis=1)[:, None] - expected).sum(axis=0)
+        off = np.abs(np.nanmedian(longer[known], axis=1)[:, None] - expected).sum(axis=0)
         memory = float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
         return memory if memory >= _WHITE else 0.0
 
     @property
     def shows_noise(self) -> bool:
-        """Whether the cameras' noise is there to be told, and was not smoothed away."""
+        """Whether the cameras' noise can be estimated, and was not smoothed away."""
         return float(np.median(self.floor)) > LEAST_M
 
     def _strides(self, stride: int) -> Iterator[Array]:

@@ -185,7 +185,7 @@ _INSUFFICIENT = (
 def drop_insufficient(
     named: Sequence[NamedEffect], fit: Fit, before: Fit
 ) -> tuple[list[NamedEffect], Fit, tuple[str, ...]]:
-    """Effects of the forces that are not their whole story taken back, and what is told of it.
+    """Effects of the forces that are not their whole story taken back, and what is said about it.
 
     Where the model follows the markers down to their noise, its motion is known, and a law that is right
     leaves little of the forces' disagreement. One that leaves much of it stands for something that the
@@ -211,7 +211,7 @@ _NEGLIGIBLE = (
 def drop_negligible(
     named: Sequence[NamedEffect], fit: Fit, before: Fit
 ) -> tuple[list[NamedEffect], Fit, tuple[str, ...]]:
-    """Effects of the motion that together take little of what is wrong taken back, and what is told of it.
+    """Effects of the motion that together take little of what is wrong taken back, and what is said about it.
 
     Where the cameras' noise shows, it is known how much stands above it. A law that the catalogue does not
     have resembles some effect a little, here and there.

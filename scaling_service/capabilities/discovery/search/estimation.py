@@ -40,11 +40,11 @@ _SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's ow
 SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
 that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what
-is left to the hundredth. Where numbers are not told, a step that took off what it promised, to that share,
-was the last: it led where it was to lead."""
+is left to the hundredth. Where numbers are not reported, a step that took off what it promised, to that
+share, was the last: it led where it was to lead."""
 
 _WORTH = 0.1
-"""Share of what ends the rounds that a step must promise, where numbers are not told (chosen)."""
+"""Share of what ends the rounds that a step must promise, where numbers are not reported (chosen)."""
 
 
 def estimate(

@@ -37,7 +37,7 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
     Parameters
     ----------
     before : ScoredCandidates, optional
-        From the last round; what the same motion shows among the markers is not told anew.
+        From the last round; what the same motion shows among the markers is not scored again.
     """
     taken = {s.candidate.key for s in fit.estimates}
     every = [c for c in candidates(fit.scene) if c.key not in taken]

@@ -45,14 +45,14 @@ DECIDES = 1.0
 recordings then say more about it than the tables; the same rule as for a parameter's ``identifiable``)."""
 
 ARM_M = 1.17
-"""Error of a moment over that of a force where neither is told: residuals of 1.3 % of body weight times
+"""Error of a moment over that of a force where neither is known: residuals of 1.3 % of body weight times
 height beside 2 % of body weight, at 1.80 m (Muller et al. 2017, sec. 3)."""
 
 SURPRISING = 3.0
-"""Prior standard deviations beyond which a change is told as a surprise (chosen: one in 400 by chance)."""
+"""Prior standard deviations beyond which a change counts as a surprise (chosen: one in 400 by chance)."""
 
 WORSE = 1.01
-"""Growth of the held-out error that is told (chosen: less is beyond what such figures can tell)."""
+"""Growth of the held-out error that is reported (chosen: less is beyond what such figures can tell)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class IdentificationSettings:
     spread: PriorSpread = field(default_factory=PriorSpread)
     mass_known: bool = True  # whether the total mass stays; else the plates tell it
     symmetric: bool = True  # whether left and right change alike
-    # identify even where no component of the wrench supports it; it is told as a warning
+    # identify even where no component of the wrench supports it; it becomes a warning
     despite_verdict: bool = False
 
 
@@ -191,17 +191,17 @@ def _solve(
     prior: InertialPrior,
     evidence: Sequence[Evidence],
     components: NDArray[np.bool_],
-    told: Array | None,
+    noise_known: Array | None,
 ) -> Solution:
-    """The parameters, with the noise that was told or is most likely."""
-    assumed = told if told is not None else np.repeat([1.0, ARM_M], 3)
+    """The parameters, with the noise that is known or most likely."""
+    assumed = noise_known if noise_known is not None else np.repeat([1.0, ARM_M], 3)
     information, slope = gather(evidence, assumed, components)
     free = prior.scale @ prior.basis
     gains, vectors = np.linalg.eigh(free.T @ information @ free)
     slopes = vectors.T @ (free.T @ slope)
     size = (
         1.0
-        if told is not None
+        if noise_known is not None
         else most_likely_noise(gains, slopes, *weigh_errors(evidence, assumed, components))
     )
     gains, slopes = gains / size**2, slopes / size**2

@@ -250,14 +250,14 @@ def describe_parameters(
 ) -> tuple[InertialParameter, ...]:
     """Every number of every segment with mass, before and after."""
     old, new = _numbers(before), _numbers(after)
-    told = solution.directions * np.sqrt(solution.gains / (1.0 + solution.gains))
+    informed = solution.directions * np.sqrt(solution.gains / (1.0 + solution.gains))
     found = []
     for k, segment in enumerate(prior.segments):
         rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
         to_numbers = _REPORTED * prior.sd[k]
         alone, possible, learnt = (
             (part**2).sum(axis=1)
-            for part in (to_numbers, to_numbers @ prior.basis[rows], to_numbers @ told[rows])
+            for part in (to_numbers, to_numbers @ prior.basis[rows], to_numbers @ informed[rows])
         )
         sd = np.sqrt(np.clip(possible - learnt, 0.0, None))
         known = learnt > 0.5 * possible  # the variance is more than halved: the recordings outweigh the prior

@@ -2,7 +2,7 @@
 
 Every marker has errors of its own size. Inverse kinematics passes them on to the coordinates by
 ``P = (J^T W J)^-1 J^T W``, the filter and the differences pass those on to the wrench. A marker's error has a
-part of its own and a part that all markers of its segment have in common. How large they are is told by the
+part of its own and a part that all markers of its segment have in common. How large they are follows from the
 marker's residual, which is what the model cannot follow of both. All parts are taken as independent, so that
 variances add up and each segment and marker has its share.
 """

@@ -223,10 +223,10 @@ def _sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Itera
     usual = usual_lengths(height_m, names)
     odd = {method: unusual(found, usual) for method, found in lengths.items()}
     for name in names:
-        told = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
-        if told:
+        lengths_shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
+        if lengths_shown:
             yield (
-                f"{name} of {', '.join(told)} is unusual for a height of {height_m:.2f} m "
+                f"{name} of {', '.join(lengths_shown)} is unusual for a height of {height_m:.2f} m "
                 f"({1e3 * usual[name]:.0f} mm on average): check the height, the unit and the labels"
             )
 

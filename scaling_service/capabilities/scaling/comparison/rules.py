@@ -197,7 +197,7 @@ RULES: Mapping[str, Callable[[MethodEvidence, Evidence], Iterator[Said]]] = {
     "identifiability": _identifiability,
     "bounds": _bounds,
 }
-"""In the order in which their findings are told. A new rule is a function and an entry."""
+"""In the order in which their findings are reported. A new rule is a function and an entry."""
 
 
 def find(evidence: Evidence) -> Iterator[Finding]:

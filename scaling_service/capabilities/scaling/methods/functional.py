@@ -165,8 +165,8 @@ def _both_sides(
     notes, reasons = list[str](), list[str]()
     for side in "rl":
         try:
-            found[side], told = find(posture, trials, side)
-            notes.append(f"MB: {joint}_{side}: {what} from {told}")
+            found[side], trials_used = find(posture, trials, side)
+            notes.append(f"MB: {joint}_{side}: {what} from {trials_used}")
         except _NotFound as why:
             reasons.append(f"{joint}_{side}: {why}")
             notes.append(f"MB: {joint}_{side}: no {what}, {instead} in its place: {why}")
@@ -182,21 +182,21 @@ def _both_sides(
 
 def _hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
-    first, second, told = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
+    first, second, trials_used = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
     found = rotation_centre(first, second)
     return found.proximal, (
-        f"{told}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
+        f"{trials_used}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
         f"standard deviation at least {1e3 * found.sd:.1f} mm"
     )
 
 
 def _knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
-    first, second, told = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
+    first, second, trials_used = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
     found = rotation_axis(first, second)
     if not found.sharpness < SHARPEST:
-        raise _NotFound(f"no axis stands out in {told}")
+        raise _NotFound(f"no axis stands out in {trials_used}")
     return found.proximal, (
-        f"{told}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
+        f"{trials_used}; its direction in thigh and shank differs by {np.degrees(found.spread):.1f} deg (RMS)"
     )
 
 

@@ -341,7 +341,7 @@ class ImageBased:
             model = with_axis(_with_other_leg(model, evidence, pelvis, side, standing), joint, tilts[joint])
         imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
         placed = {n: _vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
-        # Markers that the model does not have yet are told from their segment alone.
+        # Markers that the model does not have yet are placed from their segment alone.
         new = [name for name in placed if name not in model.marker_names]
         added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
         model = move_markers(model.with_markers((*model.markers, *added)), placed)

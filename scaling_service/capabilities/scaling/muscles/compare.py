@@ -26,7 +26,7 @@ MOST_FRAMES = 2000
 differs little from its neighbours."""
 
 MOST_ROWS = 10
-"""Differences of each method and quantity that are told, largest first. Chosen: what one looks through."""
+"""Differences of each method and quantity that are shown, largest first. Chosen: what one looks through."""
 
 _UNIT: Mapping[MuscleQuantity, tuple[float, str]] = {
     "moment arm": (1e3, "mm"),
@@ -94,11 +94,11 @@ def compare_muscles(
         raise _no_muscles("has no muscles")
     reference = "MB" if "MB" in found else next(iter(found))
     differences = [
-        told
+        peak
         for method in found
         if method != reference
         for quantity in _UNIT
-        for told in _largest(_peaks(found[reference], found[method], quantity, (reference, method)))
+        for peak in _largest(_peaks(found[reference], found[method], quantity, (reference, method)))
     ]
     return MuscleComparison(reference, found, tuple(differences), notes)
 
@@ -163,11 +163,11 @@ def _joint_angles(model: BodyModel) -> list[str]:
 def _largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
     """The largest of all trials for each muscle and coordinate, the largest first."""
     found: dict[tuple[str, str], MuscleDifference] = {}
-    for told in peaks:
-        known = found.get((told.muscle, told.coordinate))
-        if known is None or abs(told.difference) > abs(known.difference):
-            found[told.muscle, told.coordinate] = told
-    return sorted(found.values(), key=lambda told: -abs(told.difference))[:MOST_ROWS]
+    for peak in peaks:
+        known = found.get((peak.muscle, peak.coordinate))
+        if known is None or abs(peak.difference) > abs(known.difference):
+            found[peak.muscle, peak.coordinate] = peak
+    return sorted(found.values(), key=lambda peak: -abs(peak.difference))[:MOST_ROWS]
 
 
 def _peaks(

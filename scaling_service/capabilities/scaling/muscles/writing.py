@@ -17,14 +17,14 @@ _TOLD = 2  # of each method and quantity, in words; chosen: the tables have the 
 
 def muscle_document(found: MuscleComparison) -> MuscleDocument:
     """The part of ``comparison.json``."""
-    told: dict[tuple[str, str], list[MuscleDifference]] = {}
+    grouped: dict[tuple[str, str], list[MuscleDifference]] = {}
     for each in found.differences:
-        told.setdefault((each.method, each.quantity), []).append(each)
+        grouped.setdefault((each.method, each.quantity), []).append(each)
     return MuscleDocument(
         reference=found.reference,
         trials=list(found.courses[found.reference]),
         differences=list(found.differences),
-        summary=[each.sentence for rows in told.values() for each in rows[:_TOLD]],
+        summary=[each.sentence for rows in grouped.values() for each in rows[:_TOLD]],
         notes=list(found.notes),
     )
 

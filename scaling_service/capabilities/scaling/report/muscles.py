@@ -35,17 +35,17 @@ def _blocks(found: MuscleComparison, document: MuscleDocument) -> Iterator[Block
     yield Bullets([*document.summary, *(f"{note}." for note in document.notes)])
     yield method_legend(list(found.courses))
     for quantity, (title, unit) in _TITLES.items():
-        told = [each for each in document.differences if each.quantity == quantity]
-        if told:
+        differences = [each for each in document.differences if each.quantity == quantity]
+        if differences:
             yield Heading(f"{title}, {unit}")
-            yield Grid([_curve(found, each) for each in _distinct(told)])
+            yield Grid([_curve(found, each) for each in _distinct(differences)])
             yield Details("The largest differences", [difference_table(document, quantity)])
 
 
-def _distinct(told: list[MuscleDifference]) -> list[MuscleDifference]:
+def _distinct(differences: list[MuscleDifference]) -> list[MuscleDifference]:
     """The largest of all methods, each muscle and coordinate once."""
     largest: dict[tuple[str, str], MuscleDifference] = {}
-    for each in sorted(told, key=lambda each: -abs(each.difference)):
+    for each in sorted(differences, key=lambda each: -abs(each.difference)):
         largest.setdefault((each.muscle, each.coordinate), each)
     return list(largest.values())[:MOST_CURVES]
 

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.search.findings import Disagreement, observable_of
 from scaling_service.numerics.multibody.laws import Array
 
-_FEWEST = 3  # blocks; chosen: a spread is told from three
+_FEWEST = 3  # blocks; chosen: a spread needs three
 _TO_SD = 1.4826  # a normal distribution's standard deviation over its median distance from its median
 _HEAVY = 3  # degrees of freedom; chosen: noise with tails as heavy keeps to the level over all places
 

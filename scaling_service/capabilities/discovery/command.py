@@ -43,7 +43,7 @@ def discover(
     compared, too, where recordings have them and the model has feet.
 
     Looked for, at every place where it could sit: markers that sit elsewhere or were exchanged, skin that
-    slides or swings, wrong sizes, joint centres and axes, joints that glide, turn or are locked, a scaled
+    slides or oscillates, wrong sizes, joint centres and axes, joints that glide, turn or are locked, a scaled
     volume; late forces, plates that are shifted, turned or wrong, wrong masses, carried loads, contacts that
     no plate measured, a vertical that leans.
 

@@ -93,7 +93,7 @@ def _refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> st
     if any(isinstance(p.profile, Oscillation) for p in parts) or any(
         isinstance(load, Wobbling) for load in loads
     ):
-        return "nothing swings in model files; its numbers are in discovery.json"
+        return "model files hold no oscillation; its numbers are in discovery.json"
     if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
         return "OpenSim's markers do not move on their segments; model.json holds it"
     try:

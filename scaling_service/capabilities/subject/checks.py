@@ -110,7 +110,7 @@ def require_landmarks(session: Session) -> None:
 
 
 def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[str]:
-    """Refuse a scale set-up whose measurements cannot be taken, and tell what it scales in vain.
+    """Refuse a scale set-up whose measurements cannot be taken, and say what it scales without effect.
 
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
     measurement's marker is not in the model or never seen, or the time range holds no frame.

@@ -217,7 +217,7 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
 def _scale_setup(
     subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
 ) -> tuple[ScaleSetup | None, tuple[str, ...]]:
-    """The set-up, and what it scales in vain; its marker placer leaves the model's fixed markers alone."""
+    """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
     if subject.scale_setup is None:
         return None, ()
     setup = read_scale_setup(subject.scale_setup)

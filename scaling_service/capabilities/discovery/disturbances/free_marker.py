@@ -1,4 +1,4 @@
-"""A marker that goes its own way: what it shows follows no law of the catalogue.
+"""A marker that moves independently: what it shows follows no law of the catalogue.
 
 A marker that came off half way, or that the cameras confuse with another, pulls the pose with it, and the
 nearest effects that the catalogue has would be named in its stead. So every marker is also allowed any
@@ -32,14 +32,14 @@ _MOST_OF_IT = 0.8  # of what stands above the noise (chosen: as for effects on h
 
 @dataclass(frozen=True, slots=True)
 class FreeMarker:
-    """A marker that seems to go its own way: left out, and what a free course of it explains (expected)."""
+    """A marker that seems to move independently: left out, and what a free course explains (expected)."""
 
     candidate: Candidate
     expected: float
 
 
 def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
-    """A marker that goes its own way, if that explains clearly more than any law, be it sure or not.
+    """A marker that moves independently, if that explains clearly more than any law, be it sure or not.
 
     One of a segment at most: where two do, it is the segment that the model does not follow. None that has an
     effect of its own: what is left there is a remainder.

@@ -1,6 +1,6 @@
 """A volume that moves: in every frame all markers are displaced by one linear function of their place.
 
-A zoom that hunts, a camera that was pushed, a mount that swings: each shears or stretches what is seen by
+A zoom that hunts, a camera that was pushed, a mount that sways: each shears or stretches what is seen by
 another course in time. Markers that are read later the higher they are go along their own paths by a linear
 function of their place, too. Each looks somewhat like several joints that the model locks, and no segment's
 motion looks like it at all segments at once.

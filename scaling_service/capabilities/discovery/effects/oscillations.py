@@ -81,14 +81,14 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
 EFFECTS = (
     Effect(
         "skin_wobble",
-        "the skin under the marker swings when the segment accelerates",
+        "the skin under the marker oscillates when the segment accelerates",
         wobbling_skin,
         details=_details,
         spreads=_spreads,
     ),
     Effect(
         "wobbling_mass",
-        "part of the segment's own mass swings on a spring",
+        "part of the segment's own mass oscillates on a spring",
         wobbling_masses,
         details=_details,
         spreads=_spreads,

@@ -38,7 +38,7 @@ class ScoredCandidate:
 
         These are other data, so the two combine (Fisher 1932, Statistical Methods for Research Workers,
         21.1): a fit of few blocks of time cannot pay for the whole catalogue, however much it explains. Not
-        so for gains below the noise, as noise in the motion gives them to masses that swing with it.
+        so for gains below the noise, as noise in the motion gives them to masses that oscillate with it.
         """
         p = self.fitted.p
         if self.held_out.outweighs_noise and not self.held_out.folds:

@@ -29,7 +29,7 @@ class DiscoverySettings:
     shortlist : int
         Candidates that are compared with each other.
     most_masked : int
-        Markers at most that are left out because they go their own way.
+        Markers at most that are left out because they move independently.
     """
 
     level: float = 0.05

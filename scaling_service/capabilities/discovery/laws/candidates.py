@@ -121,7 +121,7 @@ class Reweighed:
 
 @dataclass(frozen=True, slots=True)
 class Masked:
-    """A marker that is left out, for it goes its own way."""
+    """A marker that is left out, for it moves independently."""
 
     marker: str
 

@@ -113,7 +113,7 @@ def discover(
 
 @dataclass(slots=True, eq=False)
 class Search:
-    """What was named so far, and what was tried in vain."""
+    """What was named so far, and what was tried without success."""
 
     fit: Fit  # with all that was named
     steps: Steps

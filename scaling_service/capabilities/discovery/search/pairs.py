@@ -3,7 +3,7 @@
 Effects are named one after the other. Where two of one place partly cancel, what is left looks like neither,
 and nothing is named, or several others in their stead: a plate that measures too little and has something
 added looks like another plate that measures too much; a marker that was stuck on elsewhere, over skin that
-takes it back as the joint bends, looks like one that goes its own way.
+takes it back as the joint bends, looks like one that moves independently.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ class _Pair:
 def find_marker_pair(
     odd: FreeMarker, fit: Fit, name: Name, count: int, refused: Collection[str]
 ) -> list[NamedEffect]:
-    """Two laws of a marker that seems to go its own way, if they explain about as much; else none.
+    """Two laws of a marker that seems to move independently, if they explain about as much; else none.
 
     Parameters
     ----------
     count : int
         Of the candidates among which names are selected.
     refused : collection of str
-        Keys of candidates that were tried in vain.
+        Keys of candidates that were tried without success.
     """
     laws = [
         c

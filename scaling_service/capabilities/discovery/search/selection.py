@@ -75,7 +75,7 @@ def select(
     named : sequence of NamedEffect
         So far.
     refused : collection of str
-        Keys of candidates that were tried in vain.
+        Keys of candidates that were tried without success.
     """
     found: list[NamedEffect] = []
     implausible: set[str] = set()

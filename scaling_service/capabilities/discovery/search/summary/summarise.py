@@ -37,7 +37,7 @@ def summarise(
     Parameters
     ----------
     fits : tuple of Fit
-        Before and after, and as after but with the motion as it is without the markers that go their own way.
+        Before, after, and as after but with the motion as it is without the markers that move independently.
     """
     before, after, seen = fits
     settings, moving = before.settings, before.scene.moving

@@ -13,17 +13,16 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import scipy
 
 from scaling_service.capabilities.discovery.evidence.courses import FreeCourse, courses_of
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, p_above_zero
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, p_above_zero, p_of_share
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Masked
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 KIND = "own_way"
@@ -104,8 +103,7 @@ def _fit_course(trials: Sequence[Sequence[FreeCourse]]) -> Fitted:
     moments = range(max(int(into.max()) - 1, 1))
     p = min(1.0, len(moments) * min(p_above_zero(ratio[into >= moment]) for moment in moments))
     if gain - by_chance > _MOST_OF_IT * max(float((square - freedom).sum()), 0.0):
-        few = 3.0 * len(parts)
-        p = min(1.0, 2.0 * min(p, float(scipy.special.fdtrc(few, few, gain / max(by_chance, 1e-300)))))
+        p = min(1.0, 2.0 * min(p, p_of_share(gain, by_chance, 3.0 * len(parts))))
     return Fitted.of_any_course(gain, by_chance, p)
 
 

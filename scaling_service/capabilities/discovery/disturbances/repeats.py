@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.statistics import p_of_share
 from scaling_service.capabilities.discovery.observations.oscillator import rates_of
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -77,7 +77,7 @@ def _test_direction(items: Sequence[TrackedTrial], steps: dict[str, _Steps], blo
     """How likely any other direction has as much, each block being as good as one frame."""
     blocks = float(sum(len(list(item.blocks(block_s))) for item in items))
     along, across = (sum(float(getattr(steps[i.name], k).sum()) for i in items) for k in ("along", "across"))
-    return float(scipy.special.fdtrc(blocks, blocks, along / max(across, 1e-300)))
+    return p_of_share(along, across, blocks)
 
 
 LAWS = (DisturbanceLaw(search=repeated_frames),)

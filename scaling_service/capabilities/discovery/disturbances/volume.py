@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
+from scaling_service.capabilities.discovery.evidence.statistics import p_of_share
 from scaling_service.capabilities.discovery.observations.oscillator import rates_of
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role, TrackedTrial, span
+from scaling_service.core.threads import map_parallel
 
 _CHUNK = 64  # frames at once
 _ENOUGH = 256  # frames of a trial, equally spaced (chosen): each only adds numbers of its own
@@ -36,15 +36,10 @@ def moving_volume(fit: Fit) -> Iterator[Disturbance]:
     gain, chance, _ = gains["fit"]
     if gain - chance > _MOST_OF_IT * MARKERS.above_noise(fit) > 0.0:
         law = "the measured volume moves: by another linear function of the place in every frame"
-        p, held = (_test_gain(*gains[role]) for role in ROLES)
+        # each block is as good as one frame
+        p, held = (p_of_share(taken, usual, _NUMBERS * blocks) for taken, usual, blocks in gains.values())
         held_out = held if gains["held_out"][2] else p
         yield Disturbance(("markers",), law, gain - 2.0 * chance, p, held_out, flexible=True)
-
-
-def _test_gain(gain: float, chance: float, blocks: int) -> float:
-    """How likely as many other numbers take off as much, each block being as good as one frame."""
-    few = float(_NUMBERS * blocks)
-    return float(scipy.special.fdtrc(few, few, gain / max(chance, 1e-300))) if blocks else 1.0
 
 
 def _sum_gains(fit: Fit, role: Role) -> tuple[float, float, int]:

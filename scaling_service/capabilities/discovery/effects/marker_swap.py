@@ -16,8 +16,8 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, best_span
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 _CHUNK = 128

@@ -25,8 +25,8 @@ from scaling_service.capabilities.discovery.evidence.statistics import Fitted, H
 from scaling_service.capabilities.discovery.laws.apply import freedom_name
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.spots import At, JointSpot
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import Role
+from scaling_service.core.threads import map_parallel
 from scaling_service.model.body import Vector
 from scaling_service.numerics.multibody.laws import Array
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
 from scaling_service.capabilities.discovery.laws.spots import Generators, JointSpot, MarkerSpot
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import MOVEMENT_HZ, TrackedTrial
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import butterworth
 

@@ -22,10 +22,10 @@ from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
 from scaling_service.core.progress import idle
+from scaling_service.core.threads import map_parallel
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array

@@ -16,9 +16,9 @@ import numpy as np
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Evidence, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 Item = TypeVar("Item", TrackedTrial, WrenchFit)

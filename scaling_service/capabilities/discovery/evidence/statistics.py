@@ -279,6 +279,11 @@ def try_held_out(
     return HeldOut(share, p, len(rounds) > 1, most or outweighs)
 
 
+def p_of_share(taken: float, by_chance: float, numbers: float) -> float:
+    """How likely as many numbers take off as much as some did of squares, by chance (Fisher's F)."""
+    return float(scipy.special.fdtrc(numbers, numbers, taken / max(by_chance, 1e-300))) if numbers else 1.0
+
+
 def p_above_zero(values: Array) -> float:
     """How likely chance alone brings the mean so far above zero."""
     if len(values) < _FEWEST:

@@ -16,10 +16,10 @@ from scaling_service.capabilities.discovery.evidence.observation import Observat
 from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.loads import columns_of
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 5  # frames of a block; chosen: fewer say nothing of a block of half a second

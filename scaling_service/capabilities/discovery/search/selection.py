@@ -26,9 +26,9 @@ from scaling_service.capabilities.discovery.evidence.scoring import (
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
-from scaling_service.capabilities.discovery.observations.parallel import map_parallel
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tune
+from scaling_service.core.threads import map_parallel
 
 
 def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandidates:

@@ -8,6 +8,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Masked
 from scaling_service.capabilities.discovery.search.elimination import (
     drop_negligible,
     eliminate_backward,
@@ -49,9 +50,10 @@ def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_told() -> 
     model = person().model
     context = SearchContext(model, recorded(person(), with_effects(model, [large, small], "")))
     before = fit_recordings(context)
+    left_out = Estimate(Candidate("own_way", ("RLFE",), (), change=Masked("RLFE")), np.zeros(0))
     for effect, holds in ((small, False), (large, True)):
-        named, after, said = drop_negligible(
-            [passed(effect)], fit_recordings(context, (), [effect], before), before
-        )
-        assert bool(named) is bool(after.effects) is holds
-        assert [effect.candidate.name in each for each in said] == [True] * (not holds)
+        for beside in ([], [left_out]):  # a marker that moves independently changes nothing of it
+            now = fit_recordings(context, (), [*beside, effect], before)
+            named, after, said = drop_negligible([passed(effect)], now, before)
+            assert bool(named) is (len(after.effects) > len(beside)) is holds
+            assert [effect.candidate.name in each for each in said] == [True] * (not holds)

@@ -19,7 +19,7 @@ from scaling_service.capabilities.discovery.evidence.observation import Observat
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, score_gathered
 from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Masked, Reweighed
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
 from scaling_service.capabilities.discovery.search.estimation import SETTLED, estimate, misfit, remove
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
@@ -220,7 +220,9 @@ def drop_negligible(
     if not moved or not all(item.shows_noise for item in before.tracked):
         return list(named), fit, ()
     noise = measure_noise_floors(fit, before.scene.moving)[MARKERS.name].noise
-    was, left = (_excess(MARKERS.tally(each, None, noise)) for each in (before, fit))
+    masked = [e for e in fit.effects if isinstance(e.candidate.change, Masked)]
+    start = MARKERS.refit(before, before.free, masked) if masked else before  # of the same markers
+    was, left = (_excess(MARKERS.tally(each, None, noise)) for each in (start, fit))
     if was <= fit.settings.tracked_excess or left <= (1.0 - fit.settings.negligible) * was:
         return list(named), fit, ()
     names = ", ".join(n.candidate.name for n in moved)

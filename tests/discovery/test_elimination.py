@@ -43,6 +43,17 @@ def test_what_chance_explains_as_well_is_dropped() -> None:
     assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]
 
 
+def test_a_name_that_the_whole_catalogue_finds_by_chance_is_dropped() -> None:
+    offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
+    model = person().model
+    now = fit_recordings(
+        SearchContext(model, recorded(person(), with_effects(model, [offset], ""))), (), [offset]
+    )
+    for p, kept in ((0.04, [offset.candidate.key]), (0.3, [])):
+        found, after = eliminate_backward([replace(passed(offset), p_family=p)], now)
+        assert [n.candidate.key for n in found] == [e.candidate.key for e in after.effects] == kept
+
+
 def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_told() -> None:
     """The cameras' noise is known, and with it what stands above."""
     large = sized("marker_offset", "RFH", numbers=(9.0, 0.0, 9.0))

@@ -68,11 +68,12 @@ def _put_back(s: Block, own: Array, size: Array) -> Block:
 def eliminate_backward(named: Sequence[NamedEffect], fit: Fit) -> tuple[list[NamedEffect], Fit]:
     """Drop what left its range, what chance explains as well, and what does no good where it was not fitted.
 
-    An effect of some recordings shows in no other, so these say nothing of it.
+    An effect of some recordings shows in no other, so these say nothing of it. A rival that took an earlier
+    name over must pass by itself, too.
     """
     kept = list(named)
     for n in named:
-        if not in_range(n, fit):
+        if not in_range(n, fit) or n.p_family > fit.settings.level:
             kept.remove(n)
             fit = remove(fit, [n.effect])
     spared: list[NamedEffect] = []

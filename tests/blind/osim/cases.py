@@ -168,12 +168,20 @@ def _swap(_body: Body, size: float, rng: np.random.Generator) -> Hidden:
     return MarkerSwap(kind="marker_swap", where=pair, parameters=parameters)
 
 
+def _contact(body: Body, size: float, rng: np.random.Generator) -> Hidden:
+    """Within recordings that are as short as a second."""
+    start, end = (float(np.round(rng.uniform(*ends), 2)) for ends in ((0.05, 0.2), (0.6, 0.8)))
+    drawn = EFFECTS["external_contact"].draw(body, size, rng)
+    return replace(drawn, parameters={"start_s": start, "end_s": end, "rms_N": size})
+
+
 def _case(group: str, kind: str, size: str, seed: int) -> Case:
     return Case(group, (kind,), size, "real by OpenSim", forces=True, seed=seed)
 
 
 OWN: dict[str, tuple[tuple[float, float, float], Callable[[Body, float, np.random.Generator], Hidden]]] = {
     "body_mass": ((0.02, 0.04, 0.08), _body_mass),
+    "external_contact": (EFFECTS["external_contact"].sizes, _contact),
     "joint_axis_tilt": (EFFECTS["joint_axis_tilt"].sizes, _hinge_tilt),
     "marker_swap": ((0.1, 0.2, 0.4), _swap),
     "skin_of_two_joints": (EFFECTS["soft_tissue_artefact"].sizes, _skin_of_two_joints),

@@ -15,6 +15,7 @@ _TIMED_CLAIMS = ("A person takes at most 20 s", "A subject is scaled in less tha
 """What studies say of computing time: whether it holds, and so how many do, depends on the machine."""
 
 _VARIES = (
+    (re.compile(r"(\.\./)*\.\.DATA\b"), "DATA"),  # how deep the folder of the results lies
     (re.compile(r"\b[0-9a-f]{12,64}\b"), "HASH"),
     (re.compile(r"\b\d+(?:\.\d+)? s for (?=\d+ persons)"), "TIME for "),
     (re.compile(r"scaling-service \d+\.\d+\.\d+\w*"), "scaling-service VERSION"),

@@ -133,7 +133,7 @@ def _surface(bone: Bone) -> pv.PolyData:
 
 def _facing(points: Array, faces: NDArray[Any]) -> pv.PolyData:
     """A surface with outward normals at its places and cells."""
-    import pyvista  # only here: it takes half a second, which who maps no bone should not wait
+    import pyvista  # only here: it takes half a second, and only maps of surfaces need it
 
     return _oriented(pyvista.PolyData.from_regular_faces(points, np.asarray(faces, dtype=int)))
 

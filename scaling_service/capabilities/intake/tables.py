@@ -188,13 +188,13 @@ def describe_plates(
             }
         offset = _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
-        described_by = {
+        changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],
             "loaded_by": _loads(loaded, stands, trial) if feet else [],
             "offset_N": offset,
         }
-        described.append(entry.model_copy(update=described_by))
+        described.append(entry.model_copy(update=changes))
     return described
 
 

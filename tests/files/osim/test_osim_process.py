@@ -83,7 +83,8 @@ def test_a_marker_set_that_does_not_fit(oracle, tmp_path):
 
 
 def test_the_calling_process_never_imports_opensim(tmp_path):
-    code = "import sys, scaling_service.files.osim; print('opensim' in sys.modules)"
+    modules = ", ".join(f"scaling_service.files.osim.{name}" for name in ("models", "muscles", "setups"))
+    code = f"import sys, {modules}; print('opensim' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
     )
@@ -109,3 +110,13 @@ def test_a_file_that_is_no_model_says_so_in_plain_words(tmp_path, content, probl
     assert caught.value.file == str(path)
     assert caught.value.remedy
     assert "SimTK" not in str(caught.value)
+
+
+def test_the_worker_loads_only_what_it_uses():
+    """It is started for every model that is read or written."""
+    heavy = ("trimesh", "scipy", "yaml", "pyvista")
+    code = f"import sys, scaling_service.files.osim.worker; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
+    )
+    assert done.stdout.strip() == "[]"

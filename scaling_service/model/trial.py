@@ -101,6 +101,7 @@ class Repair:
     where: str
     detail: str
     frames: int = 0
+    off: float = 0.0  # RMS of what was wrong in these frames, SI, where that can be told
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,11 +24,12 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import total_mass
 from scaling_service.numerics.signals.filters import runs
+from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
-_NOTED = ("two_feet", "no_foot", "force_sign", "not_recorded")
+_NOTED = ("two_feet", "no_foot", "force_sign", "not_recorded", *FAULTS)
 """Repairs of forces that bear on what the search may say."""
 
 _READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)

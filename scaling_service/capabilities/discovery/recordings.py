@@ -13,11 +13,10 @@ from scaling_service.capabilities.discovery.laws.loads import Late, PlateFault
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.start import Prepared
-from scaling_service.capabilities.kinetics.forces import read_trial_forces
+from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn_forces
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
 from scaling_service.model.forces import GroundForces
-from scaling_service.recording.plates import orient_forces
 
 FOLDER = "corrected"
 
@@ -66,7 +65,7 @@ def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:
     axes = prepared.loaded.orientation
     assert read is not None  # it was read before
     assert axes is not None
-    return orient_forces(axes, read[1])
+    return turn_forces(*read, axes)
 
 
 def forces_table(name: str, ground: GroundForces) -> Table:

@@ -47,11 +47,14 @@ from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
+from scaling_service.recording.faults import FAULTS
 
 _PREPARING = 0.3
 """Chosen: about the share of reading, scaling and inverse kinematics; the uncertainty takes the rest."""
 
-_WARNED_OF = ("two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded")
+_WARNED_OF = (
+    "two_feet", "two_plates", "in_swing", "no_plate", "no_foot", "force_sign", "not_recorded", *FAULTS
+)  # fmt: skip
 """Repairs of forces that a person should know of without opening the results."""
 
 

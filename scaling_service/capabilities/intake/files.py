@@ -23,9 +23,9 @@ from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array, Trial
+from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import ground_forces
-from scaling_service.recording.plausibility import remove_strays
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
@@ -65,7 +65,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
 
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
-    trial = remove_strays(read_recording(file))
+    trial = repair_markers(read_recording(file))
     seen = RecordingFile(file.name, trial, _axes(trial, up, forward))
     if trial.plates is None:
         return seen

@@ -341,6 +341,7 @@ class _Look:
         yield from warnings.check_exchanges(self.trials)
         yield from warnings.check_times(self.recordings, spans)
         yield from warnings.check_plates(self.recordings)
+        yield from warnings.check_faults(self.recordings)
 
     def refusals(self, proposed: Mapping[str, Any] | None) -> Iterator[ProblemEntry]:
         """The first thing that scaling would refuse, and what it would warn of."""

@@ -178,6 +178,26 @@ def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
         )
 
 
+def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
+    """What cameras and plates did wrong, as their readings alone show."""
+    for recording in recordings:
+        for repair in recording.repairs:
+            if repair.what in _REPAIRS:
+                yield _warning(
+                    f"{repair.where}: {repair.detail} ({repair.frames} frames)",
+                    _REPAIRS[repair.what],
+                    file=recording.file if repair.what == "merged" else recording.forces_from,
+                )
+
+
+_REPAIRS = {
+    "merged": "Correct the trajectories in the recording; until then both are filled as other gaps are",
+    "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
+    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
+    "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
+}
+
+
 def check_times(
     recordings: Sequence[RecordingProof], spans: Mapping[str, tuple[float, float]]
 ) -> Iterator[ProblemEntry]:

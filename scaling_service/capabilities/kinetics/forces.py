@@ -18,6 +18,7 @@ from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLo
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Array, Repair, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import ground_forces, orient_forces, synchronise
 from scaling_service.recording.plates_feet import FootContacts, assign_plates, foot_loads
@@ -137,7 +138,10 @@ def _check_units(source: Path, trial: Trial) -> None:
 
 
 def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> GroundForces:
-    """Forces in our axes; those of MOT and STO files stand Y up and must be in the axes of the markers."""
+    """Forces in our axes, their plates' own faults repaired or noted.
+
+    Those of MOT and STO files stand Y up and must be in the axes of the markers.
+    """
     if source.suffix.lower() != ".c3d" and axes.up != "+y":
         raise InputError(
             f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
@@ -145,7 +149,7 @@ def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> Ground
             field="forces",
             remedy="Export the markers in the same axes as the forces, or use the plates of a C3D file",
         )
-    return orient_forces(axes, forces)
+    return repair_forces(orient_forces(axes, forces))
 
 
 def feet_of(model: BodyModel) -> dict[str, tuple[str, ...]]:

@@ -16,6 +16,7 @@ from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subj
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
+from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plausibility import find_moved_markers
 
 SAME_M = 1e-5
@@ -163,7 +164,7 @@ def _require_pair(
         )
 
 
-_TOLD = ("stray", "impossible_position", "cut_row")
+_TOLD = ("stray", "impossible_position", "cut_row", *FAULTS)
 """Repairs that a person should know of without opening the results."""
 
 _STANDS_IN: Mapping[str, tuple[str, ...]] = {

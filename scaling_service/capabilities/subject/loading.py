@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -33,9 +33,9 @@ from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording.exchanged import relabel
+from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, check_axes, decide
 from scaling_service.recording.pipeline import process
-from scaling_service.recording.plausibility import remove_strays
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
@@ -126,14 +126,14 @@ def load(
 
 
 def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:
-    """The recordings of all trials as their files hold them, positions that no body can reach taken out.
+    """The recordings of all trials as their files hold them, their own faults taken out.
 
     Those that are ``known`` are not read again.
     """
     read = {}
     for path in recordings(subject):
         with blamed_on(path, [path]):
-            found = known[path] if path in known else remove_strays(read_recording(path))
+            found = known[path] if path in known else repair_markers(read_recording(path))
             read[path] = relabel(found, subject.corrections.get(path.name, ()))
     return read
 
@@ -339,4 +339,4 @@ def stated_sizes(subject: Subject) -> dict[str, float]:
 
 def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
     """What was changed in a recording, as results tell it."""
-    return [RepairNote(**asdict(repair)) for repair in repairs]
+    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]

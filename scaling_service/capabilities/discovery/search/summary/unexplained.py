@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,13 +16,15 @@ from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors, NoiseFloor
 from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
 from scaling_service.capabilities.discovery.evidence.statistics import holm
-from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, observable_of
 from scaling_service.capabilities.discovery.search.summary.disagreements import (
     by_trial,
     p_above_floor,
     places_of,
 )
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
@@ -40,11 +42,14 @@ def describe_unexplained(
 ) -> tuple[Unexplained, ...]:
     """Places where the search leaves what is no noise, the largest first.
 
-    An unmodelled disturbance comes before all, and stands for every place of its observation.
+    An unmodelled disturbance comes before all, and stands for every place of its observation. One of all
+    markers moves the body against the plates, so it stands for the forces, too.
     """
-    left = _left(fit, floors)
+    left = (*_repaired(fit), *_left(fit, floors))
     if disturbance is None:
         return left
+    if disturbance.where == ("markers",):
+        return (_described(fit, disturbance),)
     others = [u for u in left if (u.observable != "marker") != (disturbance.seen_in == "wrench")]
     return _described(fit, disturbance), *others
 
@@ -60,6 +65,31 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
     rms, floor = ((float(x[:, rows].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
     observable: Observable = "marker" if observation is MARKERS else "force"
     return Unexplained(disturbance.where, observable, disturbance.law, rms, floor)
+
+
+def _repaired(fit: Fit) -> Iterator[Unexplained]:
+    """Faults taken out of the recordings before the search, each where it was largest."""
+    yield from _largest(fit, MARKERS, "merged", [item.trial for item in fit.tracked])
+    yield from _largest(fit, WRENCH, "spikes", [item.contacts.ground for item in fit.wrenches])
+
+
+def _largest(
+    fit: Fit, observation: Observation[Any], kind: str, sources: Sequence[Trial | GroundForces]
+) -> Iterator[Unexplained]:
+    found: dict[str, Unexplained] = {}
+    tally = observation.tally(fit, None) if sources else None
+    for source, repair in ((one, r) for one in sources for r in one.repairs if r.what == kind):
+        where = (repair.where,) if observation is MARKERS else tuple(repair.where.split())
+        if tally is None or where[-1] not in tally.places:
+            continue
+        k, frames = tally.places.index(where[-1]), len(source.times)
+        rms = repair.off * (repair.frames / frames) ** 0.5
+        floor = float(tally.floor[:, k].sum() / max(tally.frames[:, k].sum(), 1)) ** 0.5
+        law = f"{repair.detail}, in {repair.frames} of {frames} frames of {source.name}"
+        usual = found.get(repair.where)
+        if rms > fit.settings.unexplained_ratio * floor and (usual is None or rms > usual.rms):
+            found[repair.where] = Unexplained(where, observable_of(where[-1]), law, rms, floor)
+    yield from found.values()
 
 
 def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:

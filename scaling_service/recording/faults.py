@@ -1,0 +1,208 @@
+"""Faults of cameras and plates that show in the readings alone, whatever the person does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from scipy import ndimage
+
+from scaling_service.model.forces import CONTACT_N, GroundForces
+from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled
+from scaling_service.numerics.least_squares.masks import Mask, seen
+from scaling_service.numerics.signals.filters import runs
+from scaling_service.recording.plausibility import remove_strays
+
+_AnyTrial = TypeVar("_AnyTrial", bound=Trial)
+
+FAULTS = ("merged", "spikes", "dead_channel", "saturated")
+"""Repairs of this module."""
+
+
+def repair_markers(trial: _AnyTrial) -> _AnyTrial:
+    """A recording as read without positions that cannot be those of its markers."""
+    return separate_merged(remove_strays(trial))
+
+
+def repair_forces(forces: GroundForces) -> GroundForces:
+    """Forces as read without spikes; what cannot be repaired is noted."""
+    return note_saturation(note_dead_channels(remove_spikes(forces)))
+
+
+ONE_POINT_M = 5e-3
+"""Two balls whose middles are nearer are one point with two labels (chosen: the balls of body markers measure
+9 mm and more, and noise of 1 mm on each parts one point by more only once in 200 frames)."""
+
+APART_M, _USUAL = 0.025, 0.9
+"""How far apart markers usually are, lest they were meant as one, and the quantile that this is (both chosen:
+a short recording may show them as one most of the time)."""
+_LOOKED_AT_S = 0.02  # chosen: two markers are taken for one for longer
+_FLICKER = 5  # frames between two of one point that are of it, too (chosen)
+
+
+def separate_merged(trial: _AnyTrial) -> _AnyTrial:
+    """Mark two markers that are seen as one point as not seen while they are.
+
+    It lies between them or on one of them: no label says which.
+
+    ``trial``: in any axes, m. Returns one Repair, ``merged``, for each marker of a pair; the same trial where
+    there is none.
+    """
+    shown = seen(trial.markers)
+    hidden = np.zeros_like(shown)
+    repairs = []
+    for one, other, usual in _meeting(trial):
+        distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
+        near = distance < ONE_POINT_M
+        merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
+        merged &= shown[:, one] & shown[:, other]
+        hidden[:, [one, other]] |= merged[:, None]
+        for k, partner in ((one, other), (other, one)):
+            detail = f"at one point with {trial.labels[partner]}, both taken as not seen"
+            repairs.append(Repair("merged", trial.labels[k], detail, int(merged.sum()), usual / 2))
+    if not repairs:
+        return trial
+    markers = np.where(hidden[..., None], np.nan, trial.markers)
+    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+
+
+def _meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
+    """Columns of markers that are usually apart, and at one point at times; how far they usually are, m."""
+    step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
+    named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
+    some = trial.markers[::step, named]
+    for k in range(len(named) - 1):
+        square = np.square(some[:, k + 1 :] - some[:, k, None]).sum(axis=2)
+        near = square < ONE_POINT_M**2  # never where one is not seen
+        for other in np.flatnonzero(near.any(axis=0)).tolist():
+            usual = float(np.sqrt(np.nanquantile(square[:, other], _USUAL)))
+            if usual > APART_M:
+                yield named[k], named[k + 1 + other], usual
+
+
+SPIKE_N = 50.0
+"""Least force of a spike (chosen: a tenth of most feet's load, above what shakes a floor)."""
+
+_BESIDE = 2  # samples on either side of a spike, which itself lasts up to as many (chosen)
+_CLEAR = 3.0
+"""Of a spike, over how much the course without it bends nearby (chosen: an impact's flanks bend, too)."""
+
+
+def remove_spikes(forces: GroundForces) -> GroundForces:
+    """Interpolate over a sample or two in which a plate jumps and comes back, as no foot does.
+
+    ``forces``: as read, not filtered. Returns one Repair, ``spikes``, for each plate concerned (``where``
+    names it and the component that jumps most: ``plate_1 fy``); the same forces where there is none.
+    """
+    force, moment = forces.force.copy(), forces.moment.copy()
+    repairs = []
+    for k, plate in enumerate(forces.plates):
+        known = forces.known[:, k]
+        bad = _spikes(np.where(known[:, None], force[:, k], 0.0)) & known
+        good = known & ~bad
+        if not bad.any() or not good.any():
+            continue
+        for values in (force, moment):
+            for axis in range(3):
+                values[bad, k, axis] = np.interp(forces.times[bad], forces.times[good], values[good, k, axis])
+        off = forces.force[bad, k] - force[bad, k]
+        size, rms = np.abs(off).max(axis=1), np.sqrt(np.square(off).mean(axis=0))
+        detail = f"jumps by up to {size.max():.0f} N for a sample or two, interpolated"
+        where = f"{plate} f{'xyz'[int(rms.argmax())]}"
+        repairs.append(Repair("spikes", where, detail, int(bad.sum()), float(rms.max())))
+    return forces.changed(*repairs, force=force, moment=moment) if repairs else forces
+
+
+def _spikes(force: Array) -> Mask:
+    """Samples of one plate's force (n, 3) off the course of those beside them."""
+    off = np.abs(force - ndimage.median_filter(force, (2 * _BESIDE + 1, 1), mode="nearest"))
+    spikes = np.zeros_like(off, dtype=bool)
+    for axis in np.flatnonzero((off > SPIKE_N).any(axis=0)).tolist():
+        high, at = off[:, axis] > SPIKE_N, np.arange(len(force))
+        course = np.interp(at, at[~high], force[~high, axis])
+        bend = np.abs(np.diff(course, 2, prepend=course[0], append=course[-1]))
+        spikes[:, axis] = high & (off[:, axis] > _CLEAR * ndimage.maximum_filter1d(bend, 4 * _BESIDE + 1))
+    return np.asarray(spikes.any(axis=1))
+
+
+LOADED_N = 100.0  # chosen: under less load a sideways force may be lost in the noise
+_FEWEST_LOADED = 50  # samples (chosen)
+_DEAD, _ALIVE = 0.004, 0.01
+"""Spread of a sideways force over the load it stands under: below the first no foot moves, above the second
+it shows that feet push so here (chosen: 0.02 to 0.1 in squats and walking)."""
+
+_SIDEWAYS = np.array([True, False, True])
+
+
+def note_dead_channels(forces: GroundForces) -> GroundForces:
+    """Note where a sideways force of one plate reads nothing while another plate's does.
+
+    Nothing is corrected. Returns one Repair, ``dead_channel``, for each (``where``: ``plate_1 fz``).
+    """
+    loaded = (forces.pressing > LOADED_N) & forces.known
+    spread = np.full((len(forces.plates), 3), np.nan)
+    load = np.zeros(len(forces.plates))
+    for k in np.flatnonzero(loaded.sum(axis=0) >= _FEWEST_LOADED).tolist():
+        load[k] = forces.pressing[loaded[:, k], k].mean()
+        spread[k] = forces.force[loaded[:, k], k].std(axis=0) / load[k]
+    usual = np.nan_to_num(spread).max(axis=0)
+    dead = (spread < _DEAD) & (usual > _ALIVE) & _SIDEWAYS
+    detail = "reads nothing under load, where another plate does: its channel is dead"
+    return forces.changed(
+        *(
+            Repair(
+                "dead_channel",
+                f"{forces.plates[k]} f{'xyz'[axis]}",
+                detail,
+                int(loaded[:, k].sum()),
+                float(usual[axis] * load[k]),
+            )
+            for k, axis in np.argwhere(dead).tolist()
+        )
+    )
+
+
+_TOP, _FLAT, _STANDS = 0.95, 0.005, 0.6
+"""Of the highest force: from where on it may have been cut off, by how much it then differs from its median,
+and in which share of these samples (all chosen: of a parabola's top 0.2 lie so near)."""
+
+_SHORTEST = 4  # samples that stand still (chosen)
+_STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
+_BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load
+
+
+def note_saturation(forces: GroundForces) -> GroundForces:
+    """Note where a plate's load comes to stand at a limit, an amplifier's or a converter's.
+
+    It does so again and again, or only noise is left of it there, which differs from sample to sample as much
+    as over the whole time: no foot's load does either. Nothing is corrected. One Repair, ``saturated``,
+    for each plate concerned (``where``: ``plate_1 fy``).
+    """
+    pressing = np.where(forces.known, forces.pressing, 0.0)
+    brief = int(_BRIEF_S * len(forces.times) / np.ptp(forces.times)) if len(forces.times) > 1 else 0
+    found = [(plate, _limit(load, brief)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
+    return forces.changed(
+        *(
+            Repair("saturated", f"{plate} fy", f"stands at {limit[0]:.0f} N, its limit", limit[1])
+            for plate, limit in found
+            if limit is not None
+        )
+    )
+
+
+def _limit(load: Array, brief: int) -> tuple[float, int] | None:
+    """Where a plate's load (n,) stands when it is highest, N, and how many samples; None if it does not."""
+    high = load > _TOP * load.max()
+    limit = float(np.median(load[high])) if high.any() else 0.0
+    if limit < LOADED_N or np.quantile(load[load > CONTACT_N], 0.05) > _STILL * limit:
+        return None
+    at = high & (np.abs(load - limit) < _FLAT * limit)
+    stretches = [load[start:stop] for start, stop in runs(at).tolist() if stop - start >= _SHORTEST]
+    if at.sum() < _STANDS * high.sum() or not stretches:
+        return None
+    off = np.concatenate([part - part.mean() for part in stretches])
+    steps = np.concatenate([np.diff(part) for part in stretches])
+    again = len(stretches) > 1 and max(map(len, stretches)) < brief
+    return (limit, int(at.sum())) if again or np.square(off).mean() <= np.square(steps).mean() else None

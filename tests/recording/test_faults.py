@@ -1,0 +1,128 @@
+"""Faults of cameras and plates, made by hand in readings that have none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.trial import Array, Trial
+from scaling_service.recording.faults import (
+    note_dead_channels,
+    note_saturation,
+    remove_spikes,
+    separate_merged,
+)
+
+RNG = np.random.default_rng(0)
+
+
+def trial(frames: int = 200) -> Trial:
+    """Four markers that swing together, the last two 30 mm apart."""
+    t = np.arange(frames) / 100
+    body = np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.0], [0.1, 0.4, 0.1], [0.1, 0.4, 0.13]])
+    way = 0.3 * np.stack([np.sin(3 * t), np.cos(2 * t), t], axis=1)
+    noise = 1e-3 * RNG.normal(size=(frames, 4, 3))
+    return Trial("swing", t, ("A", "B", "C", "D"), body + way[:, None] + noise, 100.0)
+
+
+def test_two_markers_seen_as_one_are_not_seen_while_they_are() -> None:
+    whole = trial()
+    markers = whole.markers.copy()
+    markers[:40, :2] = markers[:40, :2].mean(axis=1, keepdims=True)
+    markers[120:125, 1] = markers[120:125, 0]
+    found = separate_merged(whole.with_markers(markers))
+    gone = np.isnan(found.markers).all(axis=2)
+    assert np.flatnonzero(gone[:, 0]).tolist() == [*range(40), *range(120, 125)]
+    np.testing.assert_array_equal(gone[:, 0], gone[:, 1])
+    assert not gone[:, 2:].any()
+    assert [(r.what, r.where, r.frames) for r in found.repairs] == [("merged", "A", 45), ("merged", "B", 45)]
+    assert found.repairs[0].off == pytest.approx(0.5 * np.hypot(0.2, 0.1), abs=2e-3)
+
+
+def test_neighbours_and_one_marker_under_two_labels_are_left_alone() -> None:
+    whole = trial()
+    assert separate_merged(whole) is whole
+    twice = replace(
+        whole,
+        labels=(*whole.labels, "A2"),
+        markers=np.concatenate([whole.markers, whole.markers[:, :1]], axis=1),
+    )
+    assert separate_merged(twice) is twice
+
+
+def walked(rate: float = 1000.0) -> GroundForces:
+    """Two stances of 0.7 s with two peaks each, one on each plate, with an impact at its start."""
+    t = np.arange(int(2 * rate)) / rate
+    force = np.zeros((len(t), 2, 3))
+    for k, start in enumerate((0.2, 0.9)):
+        phase = np.clip((t - start) / 0.7, 0.0, 1.0)
+        impact = 250.0 * np.exp(-(((t - start - 0.02) / 0.006) ** 2)) * (t > start)
+        force[:, k, 1] = 700 * np.sin(np.pi * phase) + 150 * np.sin(3 * np.pi * phase) + impact
+        force[:, k, 0] = -120 * np.sin(2 * np.pi * phase)
+        force[:, k, 2] = 40 * np.sin(np.pi * phase) + 20 * np.sin(3 * np.pi * phase)
+    force += RNG.normal(size=force.shape)
+    up, names = np.tile([0.0, 1.0, 0.0], (2, 1)), ("plate_1", "plate_2")
+    moment = np.cross([0.1, 0.0, 0.2], force)
+    return GroundForces("walk", t, names, force, moment, np.zeros((2, 3)), up)
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_a_walk_with_impacts_has_no_fault(rate: float) -> None:
+    sound = walked(rate)
+    assert remove_spikes(sound) is sound
+    assert not note_dead_channels(sound).repairs
+    assert not note_saturation(sound).repairs
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_spikes_are_interpolated(rate: float) -> None:
+    sound = walked(rate)
+    force = sound.force.copy()
+    hit = (np.array([0.45, 0.55, 0.70, 1.9]) * rate).astype(int)
+    force[hit, 0, 1] += [200.0, -180.0, 300.0, 150.0]
+    found = remove_spikes(replace(sound, force=force, moment=np.cross([0.1, 0.0, 0.2], force)))
+    assert [(r.what, r.where, r.frames) for r in found.repairs] == [("spikes", "plate_1 fy", len(hit))]
+    np.testing.assert_allclose(found.force, sound.force, atol=12.0)
+    np.testing.assert_allclose(found.moment, sound.moment, atol=2.0)
+    assert found.repairs[0].off == pytest.approx(np.sqrt(np.mean([200**2, 180**2, 300**2, 150**2])), rel=0.05)
+
+
+def test_a_channel_is_dead_where_another_plate_s_is_not() -> None:
+    sound = walked()
+    force = sound.force.copy()
+    force[:, 1, 2] = RNG.normal(size=len(force))
+    (note,) = note_dead_channels(replace(sound, force=force)).repairs
+    assert (note.what, note.where) == ("dead_channel", "plate_2 fz")
+    force[:, :, 2] = 0.0  # a movement in a plane, or a plate that has no such channel
+    assert not note_dead_channels(replace(sound, force=force)).repairs
+
+
+@pytest.mark.parametrize("share", [0.95, 0.8])
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_a_plate_that_stops_at_a_limit_is_noted(rate: float, share: float) -> None:
+    clipped = _clipped(walked(rate), share)
+    (note,) = note_saturation(clipped).repairs
+    assert (note.what, note.where) == ("saturated", "plate_1 fy")
+    assert f"{clipped.force[:, 0, 1].max():.0f}"[:2] in note.detail
+
+
+def _clipped(forces: GroundForces, share: float) -> GroundForces:
+    force = forces.force.copy()
+    limit = share * force[:, 0, 1].max()
+    noise = RNG.normal(size=len(force))
+    force[:, 0, 1] = np.where(force[:, 0, 1] > limit, limit + noise, force[:, 0, 1])
+    return replace(forces, force=force)
+
+
+def test_who_stands_still_and_steps_off_saturates_nothing() -> None:
+    t: Array = np.arange(4000) / 1000
+    sway = 300 + 0.5 * np.sin(2 * np.pi * 0.4 * t) + 0.3 * np.sin(2 * np.pi * 1.1 * t)
+    force = np.zeros((len(t), 1, 3))
+    force[:, 0, 1] = sway * np.clip((3.5 - t) / 0.4, 0.0, 1.0) + 0.1 * RNG.normal(size=len(t))
+    still = GroundForces(
+        "still", t, ("plate_1",), force, np.zeros_like(force), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
+    )
+    assert not note_saturation(still).repairs

@@ -186,12 +186,13 @@ def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
                 yield _warning(
                     f"{repair.where}: {repair.detail} ({repair.frames} frames)",
                     _REPAIRS[repair.what],
-                    file=recording.file if repair.what == "merged" else recording.forces_from,
+                    file=recording.file if repair.what in ("merged", "shaking") else recording.forces_from,
                 )
 
 
 _REPAIRS = {
     "merged": "Correct the trajectories in the recording; until then both are filled as other gaps are",
+    "shaking": "Mount the cameras firmly and record again; a filter below that frequency saves the angles",
     "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
     "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
     "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",

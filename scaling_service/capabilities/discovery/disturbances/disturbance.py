@@ -31,6 +31,7 @@ class Disturbance:
     held_out: float  # of as consistent a gain by chance on what did not fit it
     seen_in: Seen = "markers"
     flexible: bool = False  # of so many numbers that it follows nearly any course itself
+    rms: float = 0.0  # SI, of what the readings alone show; 0 where only a fit tells
 
 
 _COMPARED = 8

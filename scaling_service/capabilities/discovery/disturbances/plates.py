@@ -1,12 +1,10 @@
-"""Disturbances of the plates: belts that give way, clocks that drift, channels that saturate or are dead."""
+"""Disturbances of the plates: belts that give way and clocks that drift."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
+from scaling_service.capabilities.discovery.disturbances.disturbance import DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
@@ -46,19 +44,7 @@ def _drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return found.candidate.where, law
 
 
-def faulty_channels(fit: Fit) -> Iterator[Disturbance]:
-    """Channels that are dead or stop at a limit, as readings alone show: no law is right beside them."""
-    found: dict[str, str] = {}
-    for item in fit.wrenches:
-        for note in item.contacts.ground.repairs:
-            if note.what in ("dead_channel", "saturated"):
-                found.setdefault(note.where, f"{item.name}: {note.where} {note.detail}")
-    for where, law in found.items():
-        yield Disturbance(tuple(where.split()), law, np.inf, 0.0, 0.0, "wrench")
-
-
 LAWS = (
     DisturbanceLaw(dragging, _dragged),
     DisturbanceLaw(drifting_clock, _drifted),
-    DisturbanceLaw(search=faulty_channels),
 )

@@ -97,6 +97,11 @@ class DiscoverySettings:
     # share of the markers' mean square above their noise that effects of the motion must take together
     # (chosen: skin's laws in one angle take a fifth of what real skin does, and more with several of them)
     negligible: float = 0.15
+    # vague, vague_share: probability of being the one of its class below which an effect is not told apart,
+    # and the share that must be taken where none of them is (chosen: one of ten anywhere in the body that
+    # leaves most of what is wrong says nothing)
+    vague: float = 0.2
+    vague_share: float = 0.6
 
     # Unmodelled disturbances
 

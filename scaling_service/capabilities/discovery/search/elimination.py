@@ -215,7 +215,8 @@ def drop_negligible(
     """Effects of the motion that together take little of what is wrong taken back, and what is said about it.
 
     Where the cameras' noise shows, it is known how much stands above it. A law that the catalogue does not
-    have resembles some effect a little, here and there.
+    have resembles some effect a little, here and there. Effects that are not told apart from many others must
+    take most of it.
     """
     moved = [n for n in named if MARKERS.shows(n.candidate)]
     if not moved or not all(item.shows_noise for item in before.tracked):
@@ -223,8 +224,10 @@ def drop_negligible(
     noise = measure_noise_floors(fit, before.scene.moving)[MARKERS.name].noise
     masked = [e for e in fit.effects if isinstance(e.candidate.change, Masked)]
     start = MARKERS.refit(before, before.free, masked) if masked else before  # of the same markers
+    vague = max(n.member for n in moved) < fit.settings.vague
+    least = fit.settings.vague_share if vague else fit.settings.negligible
     was, left = (_excess(MARKERS.tally(each, None, noise)) for each in (start, fit))
-    if was <= fit.settings.tracked_excess or left <= (1.0 - fit.settings.negligible) * was:
+    if was <= fit.settings.tracked_excess or left <= (1.0 - least) * was:
         return list(named), fit, ()
     names = ", ".join(n.candidate.name for n in moved)
     fit = remove(fit, [n.effect for n in moved])

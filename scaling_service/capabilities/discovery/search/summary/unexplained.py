@@ -64,7 +64,7 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
     frames = max(float(tally.frames[:, rows].sum()), 1.0)
     rms, floor = ((float(x[:, rows].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
     observable: Observable = "marker" if observation is MARKERS else "force"
-    return Unexplained(disturbance.where, observable, disturbance.law, rms, floor)
+    return Unexplained(disturbance.where, observable, disturbance.law, max(rms, disturbance.rms), floor)
 
 
 def _repaired(fit: Fit) -> Iterator[Unexplained]:

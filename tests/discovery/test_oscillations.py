@@ -11,7 +11,7 @@ from scipy.signal import lsim
 
 from scaling_service.capabilities.discovery.effects import catalogue
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
-from scaling_service.capabilities.discovery.effects.masses import within_reach
+from scaling_service.capabilities.discovery.effects.masses import nearest_bone, within_reach
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.numerics.multibody.laws import Array
@@ -53,9 +53,15 @@ def test_a_swing_is_named_with_its_frequency_and_damping() -> None:
     assert whitened.before - whitened.after > 0.9 * (whitened.before - 1.0)
 
 
-def test_a_load_hangs_within_reach() -> None:
+def test_a_load_hangs_within_reach_and_at_its_own_bone() -> None:
     assert within_reach(np.array([2.0, 0.6, 0.0, 0.0]))
     assert not within_reach(np.array([2.0, 0.0, -7.0, 0.0]))
+    near = nearest_bone(person().model)
+    shank, foot = near("tibia_r"), near("calcn_r")
+    assert shank(np.array([2.0, 0.1, -0.4, 0.0]))  # half way down the shank
+    assert not shank(np.array([2.0, 0.0, 0.6, 0.0]))  # half way up the thigh
+    assert foot(np.array([2.0, 0.2, 0.0, 0.0]))  # over the foot
+    assert not foot(np.array([2.0, 0.0, 0.6, 0.0]))  # up the shank
 
 
 def test_each_number_keeps_to_its_range() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
-from scaling_service.model.body import Segment
+from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.inertia import tensor_of
+from scaling_service.model.poses import neutral_frames
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR
 
@@ -45,19 +46,55 @@ def centres_of_mass(scene: Scene) -> Iterator[Candidate]:
 
 def carried_loads(scene: Scene) -> Iterator[Candidate]:
     """Every segment: a mass at its origin, and first moments that say where it is."""
-    unit = np.eye(10)
+    unit, near = np.eye(10), nearest_bone(scene.model)
     names = (("kg", 1.0, 0.0, 60.0), *((f"{axis}_kgmm", 1e3, -3e4, 3e4) for axis in LETTERS))
     for segment in scene.heavy:
         columns = tuple(
             Column(name, scale, load=Inertial(segment.name, tuple(unit[k].tolist())), low=low, high=high)
             for k, (name, scale, low, high) in enumerate(names)
         )
-        yield Candidate("carried_load", (segment.name,), columns, together=within_reach)
+        yield Candidate("carried_load", (segment.name,), columns, together=near(segment.name))
 
 
 def within_reach(size: Array) -> bool:
     """Whether a load (mass, first moments) hangs within reach of its segment."""
     return bool(np.linalg.norm(size[1:]) <= _REACH_M * abs(size[0]))
+
+
+def nearest_bone(model: BodyModel) -> Callable[[str], Callable[[Array], bool]]:
+    """By segment, whether a load (mass, first moments) is in reach and no nearer to the neighbours' bones.
+
+    A bone runs from its joint to those that it carries, or twice as far as its centre of mass. The model
+    stands in its neutral pose.
+    """
+    frames, bones = neutral_frames(model), {}
+    for s in model.segments:
+        R, origin = frames[s.name]
+        ends = [frames[child.name][1] for child in model.children(s.name)] or [
+            origin + R @ np.multiply(2.0, s.com)
+        ]
+        bones[s.name] = np.array([(origin, end) for end in ends])
+
+    def of(name: str) -> Callable[[Array], bool]:
+        segment, (R, origin) = model.segment(name), frames[name]
+        beside = [bones[s] for s in (segment.parent, *(c.name for c in model.children(name))) if s in bones]
+
+        def near(size: Array) -> bool:
+            if not within_reach(size) or not size[0]:
+                return False
+            place = origin + R @ (size[1:] / size[0])
+            return _distance(place, bones[name]) <= min((_distance(place, b) for b in beside), default=np.inf)
+
+        return near
+
+    return of
+
+
+def _distance(place: Array, lines: Array) -> float:
+    """From the nearest of some lines from point to point, (n, 2, 3), m."""
+    start, way = lines[:, 0], lines[:, 1] - lines[:, 0]
+    share = np.einsum("ni,ni->n", place - start, way) / np.maximum(np.square(way).sum(axis=1), 1e-12)
+    return float(np.linalg.norm(start + np.clip(share, 0.0, 1.0)[:, None] * way - place, axis=1).min())
 
 
 def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:

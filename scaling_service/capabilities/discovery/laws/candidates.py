@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -139,7 +139,7 @@ class Candidate:
     # for what is not a sum of columns
     change: FreeMotion | Exchange | Contact | Reweighed | Masked | None = None
     # whether coefficients, each in its range, are plausible together
-    together: Callable[[Array], bool] | None = None
+    together: Callable[[Array], bool] | None = field(default=None, compare=False)
 
     def holds_in(self, trial: str) -> bool:
         """Whether it is in a trial."""

@@ -1,7 +1,8 @@
 """Which foot stands on which plate, when, and whether that can be true.
 
 A contact (a run of loaded samples of one plate) belongs to the foot that the centre of pressure stays
-under. A foot that the markers show on the floor must bear a load, and one that they show in swing must not.
+under, or else to the only one that stands then and that no plate bears. A foot that the markers show on the
+floor must bear a load, and one that they show in swing must not.
 """
 
 from __future__ import annotations
@@ -37,6 +38,12 @@ a standing one stays under 0.3 m/s with skin motion)."""
 
 BRIEF_S = 0.03  # loads briefer than this are knocks (chosen)
 
+ASTRAY_M = 0.3
+"""How far pressure may lie from the only foot that can bear a load (chosen: a hand that pushes 100 N at 1.2 m
+of height moves it by 0.2 m; a neighbour's foot is farther away)."""
+
+ALIKE = 0.3  # chosen: share of the largest load from which one is a foot's, and not a stick's
+
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is noted (chosen: rolling at both ends)."""
 
@@ -50,7 +57,8 @@ class FootContacts:
     ``foot`` (n, n_plates): the row of ``feet`` that a plate bears, ``NOBODY`` where it bears none.
     ``supported`` (n,): frames whose forces are all known: every loaded plate bears a known foot, and no
     foot stands beside the plates. ``repairs``: ``plate_foot`` for every contact; ``two_feet``,
-    ``two_plates``, ``in_swing``, ``no_plate``, ``no_foot`` where markers and forces disagree.
+    ``two_plates``, ``in_swing``, ``no_plate``, ``no_foot``, ``pressure_astray`` where markers and forces
+    disagree.
     """
 
     feet: tuple[str, ...]
@@ -73,12 +81,20 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     away = np.stack([_measure_distances(forces.centre_of_pressure(), feet[f]) for f in names])
     on_floor, notes = _find_resting([feet[f] for f in names], forces.times, forces.name)
     foot = np.full(loaded.shape, NOBODY, dtype=np.intp)
-    for k, plate in enumerate(forces.plates):
-        for start, stop in _find_contacts(loaded[:, k], forces.times):
-            rows = slice(start, stop)
-            chosen = _choose_foot(away[:, rows, k])
-            foot[rows, k] = chosen
-            notes += _describe_contact(plate, names, chosen, on_floor[rows], forces.times[rows])
+    spells = [(k, slice(*run)) for k, one in enumerate(loaded.T) for run in _find_contacts(one, forces.times)]
+    for k, rows in spells:
+        foot[rows, k] = _choose_foot(away[:, rows, k])
+    for k, rows in spells:
+        if foot[rows.start, k] == NOBODY and _is_heavy(forces.pressing, rows, k):
+            foot[rows, k] = _choose_idle_foot(away[:, rows, k], on_floor[rows], foot[rows])
+        notes += _describe_contact(
+            forces.plates[k],
+            names,
+            int(foot[rows.start, k]),
+            on_floor[rows],
+            away[:, rows, k],
+            forces.times[rows],
+        )
     if loaded.any() and (foot == NOBODY).all():
         raise TrialUnusable(
             "no load is near a foot",
@@ -173,19 +189,44 @@ def _find_contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
 
 def _choose_foot(away: Array) -> int:
     """The foot of one contact from distances (n_feet, n)."""
-    typical = np.array([np.median(d[np.isfinite(d)]) if np.isfinite(d).any() else np.inf for d in away])
+    typical = [_typical(distances) for distances in away]
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY
 
 
+def _is_heavy(pressing: Array, rows: slice, plate: int) -> bool:
+    return bool(np.median(pressing[rows, plate]) > ALIKE * np.nanmax(pressing))
+
+
+def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:
+    """The one foot that stands during a contact (n frames) and that no other plate bears, if it is not far.
+
+    Whoever pushes the body, and a plate that is not where it is said to be, move the pressure off the foot.
+    """
+    stands = on_floor.mean(axis=0) > 1.0 - TOLERATED
+    idle = [f for f in np.flatnonzero(stands).tolist() if (foot == f).any(axis=1).mean() < TOLERATED]
+    return idle[0] if len(idle) == 1 and _typical(away[idle[0]]) < ASTRAY_M else NOBODY
+
+
+def _typical(distances: Array) -> float:
+    known = distances[np.isfinite(distances)]
+    return float(np.median(known)) if len(known) else float("inf")
+
+
 def _describe_contact(
-    plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, times: Array
+    plate: str, names: tuple[str, ...], chosen: int, on_floor: Mask, away: Array, times: Array
 ) -> list[Repair]:
     """What to say about one contact."""
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
     if chosen == NOBODY:
         return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", n)]
     notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", n)]
+    off = _typical(away[chosen])
+    if off >= REACH_M:
+        detail = (
+            f"pressure lies {100 * off:.0f} cm off {names[chosen]}, the only foot that stands free {span}"
+        )
+        notes.append(Repair("pressure_astray", plate, detail, n))
     swinging = ~on_floor[:, chosen]
     if swinging.mean() > TOLERATED:
         detail = (

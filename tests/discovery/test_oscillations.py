@@ -57,11 +57,11 @@ def test_a_load_hangs_within_reach_and_at_its_own_bone() -> None:
     assert within_reach(np.array([2.0, 0.6, 0.0, 0.0]))
     assert not within_reach(np.array([2.0, 0.0, -7.0, 0.0]))
     near = nearest_bone(person().model)
-    shank, foot = near("tibia_r"), near("calcn_r")
-    assert shank(np.array([2.0, 0.1, -0.4, 0.0]))  # half way down the shank
-    assert not shank(np.array([2.0, 0.0, 0.6, 0.0]))  # half way up the thigh
-    assert foot(np.array([2.0, 0.2, 0.0, 0.0]))  # over the foot
-    assert not foot(np.array([2.0, 0.0, 0.6, 0.0]))  # up the shank
+    thigh, shank = near("femur_r"), near("tibia_r")
+    assert shank(np.array([2.0, 0.1, -0.4, 0.0]))  # 0.2 m down the shank
+    assert not thigh(np.array([2.0, 0.1, -1.2, 0.0]))  # the same place
+    assert thigh(np.array([2.0, 0.1, -0.4, 0.0]))  # half way down the thigh
+    assert not shank(np.array([2.0, 0.0, 0.4, 0.0]))  # half way up it
 
 
 def test_each_number_keeps_to_its_range() -> None:

@@ -61,6 +61,16 @@ def test_each_contact_goes_to_the_foot_under_it() -> None:
     assert contacts.on_floor[95:105].all()
 
 
+def test_pressure_that_something_moves_off_the_foot_still_goes_to_the_only_one_that_stands() -> None:
+    moved = (LEFT[0] + 0.05, LEFT[1] - 0.2)
+    contacts = assign_plates(pressed([(moved, SECOND), (RIGHT, FIRST)]), FEET)
+    assert (contacts.foot[SECOND, 0] == 1).all()
+    assert whats(contacts) == {"plate_foot", "pressure_astray"}
+    forces = pressed([(moved, SECOND), (RIGHT, FIRST)])
+    stick = replace(forces, force=forces.force * [[[0.2], [1.0]]], moment=forces.moment * [[[0.2], [1.0]]])
+    assert (assign_plates(stick, FEET).foot[:, 0] == NOBODY).all()
+
+
 def test_loads_go_to_the_segments_of_the_feet() -> None:
     forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
     loads = foot_loads(forces, assign_plates(forces, FEET), {"r": "calcn_r", "l": "calcn_l"})

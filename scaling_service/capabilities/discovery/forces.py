@@ -29,7 +29,7 @@ from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
 
 NOT_TRIED = "effects of forces, masses and gravity were not tried"
 
-_NOTED = ("two_feet", "no_foot", "force_sign", "not_recorded", *FAULTS)
+_NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
 """Repairs of forces that bear on what the search may say."""
 
 _READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)

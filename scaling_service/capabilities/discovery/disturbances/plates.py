@@ -1,4 +1,4 @@
-"""Disturbances of the plates: belts that give way and clocks that drift."""
+"""Disturbances of the plates: belts that give way, gains that depend on the load, clocks that drift."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from scaling_service.capabilities.discovery.disturbances.disturbance import Dist
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
-from scaling_service.capabilities.discovery.laws.loads import Drifting, Late, Shear
+from scaling_service.capabilities.discovery.laws.loads import CurvedGain, Drifting, Late, PlateGain, Shear
 
 _HORIZONTAL = {"x": 0, "z": 2}
 
@@ -31,6 +31,21 @@ def _dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return (plate, f"f{axis}"), law.replace("+ -", "- ")
 
 
+def curving(fit: Fit) -> Iterator[Candidate]:
+    """Every loaded plate, with a gain that depends on its load."""
+    for plate in fit.scene.plates:
+        columns = (
+            Column("gain", 1.0, load=PlateGain(plate)),
+            Column("more", 1.0, load=CurvedGain(plate)),
+        )
+        yield Candidate("curving", (plate,), columns)
+
+
+def _curved(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+    (plate,), (gain, more) = found.candidate.where, (100.0 * found.fitted.size).tolist()
+    return (plate,), f"{plate} is off by {gain:.3g} % of what it reads and by {more:.3g} % more for each kN"
+
+
 def drifting_clock(fit: Fit) -> Iterator[Candidate]:
     """All forces together, in step with the cameras at first, seconds later no more."""
     if fit.scene.plates:
@@ -46,5 +61,6 @@ def _drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
 
 LAWS = (
     DisturbanceLaw(dragging, _dragged),
+    DisturbanceLaw(curving, _curved),
     DisturbanceLaw(drifting_clock, _drifted),
 )

@@ -151,6 +151,18 @@ class PlateTurn:
 
 
 @dataclass(frozen=True, slots=True)
+class CurvedGain:
+    """A plate's gain grows with its load: share of what it reads for each kN of its vertical force."""
+
+    plate: str
+
+    def column(self, fit: WrenchFit) -> Array:
+        """What the plate reads, times its vertical force in kN, (n, 6)."""
+        read = fit.plate(self.plate)
+        return np.asarray(1e-3 * read[:, 1:2] * read)
+
+
+@dataclass(frozen=True, slots=True)
 class Shear:
     """A plate's force along a horizontal axis follows its vertical one: s, share or N, after what it follows.
 

@@ -67,6 +67,70 @@ class CurvedPlate(Hidden):
         return plates.changed(k, gain * plates.force[:, k], gain * plates.moment[:, k])
 
 
+@dataclass(frozen=True, kw_only=True)
+class FlippedChannel(Hidden):
+    """A plate's sideways force is read with the opposite sign."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k = PLATE_NAMES.index(self.where[0])
+        return plates.changed(k, plates.force[:, k] * np.array([1.0, 1.0, -1.0]), plates.moment[:, k])
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnePlateLate(Hidden):
+    """One plate's readings come ``delay_s`` later than the other's."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k = PLATE_NAMES.index(self.where[0])
+        late = plates.resampled(plates.times - self.parameters["delay_s"])
+        return plates.changed(k, late.force[:, k], late.moment[:, k])
+
+
+@dataclass(frozen=True, kw_only=True)
+class StretchedAxis(Hidden):
+    """All heights are off by a ``share``: the wand was held askew when the volume was calibrated."""
+
+    def seen(self, scene: Scene, markers: Array) -> Array:
+        return np.asarray(markers * np.array([1.0, 1.0 + self.parameters["share"], 1.0]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgedGaps(Hidden):
+    """A marker that is lost for ``spell_s`` out of every ``every_s`` was filled by straight lines."""
+
+    def seen(self, scene: Scene, markers: Array) -> Array:
+        every, spell = self.parameters["every_s"], self.parameters["spell_s"]
+        seen = np.mod(scene.times, every) >= spell
+        changed, k = markers.copy(), scene.marker(self.where[0])
+        for axis in range(3):
+            changed[:, k, axis] = np.interp(scene.times, scene.times[seen], markers[seen, k, axis])
+        return changed
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrembledMarker(Hidden):
+    """For a ``share`` of the time, in spells, a marker's position is known only to ``mm``."""
+
+    seed: int
+
+    def seen(self, scene: Scene, markers: Array) -> Array:
+        rng = np.random.default_rng(self.seed)
+        poor = np.repeat(rng.random(len(scene.times) // 20 + 1) < self.parameters["share"], 20)
+        noise = 1e-3 * self.parameters["mm"] * rng.normal(size=(len(scene.times), 3))
+        changed = markers.copy()
+        changed[:, scene.marker(self.where[0])] += noise * poor[: len(scene.times), None]
+        return changed
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossedChannels(Hidden):
+    """A plate's forward and sideways forces are read as each other."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k = PLATE_NAMES.index(self.where[0])
+        return plates.changed(k, plates.force[:, k][:, [2, 1, 0]], plates.moment[:, k])
+
+
 def _moved(scene: Scene, markers: Array, name: str, then: Array) -> Array:
     """Markers with the path of one as it was at other times."""
     changed, k = markers.copy(), scene.marker(name)
@@ -103,11 +167,54 @@ def _curved_plate(_body: Body, rng: np.random.Generator) -> Hidden:
     return CurvedPlate(kind="curved_plate", where=where, parameters=parameters, also_where=_ALL_FORCES)
 
 
+def _flipped_channel(_body: Body, rng: np.random.Generator) -> Hidden:
+    where = (one(rng, list(PLATE_NAMES)),)
+    return FlippedChannel(
+        kind="flipped_channel", where=where, parameters={"factor": -1.0}, also_where=_ALL_FORCES
+    )
+
+
+def _one_plate_late(_body: Body, rng: np.random.Generator) -> Hidden:
+    where, parameters = (one(rng, list(PLATE_NAMES)),), {"delay_s": rng.uniform(0.02, 0.05)}
+    return OnePlateLate(kind="one_plate_late", where=where, parameters=parameters, also_where=_ALL_FORCES)
+
+
+def _stretched_axis(body: Body, rng: np.random.Generator) -> Hidden:
+    parameters = {"share": sign(rng) * rng.uniform(0.02, 0.04)}
+    where, also = ("markers",), (*body.marker_names, *_ALL_FORCES)
+    return StretchedAxis(kind="stretched_axis", where=where, parameters=parameters, also_where=also)
+
+
+def _bridged_gaps(body: Body, rng: np.random.Generator) -> Hidden:
+    parameters = {"every_s": 0.8, "spell_s": rng.uniform(0.3, 0.4)}
+    return BridgedGaps(kind="bridged_gaps", where=limb_marker(body, rng), parameters=parameters)
+
+
+def _trembled_marker(body: Body, rng: np.random.Generator) -> Hidden:
+    parameters, where = {"share": 0.4, "mm": rng.uniform(8.0, 15.0)}, limb_marker(body, rng)
+    seed = int(rng.integers(2**31))
+    return TrembledMarker(kind="trembled_marker", where=where, parameters=parameters, seed=seed)
+
+
+def _crossed_channels(_body: Body, rng: np.random.Generator) -> Hidden:
+    where = (one(rng, list(PLATE_NAMES)),)
+    return CrossedChannels(
+        kind="crossed_channels", where=where, parameters={"factor": 1.0}, also_where=_ALL_FORCES
+    )
+
+
 UNSEEN: dict[str, Draw] = {
     "drifting_marker": _drifting_marker,
     "slipped_marker": _slipped_marker,
     "repeated_frames": _repeated_frames,
     "breathing_volume": _breathing_volume,
     "curved_plate": _curved_plate,
+    # Later still, once those above had been looked at.
+    "flipped_channel": _flipped_channel,
+    "one_plate_late": _one_plate_late,
+    "stretched_axis": _stretched_axis,
+    "bridged_gaps": _bridged_gaps,
+    "trembled_marker": _trembled_marker,
+    "crossed_channels": _crossed_channels,
 }
 """By kind."""

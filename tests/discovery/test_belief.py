@@ -117,3 +117,6 @@ def test_an_unloaded_plate_speaks_against_a_bias() -> None:
     bias = next(c for c in plate_biases(fit.scene) if len(c.columns) == 3 and not c.trials)
     assert contradict_bias(bias, np.array([0.0, -90.0, 0.0]), fit.wrenches)
     assert not contradict_bias(bias, np.array([0.0, 2.2, 0.0]), fit.wrenches)
+    # Of readings that it was taken off: 2 N are little of 90, and as much as 2.
+    assert not contradict_bias(bias, np.array([0.0, -90.0, 0.0]), fit.wrenches, removed=True)
+    assert contradict_bias(bias, np.array([0.0, 2.2, 0.0]), fit.wrenches, removed=True)

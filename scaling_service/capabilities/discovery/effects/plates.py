@@ -48,8 +48,13 @@ def plate_biases(scene: Scene) -> Iterator[Candidate]:
             yield Candidate("plate_bias", (plate,), columns, trials=trials, note="with moments")
 
 
-def contradict_bias(candidate: Candidate, size: Array, wrenches: Iterable[WrenchFit]) -> bool:
-    """Whether what a plate shows with nobody on it speaks against a bias of this size."""
+def contradict_bias(
+    candidate: Candidate, size: Array, wrenches: Iterable[WrenchFit], *, removed: bool = False
+) -> bool:
+    """Whether what a plate shows with nobody on it speaks against a bias of this size.
+
+    ``removed``: whether the readings of the wrenches are without it already.
+    """
     if candidate.kind != "plate_bias":
         return False
     shown = [_unloaded_readings(candidate.where[0], w) for w in wrenches if candidate.holds_in(w.name)]
@@ -57,7 +62,8 @@ def contradict_bias(candidate: Candidate, size: Array, wrenches: Iterable[Wrench
     if not len(readings):
         return False
     arms = np.array((1.0,) * 3 + (_ARM_M,) * 3)[: len(size)]
-    wrong = np.linalg.norm((readings.mean(axis=0)[: len(size)] - size) / arms)
+    left = readings.mean(axis=0)[: len(size)] - (0.0 if removed else size)
+    wrong = np.linalg.norm(left / arms)
     return bool(wrong > _CONTRADICTS * np.linalg.norm(size / arms))
 
 

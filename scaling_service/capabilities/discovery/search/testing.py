@@ -79,7 +79,8 @@ def _implausible(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
 def in_range(named: NamedEffect, fit: Fit) -> bool:
     """Whether all numbers, estimated with everything else, are such as a laboratory could meet."""
     effect = next(e for e in fit.effects if e.candidate.key == named.key)
-    return keeps_to_range(effect, fit) and not contradict_bias(effect.candidate, effect.size, fit.wrenches)
+    contradicted = contradict_bias(effect.candidate, effect.size, fit.wrenches, removed=True)
+    return keeps_to_range(effect, fit) and not contradicted
 
 
 def _sorts(named: Sequence[NamedEffect]) -> list[list[NamedEffect]]:

@@ -38,6 +38,9 @@ ONE_POINT_M = 5e-3
 APART_M, _USUAL = 0.025, 0.9
 """How far apart markers usually are, lest they were meant as one, and the quantile that this is (both chosen:
 a short recording may show them as one most of the time)."""
+PAIR = ", "
+"""Between the labels of two merged markers."""
+
 _LOOKED_AT_S = 0.02  # chosen: two markers are taken for one for longer
 _FLICKER = 5  # frames between two of one point that are of it, too (chosen)
 
@@ -47,8 +50,7 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
 
     It lies between them or on one of them: no label says which.
 
-    ``trial``: in any axes, m. Returns one Repair, ``merged``, for each marker of a pair; the same trial where
-    there is none.
+    ``trial``: in any axes, m. Returns one Repair, ``merged``, for each pair; the same trial if there is none.
     """
     shown = seen(trial.markers)
     hidden = np.zeros_like(shown)
@@ -59,9 +61,9 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
         merged &= shown[:, one] & shown[:, other]
         hidden[:, [one, other]] |= merged[:, None]
-        for k, partner in ((one, other), (other, one)):
-            detail = f"at one point with {trial.labels[partner]}, both taken as not seen"
-            repairs.append(Repair("merged", trial.labels[k], detail, int(merged.sum()), usual / 2))
+        where = f"{trial.labels[one]}{PAIR}{trial.labels[other]}"
+        detail = "seen as one point, both taken as not seen there"
+        repairs.append(Repair("merged", where, detail, int(merged.sum()), usual / 2))
     if not repairs:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
@@ -116,10 +118,8 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     ):
         return trial
     size = acceleration / (2.0 * np.pi * hertz[k]) ** 2
-    detail = (
-        f"all markers tremble together at {hertz[k]:.3g} Hz by {1e3 * size:.2g} mm: cameras or floor shake"
-    )
-    note = Repair("shaking", trial.name, detail, trial.n_frames, float(size / np.sqrt(2.0)))
+    detail = f"tremble together at {hertz[k]:.3g} Hz by {1e3 * size:.2g} mm, for cameras or the floor shake"
+    note = Repair("shaking", "all markers", detail, trial.n_frames, float(size / np.sqrt(2.0)))
     return replace(trial, repairs=(*trial.repairs, note))
 
 

@@ -165,6 +165,22 @@ def plates_at(folder: Path, extra: Array | None) -> ProofDocument:
     return prove(folder, BARE, folder.parent / "out")
 
 
+def test_what_cameras_and_plates_do_wrong_is_told_with_remedies(tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    one = record_on_plates(name="squat")
+    trial, plates = one.trial, tuple(plate.copy() for plate in one.plates)
+    markers = trial.markers.copy()
+    pair = [trial.index(label) for label in ("RLFE", "RMFE")]
+    markers[10:30, pair] = markers[10:30, pair].mean(axis=1, keepdims=True)
+    plates[0][[15, 40], 1] += 300.0
+    write_trc(folder / "squat.trc", trial.with_markers(markers), "mm")
+    write_forces(folder / "squat_grf.mot", trial.times, plates)
+    found = prove(folder, BARE, tmp_path / "out")
+    assert told(found, "RLFE, RMFE", "seen as one point", "20 frames", "Correct the trajectories")
+    assert told(found, "plate_1 fy", "jumps by up to 300 N", "2 frames", "amplifier")
+
+
 @pytest.mark.parametrize(("newton", "expected"), [(35.0, True), (2.0, False)])
 def test_an_offset_that_no_foot_explains_is_told(tmp_path: Path, newton: float, expected: bool) -> None:
     empty = np.tile([0.0, newton, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0], (250, 1))

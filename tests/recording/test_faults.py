@@ -38,7 +38,7 @@ def test_two_markers_seen_as_one_are_not_seen_while_they_are() -> None:
     assert np.flatnonzero(gone[:, 0]).tolist() == [*range(40), *range(120, 125)]
     np.testing.assert_array_equal(gone[:, 0], gone[:, 1])
     assert not gone[:, 2:].any()
-    assert [(r.what, r.where, r.frames) for r in found.repairs] == [("merged", "A", 45), ("merged", "B", 45)]
+    assert [(r.what, r.where, r.frames) for r in found.repairs] == [("merged", "A, B", 45)]
     assert found.repairs[0].off == pytest.approx(0.5 * np.hypot(0.2, 0.1), abs=2e-3)
 
 

@@ -179,20 +179,18 @@ def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
 
 
 def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
-    """What cameras and plates did wrong, as their readings alone show."""
+    """What plates did wrong, as their readings alone show; loading tells the same of markers."""
     for recording in recordings:
         for repair in recording.repairs:
             if repair.what in _REPAIRS:
                 yield _warning(
                     f"{repair.where}: {repair.detail} ({repair.frames} frames)",
                     _REPAIRS[repair.what],
-                    file=recording.file if repair.what in ("merged", "shaking") else recording.forces_from,
+                    file=recording.forces_from,
                 )
 
 
 _REPAIRS = {
-    "merged": "Correct the trajectories in the recording; until then both are filled as other gaps are",
-    "shaking": "Mount the cameras firmly and record again; a filter below that frequency saves the angles",
     "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
     "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
     "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
@@ -277,6 +275,8 @@ _REMEDIES: Mapping[str, str] = {
         "Name a recording under `trials.evaluation` that is not used to fit; if there is none, record one"
     ),
     r": it may be a part of a recording$": "Export the recording again if frames are missing",
+    r" as one point, .*$": "Correct the trajectories; until then both are filled there as other gaps are",
+    r" or the floor shake .*$": "Mount the cameras firmly and record again; a filter saves the angles only",
     r" \(\d+ frames?\)$": "Look at these frames; correct the recording if they matter",
     r": image-based methods were left out$": "Choose a built-in model of the legs to use the bones",
     r" was not taken: .*$": "Look at the surface of the bone there; without the point, the others are used",

@@ -24,7 +24,7 @@ def faulty_instruments(fit: Fit) -> Iterator[Disturbance]:
     for tracked in fit.tracked:
         for note in tracked.trial.repairs:
             if note.what == "shaking" and "markers" not in found:
-                found["markers"] = _certain(["markers"], f"{tracked.name}:", note, "markers")
+                found["markers"] = _certain(["markers"], f"{tracked.name}: {note.where}", note, "markers")
     yield from found.values()
 
 

@@ -26,6 +26,7 @@ from scaling_service.capabilities.discovery.search.summary.disagreements import 
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.recording.faults import PAIR
 
 _LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
 _FEWEST = 16  # frames; chosen: fewer describe nothing
@@ -79,13 +80,13 @@ def _largest(
     found: dict[str, Unexplained] = {}
     tally = observation.tally(fit, None) if sources else None
     for source, repair in ((one, r) for one in sources for r in one.repairs if r.what == kind):
-        where = (repair.where,) if observation is MARKERS else tuple(repair.where.split())
+        where = tuple(repair.where.split(PAIR if observation is MARKERS else None))
         if tally is None or where[-1] not in tally.places:
             continue
         k, frames = tally.places.index(where[-1]), len(source.times)
         rms = repair.off * (repair.frames / frames) ** 0.5
         floor = float(tally.floor[:, k].sum() / max(tally.frames[:, k].sum(), 1)) ** 0.5
-        law = f"{repair.detail}, in {repair.frames} of {frames} frames of {source.name}"
+        law = f"{repair.where} {repair.detail}, in {repair.frames} of {frames} frames of {source.name}"
         usual = found.get(repair.where)
         if rms > fit.settings.unexplained_ratio * floor and (usual is None or rms > usual.rms):
             found[repair.where] = Unexplained(where, observable_of(where[-1]), law, rms, floor)

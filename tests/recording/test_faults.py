@@ -12,6 +12,7 @@ from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.faults import (
     note_dead_channels,
     note_saturation,
+    note_shaking,
     remove_spikes,
     separate_merged,
 )
@@ -51,6 +52,31 @@ def test_neighbours_and_one_marker_under_two_labels_are_left_alone() -> None:
         markers=np.concatenate([whole.markers, whole.markers[:, :1]], axis=1),
     )
     assert separate_merged(twice) is twice
+
+
+def body(seconds: float = 4.0) -> Trial:
+    """Twelve markers from head to foot that squat once a second, the lower the less, with 1 mm of noise."""
+    t = np.arange(0.0, seconds, 0.01)
+    height = np.repeat(np.linspace(0.05, 1.6, 6), 2)
+    place = np.stack([0.1 * np.sin(5 * height), height, np.tile([-0.1, 0.1], 6)], axis=1)
+    depth = 0.1 * (1 - np.cos(2 * np.pi * t)) * np.exp(0.2 * np.sin(2 * np.pi * t))
+    markers = place - depth[:, None, None] * height[:, None] * [0.2, 1.0, 0.0]
+    markers = markers + 1e-3 * RNG.normal(size=markers.shape)
+    return Trial("squat", t, tuple(f"M{k}" for k in range(12)), markers, 100.0)
+
+
+@pytest.mark.parametrize("tilting", [False, True])
+def test_cameras_that_shake_move_all_markers_together(tilting: bool) -> None:
+    still = body()
+    assert note_shaking(still) is still
+    wave = 2e-3 * np.sin(2 * np.pi * 9.0 * still.times)[:, None, None] * np.array([0.6, 0.0, 0.8])
+    shaken = still.markers + wave * (still.markers[:, :, 1:2] if tilting else 1.0)
+    (note,) = note_shaking(still.with_markers(shaken)).repairs
+    assert (note.what, note.where) == ("shaking", "all markers")
+    assert "at 9.0 Hz by " in note.detail
+    alone = still.markers.copy()
+    alone[:, 3] += 5.0 * wave[:, 0]
+    assert not note_shaking(still.with_markers(alone)).repairs
 
 
 def walked(rate: float = 1000.0) -> GroundForces:

@@ -17,13 +17,13 @@ from scaling_service.recording.plausibility import remove_strays
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 
-FAULTS = ("merged", "shaking", "spikes", "dead_channel", "saturated")
+FAULTS = ("merged", "jitter", "shaking", "spikes", "dead_channel", "saturated")
 """Repairs of this module."""
 
 
 def repair_markers(trial: _AnyTrial) -> _AnyTrial:
     """A recording as read without positions that cannot be those of its markers; shaking is noted."""
-    return note_shaking(separate_merged(remove_strays(trial)))
+    return note_shaking(remove_jitter(separate_merged(remove_strays(trial))))
 
 
 def repair_forces(forces: GroundForces) -> GroundForces:
@@ -82,6 +82,44 @@ def _meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
             usual = float(np.sqrt(np.nanquantile(square[:, other], _USUAL)))
             if usual > APART_M:
                 yield named[k], named[k + 1 + other], usual
+
+
+JITTER_M = 8e-3  # chosen: skin and an impact leave 6 mm from frame to frame, over a window
+_UNUSUAL, _FEW = 5.0, 0.25
+"""Of the noise of the others, from which a marker's own is a fault, and the share of markers of which it may
+be (both chosen: where more jump about, the cameras do)."""
+
+_WINDOW = 11  # frames over which noise is measured (chosen: an impact lasts five)
+_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
+"""Fourth differences, of which noise leaves its own deviation, and what moves smoothly nothing."""
+
+
+def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
+    """Mark a marker as not seen where it jumps about from frame to frame, as no skin does, nor the others.
+
+    ``trial``: in any axes, m. Returns one Repair, ``jitter``, for each marker concerned; the same trial where
+    there is none.
+    """
+    if trial.n_frames < _WINDOW or not trial.labels:
+        return trial
+    rough = np.abs(ndimage.convolve1d(np.nan_to_num(trial.markers), _FOURTH, axis=0)).max(axis=2)
+    shown = seen(trial.markers)
+    whole = ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1)
+    noise = ndimage.median_filter(np.where(whole, rough, 0.0), (_WINDOW, 1), mode="nearest")
+    usual = np.median(noise, axis=1, keepdims=True)
+    worse = (noise > JITTER_M) & (noise > _UNUSUAL * usual)
+    poor = shown & (worse | ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
+    if not 0.0 < poor.any(axis=0).mean() < _FEW:
+        return trial
+    repairs = [
+        Repair("jitter", label, f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there", n, rms)
+        for label, n, rms in (
+            (trial.labels[k], int(poor[:, k].sum()), float(noise[poor[:, k], k].mean()))
+            for k in np.flatnonzero(poor.any(axis=0)).tolist()
+        )
+    ]
+    markers = np.where(poor[..., None], np.nan, trial.markers)
+    return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
 SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)

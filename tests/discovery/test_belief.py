@@ -11,14 +11,13 @@ import yaml
 from scipy.stats import multivariate_normal
 
 from scaling_service.capabilities.discovery.belief import (
-    Range,
     carrying,
     probability_of_effect,
     probability_of_sign,
-    usual_sizes,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
 from scaling_service.capabilities.discovery.effects.plates import contradict_bias, plate_biases
+from scaling_service.capabilities.discovery.effects.sizes import Range, usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.forces import assign_contacts
 from scaling_service.capabilities.discovery.result import discovery_document
@@ -74,7 +73,7 @@ def test_every_kind_has_sizes_with_a_source() -> None:
 
 def test_masses_are_shares_of_the_person() -> None:
     model = builtin("full_body_35dof")
-    usual = usual_sizes(LOAD, model)("kg")
+    usual = usual_sizes(LOAD.candidate, model)("kg")
     assert usual is not None
     assert usual.high == pytest.approx(0.4 * total_mass(model))
 

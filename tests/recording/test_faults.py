@@ -13,6 +13,7 @@ from scaling_service.recording.faults import (
     note_dead_channels,
     note_saturation,
     note_shaking,
+    remove_jitter,
     remove_spikes,
     separate_merged,
 )
@@ -52,6 +53,23 @@ def test_neighbours_and_one_marker_under_two_labels_are_left_alone() -> None:
         markers=np.concatenate([whole.markers, whole.markers[:, :1]], axis=1),
     )
     assert separate_merged(twice) is twice
+
+
+def test_a_marker_that_jumps_about_is_not_seen_while_it_does() -> None:
+    still = body()
+    assert remove_jitter(still) is still
+    markers = still.markers.copy()
+    markers[100:160, 4] += 0.015 * RNG.normal(size=(60, 3))
+    found = remove_jitter(still.with_markers(markers))
+    (note,) = found.repairs
+    assert (note.what, note.where) == ("jitter", "M4")
+    gone = np.isnan(found.markers).any(axis=2)
+    assert gone[105:155, 4].mean() > 0.95
+    assert not gone[:95].any()
+    assert not gone[165:].any()
+    every = still.markers.copy()
+    every[100:160] += 0.015 * RNG.normal(size=every[100:160].shape)
+    assert not remove_jitter(still.with_markers(every)).repairs
 
 
 def body(seconds: float = 4.0) -> Trial:

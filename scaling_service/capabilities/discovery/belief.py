@@ -1,53 +1,22 @@
-"""How far a named effect may be believed: that it is no chance, which of its class, its sign and its size.
-
-The sizes that laboratories meet are data, each with its source: ``reference_models/effect_sizes.yaml``.
-"""
+"""How far a named effect may be believed: that it is no chance, which of its class, its sign and its size."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.effects.catalogue import is_answer
+from scaling_service.capabilities.discovery.effects.sizes import Range
 from scaling_service.capabilities.discovery.laws.candidates import DAMPINGS, FREQUENCIES_HZ, SHAPES
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import total_mass
-from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.numerics.multibody.laws import Array
 
 CARRIES = 0.1
 """Share from which an effect carries the gap: of what all on markers, or all on forces, explain, or of
 what was left when it was tried, on what did not fit it (chosen: as much as a companion must explain)."""
-
-_AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """Of a number as the results call it."""
-
-    low: float
-    high: float
-
-    def chance(self, value: float, sd: float) -> float:
-        """Probability that a normal number lies in it."""
-        if sd <= 0.0:
-            return float(self.low <= value <= self.high)
-        return float(
-            scipy.special.ndtr((self.high - value) / sd) - scipy.special.ndtr((self.low - value) / sd)
-        )
-
-    def at_end(self, value: float) -> bool:
-        """Whether a number stands at one of its ends."""
-        near = _AT_BOUND * (self.high - self.low)
-        return math.isfinite(near) and not self.low + near < value < self.high - near
 
 
 def probability_of_effect(named: NamedEffect) -> float:
@@ -79,34 +48,6 @@ def bounds_of(named: NamedEffect) -> Mapping[str, Range]:
     found = {c.name: Range(c.low, c.high) for c in named.candidate.columns}
     if named.candidate.oscillation is not None:
         found |= {n: Range(*ends) for n, ends in zip(SHAPES, (FREQUENCIES_HZ, DAMPINGS), strict=True)}
-    return found
-
-
-def usual_sizes(named: NamedEffect, model: BodyModel) -> Callable[[str], Range | None]:
-    """By its name in the results, the range of a number that laboratories meet; None where none is known."""
-    of_kind, where = _sizes().get(named.candidate.kind, {}), named.candidate.where
-    own = next((s.mass for s in model.segments if s.name == where[0]), 0.0)
-    units = {"sizes": 1.0, "of_body": total_mass(model), "of_segment": own}
-
-    def usual(name: str) -> Range | None:
-        for table, unit in units.items():
-            ranges = of_kind.get(table, {})
-            found = ranges.get(name, ranges.get(name.partition("_")[2]))
-            if found is not None:
-                return Range(unit * found[0], unit * found[1])
-        return None
-
-    return usual
-
-
-def source_of_sizes(kind: str) -> str:
-    """Where the sizes of a kind come from."""
-    return str(_sizes()[kind]["source"])
-
-
-@cache
-def _sizes() -> Mapping[str, Any]:
-    found: Mapping[str, Any] = read_reference(reference_folder() / "effect_sizes.yaml")
     return found
 
 

@@ -13,12 +13,10 @@ import numpy as np
 
 from scaling_service.capabilities.discovery import text
 from scaling_service.capabilities.discovery.belief import (
-    Range,
     bounds_of,
     carrying,
     probability_of_effect,
     probability_of_sign,
-    usual_sizes,
 )
 from scaling_service.capabilities.discovery.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.document import (
@@ -40,6 +38,7 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
     Unit,
 )
+from scaling_service.capabilities.discovery.effects.sizes import Range, usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
@@ -222,7 +221,7 @@ def _name(named: NamedEffect, others: Sequence[PlacedEffect], numbers: Mapping[s
 
 def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:
     """Every number beside what laboratories meet and what the search allows."""
-    usual, bounds, found = usual_sizes(named, model), bounds_of(named), {}
+    usual, bounds, found = usual_sizes(named.candidate, model), bounds_of(named), {}
     for name, quantity in quantities(named).items():
         if not isinstance(quantity.value, tuple):
             known, bound = usual(name), bounds.get(name)

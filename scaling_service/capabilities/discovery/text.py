@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.discovery.belief import source_of_sizes
 from scaling_service.capabilities.discovery.document import (
     DiscoveryDocument,
     EffectDocument,
@@ -16,6 +15,7 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.effects.sizes import source_of_sizes
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Reweighed
 from scaling_service.capabilities.discovery.numbers import chance, figures, format_quantity, percent
 from scaling_service.capabilities.discovery.search.findings import NamedEffect

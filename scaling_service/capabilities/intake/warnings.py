@@ -275,6 +275,7 @@ _REMEDIES: Mapping[str, str] = {
         "Name a recording under `trials.evaluation` that is not used to fit; if there is none, record one"
     ),
     r": it may be a part of a recording$": "Export the recording again if frames are missing",
+    r" jumps about by some .*$": "Look at the marker in the recording; its gaps are filled as others are",
     r" as one point, .*$": "Correct the trajectories; until then both are filled there as other gaps are",
     r" or the floor shake .*$": "Mount the cameras firmly and record again; a filter saves the angles only",
     r" \(\d+ frames?\)$": "Look at these frames; correct the recording if they matter",

@@ -142,7 +142,8 @@ def _best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float) -> S
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
     if not likely and not any(s.all_along for s in spells):
         lasting = all(lasts_throughout(s.wrench, s.rows) for s in spells)
-        likely = [n for n in names if n.startswith(_HANDS)] if lasting else names
+        free = [n for n in names if not (n.startswith(FEET) and any(_on_a_plate(s, n) for s in spells))]
+        likely = [n for n in names if n.startswith(_HANDS)] if lasting else free
     if not likely:
         return None
     order = sorted(likely, key=lambda name: fits[name].misfit)
@@ -173,11 +174,17 @@ def _beside_plates(spell: Spell, foot: str) -> bool:
     still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
     if still[rows].any(axis=1).mean() < _MOSTLY:
         return False
-    centre = np.nanmean(places[:, on], axis=1)[:, None]
-    pressed = item.contacts.ground.centre_of_pressure()
-    apart = np.linalg.norm((pressed - centre)[..., [0, 2]], axis=2)
-    near = np.nan_to_num(apart, nan=np.inf)[rows].min(axis=1) < _NEAR_M
-    return bool(near.mean() < 1.0 - _MOSTLY)
+    return not _on_a_plate(spell, foot)
+
+
+def _on_a_plate(spell: Spell, foot: str) -> bool:
+    """Whether pressure is near a foot for more than a moment: what is off there is the plate's fault."""
+    item = spell.wrench
+    on = [k for k, m in enumerate(item.tracked.markers) if item.model.marker(m).segment == foot]
+    centre = np.nanmean(item.tracked.task.measured[:, on], axis=1)[:, None]
+    apart = np.linalg.norm((item.contacts.ground.centre_of_pressure() - centre)[..., [0, 2]], axis=2)
+    near = np.nan_to_num(apart, nan=np.inf)[spell.rows].min(axis=1) < _NEAR_M
+    return bool(near.mean() >= 1.0 - _MOSTLY)
 
 
 def _contact(spells: Sequence[Spell], segment: str, point: Array) -> Contact:

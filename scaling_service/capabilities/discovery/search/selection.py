@@ -15,6 +15,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import candidates, search_effects
 from scaling_service.capabilities.discovery.effects.plates import contradict_bias
+from scaling_service.capabilities.discovery.effects.sizes import is_usual
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
@@ -27,7 +28,12 @@ from scaling_service.capabilities.discovery.evidence.scoring import (
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tune
+from scaling_service.capabilities.discovery.search.naming import (
+    find_equivalents,
+    name_effect,
+    name_tuned,
+    tune,
+)
 from scaling_service.core.threads import map_parallel
 
 
@@ -88,7 +94,7 @@ def select(
         passing = [
             o for o in keep_widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
         ]
-        for best in passing if room > 0 else []:
+        for best in _usual_first(passing, scored, fit) if room > 0 else []:
             first = name_tuned(best, fit, scored)
             if first is not None:
                 others = [
@@ -98,6 +104,21 @@ def select(
                 break
             implausible.add(best.candidate.key)
     return Selection(found, implausible)
+
+
+def _usual_first(
+    passing: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit
+) -> Sequence[ScoredCandidate]:
+    """The same; before a best of a size that laboratories do not meet, one that they do, not told from it."""
+
+    def is_met(one: ScoredCandidate) -> bool:
+        return is_usual(one.candidate, one.fitted.size, one.fitted.spread, fit.model)
+
+    if not passing or is_met(passing[0]):
+        return passing
+    twins = find_equivalents(passing[0], among.best, fit.settings.equivalence_level)
+    better = [one for one in passing if one.candidate in twins and is_met(one)]
+    return [*better[:1], *passing]
 
 
 def _tuned(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) -> list[ScoredCandidate]:

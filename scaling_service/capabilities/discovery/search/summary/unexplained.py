@@ -70,16 +70,16 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
 
 def _repaired(fit: Fit) -> Iterator[Unexplained]:
     """Faults taken out of the recordings before the search, each where it was largest."""
-    yield from _largest(fit, MARKERS, "merged", [item.trial for item in fit.tracked])
-    yield from _largest(fit, WRENCH, "spikes", [item.contacts.ground for item in fit.wrenches])
+    yield from _largest(fit, MARKERS, ("merged", "jitter"), [item.trial for item in fit.tracked])
+    yield from _largest(fit, WRENCH, ("spikes",), [item.contacts.ground for item in fit.wrenches])
 
 
 def _largest(
-    fit: Fit, observation: Observation[Any], kind: str, sources: Sequence[Trial | GroundForces]
+    fit: Fit, observation: Observation[Any], kinds: Sequence[str], sources: Sequence[Trial | GroundForces]
 ) -> Iterator[Unexplained]:
     found: dict[str, Unexplained] = {}
     tally = observation.tally(fit, None) if sources else None
-    for source, repair in ((one, r) for one in sources for r in one.repairs if r.what == kind):
+    for source, repair in ((one, r) for one in sources for r in one.repairs if r.what in kinds):
         where = tuple(repair.where.split(PAIR if observation is MARKERS else None))
         if tally is None or where[-1] not in tally.places:
             continue

@@ -1,0 +1,83 @@
+"""Sizes of effects that laboratories meet, each with its source: ``reference_models/effect_sizes.yaml``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.model.body import BodyModel
+from scaling_service.model.inertia import total_mass
+from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.numerics.multibody.laws import Array
+
+_AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
+_DOUBTFUL = 0.05
+"""Probability below which a size is none that laboratories meet (chosen: the custom)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Of a number as the results call it."""
+
+    low: float
+    high: float
+
+    def chance(self, value: float, sd: float) -> float:
+        """Probability that a normal number lies in it."""
+        if sd <= 0.0:
+            return float(self.low <= value <= self.high)
+        return float(
+            scipy.special.ndtr((self.high - value) / sd) - scipy.special.ndtr((self.low - value) / sd)
+        )
+
+    def at_end(self, value: float) -> bool:
+        """Whether a number stands at one of its ends."""
+        near = _AT_BOUND * (self.high - self.low)
+        return math.isfinite(near) and not self.low + near < value < self.high - near
+
+
+def usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range | None]:
+    """By its name in the results, the range of a number that laboratories meet; None where none is known."""
+    of_kind, where = _sizes().get(candidate.kind, {}), candidate.where
+    own = next((s.mass for s in model.segments if s.name == where[0]), 0.0)
+    units = {"sizes": 1.0, "of_body": total_mass(model), "of_segment": own}
+
+    def usual(name: str) -> Range | None:
+        for table, unit in units.items():
+            ranges = of_kind.get(table, {})
+            found = ranges.get(name, ranges.get(name.partition("_")[2]))
+            if found is not None:
+                return Range(unit * found[0], unit * found[1])
+        return None
+
+    return usual
+
+
+def source_of_sizes(kind: str) -> str:
+    """Where the sizes of a kind come from."""
+    return str(_sizes()[kind]["source"])
+
+
+@cache
+def _sizes() -> Mapping[str, Any]:
+    found: Mapping[str, Any] = read_reference(reference_folder() / "effect_sizes.yaml")
+    return found
+
+
+def is_usual(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
+    """Whether laboratories meet every number of an effect (SI, as its columns) of which a range is known."""
+    usual = usual_sizes(candidate, model)
+    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
+        known = usual(column.name)
+        shown = column.neutral + column.unit * value
+        if known is not None and known.chance(shown, column.unit * sd) < _DOUBTFUL:
+            return False
+    return True

@@ -142,7 +142,7 @@ def _best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float) -> S
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
     if not likely and not any(s.all_along for s in spells):
         lasting = all(lasts_throughout(s.wrench, s.rows) for s in spells)
-        free = [n for n in names if not (n.startswith(FEET) and any(_on_a_plate(s, n) for s in spells))]
+        free = [n for n in names if not any(_is_of_a_plate(s, fits[n]) for s in spells)]
         likely = [n for n in names if n.startswith(_HANDS)] if lasting else free
     if not likely:
         return None
@@ -174,17 +174,33 @@ def _beside_plates(spell: Spell, foot: str) -> bool:
     still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
     if still[rows].any(axis=1).mean() < _MOSTLY:
         return False
-    return not _on_a_plate(spell, foot)
+    return _bears(spell, foot) < 1.0 - _MOSTLY
 
 
-def _on_a_plate(spell: Spell, foot: str) -> bool:
-    """Whether pressure is near a foot for more than a moment: what is off there is the plate's fault."""
+def _is_of_a_plate(spell: Spell, fitting: Fitting) -> bool:
+    """Whether a plate presses at a point, or under a foot, for more than a moment: then it is at fault."""
+    if fitting.segment.startswith(FEET) and _bears(spell, fitting.segment) >= 1.0 - _MOSTLY:
+        return True
+    origin, axes = (places[spell.rows] for places in spell.wrench.segment_frame(fitting.segment))
+    away = _pressed(spell) - (origin + axes @ fitting.point)[:, None]
+    return _share_near(away) >= 1.0 - _MOSTLY
+
+
+def _bears(spell: Spell, foot: str) -> float:
+    """In which share of frames a plate's pressure is near a foot, seen from above."""
     item = spell.wrench
     on = [k for k, m in enumerate(item.tracked.markers) if item.model.marker(m).segment == foot]
-    centre = np.nanmean(item.tracked.task.measured[:, on], axis=1)[:, None]
-    apart = np.linalg.norm((item.contacts.ground.centre_of_pressure() - centre)[..., [0, 2]], axis=2)
-    near = np.nan_to_num(apart, nan=np.inf)[spell.rows].min(axis=1) < _NEAR_M
-    return bool(near.mean() >= 1.0 - _MOSTLY)
+    centre = np.nanmean(item.tracked.task.measured[spell.rows][:, on], axis=1)
+    return _share_near((_pressed(spell) - centre[:, None])[..., [0, 2]])
+
+
+def _pressed(spell: Spell) -> Array:
+    return spell.wrench.contacts.ground.centre_of_pressure()[spell.rows]
+
+
+def _share_near(away: Array) -> float:
+    apart = np.nan_to_num(np.linalg.norm(away, axis=2), nan=np.inf)
+    return float((apart.min(axis=1) < _NEAR_M).mean())
 
 
 def _contact(spells: Sequence[Spell], segment: str, point: Array) -> Contact:

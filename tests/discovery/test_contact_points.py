@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.external_contact import find_touches
+from scaling_service.capabilities.discovery.effects.external_contact import _is_of_a_plate, find_touches
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
@@ -65,6 +65,19 @@ def test_a_push_is_told_however_long_it_lasts(sway: WrenchFit, lasting_s: float)
     (touch,) = find_touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
     assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
     assert touch.fitted.p < 1e-4
+
+
+def test_what_is_off_where_a_plate_presses_is_no_contact(sway: WrenchFit) -> None:
+    """A force at a standing foot and at the sole below a shank, as a plate's fault looks."""
+    spell = Spell(sway, np.flatnonzero(sway.usable))
+    foot, shank = fitted_point([spell], "calcn_r"), fitted_point([spell], "tibia_r")
+    assert _is_of_a_plate(spell, foot)
+    origin, axes = (places[spell.rows] for places in sway.segment_frame("tibia_r"))
+    pressed = sway.contacts.ground.centre_of_pressure()[spell.rows]
+    near = np.nanargmin(np.nanmean(np.linalg.norm(pressed - origin[:, None], axis=2), axis=0))
+    sole = np.nanmean(np.einsum("nji,nj->ni", axes, pressed[:, near] - origin), axis=0)
+    assert _is_of_a_plate(spell, replace(shank, point=sole))
+    assert not _is_of_a_plate(spell, replace(shank, point=np.array([0.0, -0.1, 0.0])))
 
 
 def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:

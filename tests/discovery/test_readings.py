@@ -8,8 +8,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.discovery.disturbances.plates import curving
 from scaling_service.capabilities.discovery.disturbances.readings import following_readings
 from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
@@ -59,3 +61,23 @@ def test_crosstalk_is_predicted_where_it_was_not_fitted(laboratory: SearchContex
 def test_right_plates_are_predicted_no_better_than_by_chance(laboratory: SearchContext) -> None:
     (found,) = following_readings(seen(laboratory, 0.0))
     assert found.p > 0.05
+
+
+def bent(recording: Recording, more: float) -> Recording:
+    """A recording whose first plate reads more of what it bears, the more the more that is."""
+    contacts = recording.contacts
+    assert contacts is not None
+    ground = contacts.ground
+    gain = np.ones_like(ground.force[..., :1])
+    gain[:, 0] += more * 1e-3 * np.nan_to_num(ground.force[:, 0, 1:2])
+    ground = replace(ground, force=gain * ground.force, moment=gain * ground.moment)
+    return replace(recording, contacts=replace(contacts, ground=ground))
+
+
+def test_a_gain_that_grows_with_the_load_is_told_with_its_size(laboratory: SearchContext) -> None:
+    recordings = [bent(recording, 0.1) for recording in laboratory.recordings]
+    fit = fit_recordings(replace(laboratory, recordings=recordings))
+    (one,) = [c for c in curving(fit) if c.where == ("plate_1",)]
+    (found,) = score_candidates(fit, [one], 1)
+    assert found.fitted.size[1] == pytest.approx(0.1, rel=0.25)  # of what it reads, which is more
+    assert found.fitted.gain > 0.9 * WRENCH.above_noise(fit)

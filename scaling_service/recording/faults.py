@@ -89,6 +89,7 @@ _UNUSUAL, _FEW = 5.0, 0.25
 """Of the noise of the others, from which a marker's own is a fault, and the share of markers of which it may
 be (both chosen: where more jump about, the cameras do)."""
 
+_SLOWEST_HZ = 60.0  # chosen: at fewer frames a second a kick is as rough as noise
 _WINDOW = 11  # frames over which noise is measured (chosen: an impact lasts five)
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
 """Fourth differences, of which noise leaves its own deviation, and what moves smoothly nothing."""
@@ -100,26 +101,35 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     ``trial``: in any axes, m. Returns one Repair, ``jitter``, for each marker concerned; the same trial where
     there is none.
     """
-    if trial.n_frames < _WINDOW or not trial.labels:
+    if trial.rate_hz < _SLOWEST_HZ or not trial.labels:
         return trial
     rough = np.abs(ndimage.convolve1d(np.nan_to_num(trial.markers), _FOURTH, axis=0)).max(axis=2)
     shown = seen(trial.markers)
-    whole = ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1)
-    noise = ndimage.median_filter(np.where(whole, rough, 0.0), (_WINDOW, 1), mode="nearest")
-    usual = np.median(noise, axis=1, keepdims=True)
-    worse = (noise > JITTER_M) & (noise > _UNUSUAL * usual)
-    poor = shown & (worse | ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
-    if not 0.0 < poor.any(axis=0).mean() < _FEW:
+    high = ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1) & (rough > JITTER_M)
+    often = np.flatnonzero(_mostly(high).any(axis=1))
+    if not len(often):
         return trial
-    repairs = [
-        Repair("jitter", label, f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there", n, rms)
-        for label, n, rms in (
-            (trial.labels[k], int(poor[:, k].sum()), float(noise[poor[:, k], k].mean()))
-            for k in np.flatnonzero(poor.any(axis=0)).tolist()
-        )
-    ]
-    markers = np.where(poor[..., None], np.nan, trial.markers)
+    usual = np.zeros((len(rough), 1))
+    usual[often] = np.median(rough[often], axis=1, keepdims=True)
+    worse = _mostly(high & (rough > _UNUSUAL * usual))
+    poor = shown & (worse | ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
+    size = {k: float(np.median(rough[poor[:, k], k])) for k in np.flatnonzero(poor.any(axis=0)).tolist()}
+    size = {k: rms for k, rms in size.items() if rms > JITTER_M}
+    if not 0 < len(size) < _FEW * len(trial.labels):
+        return trial
+    markers, repairs = trial.markers.copy(), []
+    for k, rms in size.items():
+        markers[poor[:, k], k] = np.nan
+        detail = f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there"
+        repairs.append(Repair("jitter", trial.labels[k], detail, int(poor[:, k].sum()), rms))
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
+
+
+def _mostly(flags: Mask) -> Mask:
+    """Where most frames of the window around a frame (n, any) have a flag."""
+    return np.asarray(
+        ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
+    )
 
 
 SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)

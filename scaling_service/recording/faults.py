@@ -159,9 +159,10 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     hertz, power, of_place = _spectrum(_without_gaps(paths), trial.rate_hz)
     beside, near = _beside(power), _beside(of_place)
     acceleration = np.sqrt(of_place / paths.shape[1])
-    k = int(np.argmax(np.where(acceleration > SHAKEN_MS2, of_place / near, 0.0)))
-    least = max(_OVER_OTHERS * near[k], _MOSTLY * power[k], paths.shape[1] * SHAKEN_MS2**2)
-    if of_place[k] <= least or of_place[k] - near[k] <= _OF_PLACE * (power[k] - beside[k]):
+    possible = (hertz >= SHAKEN_HZ) & (acceleration > SHAKEN_MS2)
+    k = int(np.argmax(np.where(possible, of_place / near, 0.0)))
+    stands_out = possible[k] and of_place[k] > max(_OVER_OTHERS * near[k], _MOSTLY * power[k])
+    if not stands_out or of_place[k] - near[k] <= _OF_PLACE * (power[k] - beside[k]):
         return trial
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
     detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm, for cameras or the floor shake"
@@ -170,12 +171,15 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
 
 
 def _beside(power: Array) -> Array:
-    """Mean power of the lines near each line, (n,)."""
+    """Mean power of the lines near each line (n,), on the side where it is higher: a slope is no line."""
     reach = int(_NEAR[1] * _FINER)
-    away = np.abs(np.arange(-reach, reach + 1)) / _FINER
-    ring = ((away > _NEAR[0]) & (away < _NEAR[1])).astype(float)
-    total, count = (ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power))))
-    return np.asarray(total / np.maximum(count, 1.0)) + 1e-300
+    away = np.arange(-reach, reach + 1) / _FINER
+    sides = []
+    for side in (-away, away):
+        ring = ((side > _NEAR[0]) & (side < _NEAR[1])).astype(float)
+        total, count = (ndimage.convolve1d(x, ring, mode="constant") for x in (power, np.ones(len(power))))
+        sides.append(total / np.maximum(count, 1.0))
+    return np.asarray(np.maximum(*sides)) + 1e-300
 
 
 def _without_gaps(paths: Array) -> Array:
@@ -194,7 +198,7 @@ def _spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:
     window = np.hanning(len(acceleration) + 2)[1:-1]
     points = _FINER * len(acceleration)
     hertz = np.fft.rfftfreq(points, 1.0 / rate_hz)
-    some = (hertz >= SHAKEN_HZ) & (hertz <= _FASTEST * rate_hz)
+    some = (hertz >= SHAKEN_HZ / 2.0) & (hertz <= _FASTEST * rate_hz)  # and what a line must stand above
     lines = np.fft.rfft(acceleration * window[:, None, None], points, axis=0)[some] * 2.0 / window.sum()
     place = paths.mean(axis=0)
     functions = np.linalg.qr(np.column_stack([np.ones(len(place)), place - place.mean(axis=0)]))[0]
@@ -288,6 +292,9 @@ _TOP, _FLAT, _STANDS = 0.95, 0.005, 0.6
 """Of the highest force: from where on it may have been cut off, by how much it then differs from its median,
 and in which share of these samples (all chosen: of a parabola's top 0.2 lie so near)."""
 
+_BEYOND = (
+    0.015  # of the limit, by which noise passes it (chosen: who comes to rest bears more before, by 3 %)
+)
 _SHORTEST = 4  # samples that stand still (chosen)
 _STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
 _BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load
@@ -316,7 +323,9 @@ def _limit(load: Array, brief: int) -> tuple[float, int] | None:
     """Where a plate's load (n,) stands when it is highest, N, and how many samples; None if it does not."""
     high = load > _TOP * load.max()
     limit = float(np.median(load[high])) if high.any() else 0.0
-    if limit < LOADED_N or np.quantile(load[load > CONTACT_N], 0.05) > _STILL * limit:
+    if limit < LOADED_N or load.max() > (1.0 + _BEYOND) * limit:
+        return None
+    if np.quantile(load[load > CONTACT_N], 0.05) > _STILL * limit:
         return None
     at = high & (np.abs(load - limit) < _FLAT * limit)
     stretches = [load[start:stop] for start, stop in runs(at).tolist() if stop - start >= _SHORTEST]

@@ -9,6 +9,7 @@ import pytest
 
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array, Trial
+from scaling_service.numerics.signals.filters import butterworth
 from scaling_service.recording.faults import (
     note_dead_channels,
     note_saturation,
@@ -95,6 +96,13 @@ def test_cameras_that_shake_move_all_markers_together(tilting: bool) -> None:
     alone = still.markers.copy()
     alone[:, 3] += 5.0 * wave[:, 0]
     assert not note_shaking(still.with_markers(alone)).repairs
+
+
+def test_movement_up_to_six_hertz_is_no_shaking() -> None:
+    still = body(8.0)
+    sway = butterworth(RNG.normal(size=(len(still.times), 3)), rate_hz=100.0, cutoff_hz=6.0, order=8).values
+    moved = still.with_markers(still.markers + 0.05 * sway[:, None])
+    assert note_shaking(moved) is moved
 
 
 def walked(rate: float = 1000.0) -> GroundForces:

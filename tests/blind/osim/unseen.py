@@ -131,6 +131,71 @@ class CrossedChannels(Hidden):
         return plates.changed(k, plates.force[:, k][:, [2, 1, 0]], plates.moment[:, k])
 
 
+@dataclass(frozen=True, kw_only=True)
+class LatePoints(Hidden):
+    """A plate's centre of pressure comes ``delay_s`` later than its force: two filters in one program."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k = PLATE_NAMES.index(self.where[0])
+        point, free = plates.pressed()[:, k], np.zeros((len(plates.times), 3))
+        known = plates.loaded[:, k]
+        then = plates.times - self.parameters["delay_s"]
+        for axis in range(3):
+            point[:, axis] = np.interp(then, plates.times[known], point[known, axis])
+        free[:, 1] = np.nan_to_num(plates.free_moment()[:, k])
+        return plates.changed(k, plates.force[:, k], free + np.cross(point, plates.force[:, k]))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingingPlate(Hidden):
+    """A loosely mounted plate rings at ``hz`` after every change of its load, by a ``share`` of it."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k, dt = PLATE_NAMES.index(self.where[0]), plates.times[1] - plates.times[0]
+        w, force = 2 * np.pi * self.parameters["hz"], plates.force[:, k].copy()
+        kernel = np.exp(-0.1 * w * plates.times) * np.cos(w * plates.times)
+        change = np.diff(force[:, 1], prepend=force[0, 1])
+        force[:, 1] += self.parameters["share"] * np.convolve(change, kernel)[: len(force)]
+        assert dt * self.parameters["hz"] < 0.25
+        return plates.changed(k, force, plates.moment[:, k])
+
+
+@dataclass(frozen=True, kw_only=True)
+class DroppedReadings(Hidden):
+    """A loose plug: a plate reads nothing for ``spell_s`` out of every ``every_s``."""
+
+    def measured(self, plates: Plates) -> Plates:
+        k = PLATE_NAMES.index(self.where[0])
+        on = np.mod(plates.times, self.parameters["every_s"]) >= self.parameters["spell_s"]
+        return plates.changed(k, plates.force[:, k] * on[:, None], plates.moment[:, k] * on[:, None])
+
+
+@dataclass(frozen=True, kw_only=True)
+class StickySkin(Hidden):
+    """A marker lies ``mm`` to either side, after the direction in which a joint moves: skin that sticks."""
+
+    toward: tuple[float, float, float]
+
+    def on_skin(self, scene: Scene, markers: Array) -> Array:
+        segment, changed = scene.body.marker(self.where[0]).segment, markers.copy()
+        rate = np.gradient(scene.motion.column(self.driver[0]), scene.times)
+        way = 1e-3 * self.parameters["mm"] * np.tanh(rate / 0.5)[:, None] * np.array(self.toward)
+        changed[:, scene.marker(self.where[0])] += scene.poses.turned(segment, way)
+        return changed
+
+
+@dataclass(frozen=True, kw_only=True)
+class SinkingFeet(Hidden):
+    """The markers of a shoe sink by ``mm`` while the foot bears the body, for the sole is soft."""
+
+    def seen(self, scene: Scene, markers: Array) -> Array:
+        changed, columns = markers.copy(), [scene.marker(name) for name in self.where]
+        height = markers[:, columns, 1].min(axis=1)
+        bears = 1.0 / (1.0 + np.exp((height - height.min() - 0.03) / 0.005))
+        changed[:, columns, 1] -= 1e-3 * self.parameters["mm"] * bears[:, None]
+        return changed
+
+
 def _moved(scene: Scene, markers: Array, name: str, then: Array) -> Array:
     """Markers with the path of one as it was at other times."""
     changed, k = markers.copy(), scene.marker(name)
@@ -203,6 +268,42 @@ def _crossed_channels(_body: Body, rng: np.random.Generator) -> Hidden:
     )
 
 
+def _late_points(_body: Body, rng: np.random.Generator) -> Hidden:
+    where, parameters = (one(rng, list(PLATE_NAMES)),), {"delay_s": rng.uniform(0.05, 0.1)}
+    return LatePoints(kind="late_points", where=where, parameters=parameters, also_where=_ALL_FORCES)
+
+
+def _ringing_plate(_body: Body, rng: np.random.Generator) -> Hidden:
+    parameters = {"share": rng.uniform(0.3, 0.6), "hz": rng.uniform(4.0, 8.0)}
+    where = (one(rng, list(PLATE_NAMES)),)
+    return RingingPlate(kind="ringing_plate", where=where, parameters=parameters, also_where=_ALL_FORCES)
+
+
+def _dropped_readings(_body: Body, rng: np.random.Generator) -> Hidden:
+    parameters = {"every_s": 0.9, "spell_s": rng.uniform(0.05, 0.1)}
+    where = (one(rng, list(PLATE_NAMES)),)
+    return DroppedReadings(
+        kind="dropped_readings", where=where, parameters=parameters, also_where=_ALL_FORCES
+    )
+
+
+def _sticky_skin(body: Body, rng: np.random.Generator) -> Hidden:
+    x, y, z = direction(rng).tolist()
+    where = limb_marker(body, rng)
+    side = body.marker(where[0]).segment[-1]
+    return StickySkin(
+        kind="sticky_skin", where=where, parameters={"mm": rng.uniform(8.0, 15.0)},
+        driver=(f"knee_angle_{side}",), toward=(x, y, z),
+    )  # fmt: skip
+
+
+def _sinking_feet(body: Body, rng: np.random.Generator) -> Hidden:
+    side = one(rng, ["r", "l"])
+    where = tuple(m for part in ("calcn", "toes") for m in body.on(f"{part}_{side}"))
+    parameters = {"mm": rng.uniform(10.0, 20.0)}
+    return SinkingFeet(kind="sinking_feet", where=where, parameters=parameters)
+
+
 UNSEEN: dict[str, Draw] = {
     "drifting_marker": _drifting_marker,
     "slipped_marker": _slipped_marker,
@@ -216,5 +317,11 @@ UNSEEN: dict[str, Draw] = {
     "bridged_gaps": _bridged_gaps,
     "trembled_marker": _trembled_marker,
     "crossed_channels": _crossed_channels,
+    # And once those had been.
+    "late_points": _late_points,
+    "ringing_plate": _ringing_plate,
+    "dropped_readings": _dropped_readings,
+    "sticky_skin": _sticky_skin,
+    "sinking_feet": _sinking_feet,
 }
 """By kind."""

@@ -38,6 +38,7 @@ ONE_POINT_M = 5e-3
 APART_M, _USUAL = 0.025, 0.9
 """How far apart markers usually are, lest they were meant as one, and the quantile that this is (both chosen:
 a short recording may show them as one most of the time)."""
+
 PAIR = ", "
 """Between the labels of two merged markers."""
 
@@ -134,7 +135,7 @@ def _mostly(flags: Mask) -> Mask:
 
 SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 SHAKEN_MS2 = 1.0  # chosen: RMS over the markers; a body that does so at such a pace jumps
-_OF_PLACE, _MOSTLY, _OVER_OTHERS = 0.85, 0.6, 10.0
+_OF_PLACE, _OF_WHOLE, _OVER_OTHERS = 0.85, 0.6, 10.0
 """Share of a line's power over the lines near it that depends on the place alone, of its whole power, and how
 far what depends on the place stands above the lines near it (all chosen: in 128 real files no line of such an
 acceleration passes the last; where cameras were shaken by 2 mm, walking shows 10 to 30 and squats 400)."""
@@ -157,15 +158,17 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     if frames < _LEAST[0] or paths.shape[1] < _LEAST[1]:
         return trial
     hertz, power, of_place = _spectrum(_without_gaps(paths), trial.rate_hz)
+    if not len(hertz):  # too few frames a second to show any shaking
+        return trial
     beside, near = _beside(power), _beside(of_place)
     acceleration = np.sqrt(of_place / paths.shape[1])
     possible = (hertz >= SHAKEN_HZ) & (acceleration > SHAKEN_MS2)
     k = int(np.argmax(np.where(possible, of_place / near, 0.0)))
-    stands_out = possible[k] and of_place[k] > max(_OVER_OTHERS * near[k], _MOSTLY * power[k])
+    stands_out = possible[k] and of_place[k] > max(_OVER_OTHERS * near[k], _OF_WHOLE * power[k])
     if not stands_out or of_place[k] - near[k] <= _OF_PLACE * (power[k] - beside[k]):
         return trial
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
-    detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm, for cameras or the floor shake"
+    detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm: the cameras or the floor shake"
     note = Repair("shaking", "all markers", detail, trial.n_frames, float(size / np.sqrt(2.0)))
     return replace(trial, repairs=(*trial.repairs, note))
 
@@ -292,9 +295,7 @@ _TOP, _FLAT, _STANDS = 0.95, 0.005, 0.6
 """Of the highest force: from where on it may have been cut off, by how much it then differs from its median,
 and in which share of these samples (all chosen: of a parabola's top 0.2 lie so near)."""
 
-_BEYOND = (
-    0.015  # of the limit, by which noise passes it (chosen: who comes to rest bears more before, by 3 %)
-)
+_BEYOND = 0.015  # of the limit, by which noise passes it (chosen: who comes to rest bears 3 % more before)
 _SHORTEST = 4  # samples that stand still (chosen)
 _STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
 _BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load

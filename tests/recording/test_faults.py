@@ -16,6 +16,7 @@ from scaling_service.recording.faults import (
     note_shaking,
     remove_jitter,
     remove_spikes,
+    repair_markers,
     separate_merged,
 )
 
@@ -96,6 +97,12 @@ def test_cameras_that_shake_move_all_markers_together(tilting: bool) -> None:
     alone = still.markers.copy()
     alone[:, 3] += 5.0 * wave[:, 0]
     assert not note_shaking(still.with_markers(alone)).repairs
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 30.0])
+def test_recordings_of_few_frames_a_second_are_left_alone(rate: float) -> None:
+    slow = replace(body(), times=body().times * 100.0 / rate, rate_hz=rate)
+    assert repair_markers(slow) is slow
 
 
 def test_movement_up_to_six_hertz_is_no_shaking() -> None:

@@ -28,7 +28,7 @@ from scaling_service.model.reference import read_reference, reference_folder
 from scaling_service.numerics.least_squares.masks import seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, positions
+from scaling_service.numerics.multibody.tree import Tree, forward, frame_by_frame, jacobian, positions
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.inverse_kinematics import Task
@@ -250,7 +250,7 @@ def marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) ->
     """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
     poses = forward(tree, np.ascontiguousarray(q.T), p)
     rates = jacobian(tree, poses, positions(tree, poses), variables)
-    return np.ascontiguousarray(np.moveaxis(rates.reshape(len(variables), -1, len(q)), -1, 0))
+    return frame_by_frame(rates)
 
 
 def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:

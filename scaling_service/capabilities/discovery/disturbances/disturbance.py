@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from typing import Any
 
 from scaling_service.capabilities.discovery import disturbances as package
 from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.evidence.observation import Observation
 from scaling_service.capabilities.discovery.evidence.scoring import (
     ScoredCandidate,
     ScoredCandidates,
-    score_candidates,
+    keep_likely,
+    score_gathered,
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
+from scaling_service.capabilities.discovery.evidence.sums import Evidence
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, FreeMotion, Seen
 
@@ -37,16 +41,23 @@ class Disturbance:
 _COMPARED = 8
 """Laws of columns that are looked at closely: only the best of them can be clear (chosen)."""
 
+_ROUGHLY = 0.5
+"""Share of what a law must explain that it must take off a few frames (chosen: twice what they stray)."""
+
 Describe = Callable[[ScoredCandidate], tuple[tuple[str, ...], str]]
 """Where, and in words and numbers."""
+
+Judge = Callable[[Fit, Evidence, int, Candidate], Disturbance]
+"""What becomes of a candidate, by its index in evidence that was gathered together."""
 
 
 @dataclass(frozen=True, slots=True)
 class DisturbanceLaw:
-    """Sums of columns and how they are described, or a search of its own."""
+    """Sums of columns and how they are described, or judged otherwise than effects are; or a search."""
 
     candidates: Callable[[Fit], Iterable[Candidate]] | None = None
     describe: Describe | None = None
+    judge: Judge | None = None
     search: Callable[[Fit], Iterable[Disturbance]] | None = None
 
 
@@ -59,12 +70,17 @@ def _laws() -> tuple[DisturbanceLaw, ...]:
 def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     """The disturbance that explains most of what stands above the noise, if it is clear and no chance."""
     settings = fit.settings
-    sure = [law for law in _found(fit) if max(law.p * scored.count, law.held_out) <= settings.level]
     fitting = [item.name for item in fit.tracked if item.role == "fit"]
     rivals = [o for o in scored.best if any(map(o.candidate.holds_in, fitting))]
     above = {o.name: o.above_noise(fit) for o in OBSERVATIONS}
-    main = [law for law in sure if law.expected > settings.disturbance_main * above[law.seen_in]]
-    clear = [law for law in main if _clear(law, rivals, above[law.seen_in], settings)]
+
+    def needed(seen_in: Seen, flexible: bool) -> float:
+        effects = [o for o in rivals if o.candidate.seen_in == seen_in]
+        return _needed(effects, above[seen_in], flexible, settings)
+
+    least = {o.name: needed(o.name, flexible=False) for o in OBSERVATIONS}
+    sure = [law for law in _found(fit, least) if max(law.p * scored.count, law.held_out) <= settings.level]
+    clear = [law for law in sure if law.expected > needed(law.seen_in, law.flexible)]
     return max(clear, key=lambda law: law.expected, default=None)
 
 
@@ -75,39 +91,66 @@ def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
     """
     observation = next(o for o in OBSERVATIONS if o.name == disturbance.seen_in)
     taken = observation.squares(without) - observation.squares(fit)
-    laws = [law for law in _found(without) if law.seen_in == disturbance.seen_in]
+    laws = [law for law in _found(without, {observation.name: taken}) if law.seen_in == disturbance.seen_in]
     return any(max(law.p, law.held_out) <= fit.settings.level and law.expected > taken for law in laws)
 
 
-def _clear(
-    law: Disturbance, effects: Sequence[ScoredCandidate], above: float, settings: DiscoverySettings
-) -> bool:
-    """Whether it explains clearly more than any effect, or leaves little where they leave something.
+def _needed(
+    effects: Sequence[ScoredCandidate], above: float, flexible: bool, settings: DiscoverySettings
+) -> float:
+    """What a law must explain: much, and clearly more than effects do, or nearly all where they leave some.
 
     What the effects explain is held to their own standard: a motion or force of any course follows every law,
     and so does a law of many numbers.
     """
     rivals = 0.0
     for one in effects:
-        if one.candidate.seen_in == law.seen_in:
-            any_course = isinstance(one.candidate.change, FreeMotion | Contact) and not law.flexible
-            factor = settings.free_course_share if any_course else settings.disturbance_lead
-            rivals = max(rivals, factor * one.fitted.expected)
+        any_course = isinstance(one.candidate.change, FreeMotion | Contact) and not flexible
+        factor = settings.free_course_share if any_course else settings.disturbance_lead
+        rivals = max(rivals, factor * one.fitted.expected)
     lead = above - rivals / settings.disturbance_lead
-    something, little = settings.effects_leave * above, settings.disturbance_leaves * lead
-    return law.expected > rivals or (lead > something and above - law.expected < little)
+    all_but_little = above - settings.disturbance_leaves * lead
+    clearly = min(rivals, all_but_little) if lead > settings.effects_leave * above else rivals
+    return max(settings.disturbance_main * above, clearly)
 
 
-def _found(fit: Fit) -> Iterator[Disturbance]:
-    described: dict[Candidate, Describe] = {}
+def _found(fit: Fit, least: Mapping[Seen, float]) -> Iterator[Disturbance]:
+    """Laws that may explain more than so much of an observation; none of those that are not asked for."""
+    laws: dict[Candidate, DisturbanceLaw] = {}
     for law in _laws():
         if law.search is not None:
             yield from law.search(fit)
-        if law.candidates is not None and law.describe is not None:
-            described |= dict.fromkeys(law.candidates(fit), law.describe)
+        if law.candidates is not None:
+            laws |= dict.fromkeys(law.candidates(fit), law)
     for observation in OBSERVATIONS:
-        choice = [c for c in described if observation.shows(c)]
-        for one in score_candidates(fit, choice, _COMPARED):
-            where, law_in_words = described[one.candidate](one)
+        if observation.name in least:
+            choice = {c: law for c, law in laws.items() if observation.shows(c)}
+            yield from _look_closely(fit, observation, choice, least[observation.name])
+
+
+def _look_closely(
+    fit: Fit, observation: Observation[Any], laws: Mapping[Candidate, DisturbanceLaw], least: float
+) -> Iterator[Disturbance]:
+    """Those that a few frames do not rule out."""
+    if not laws:
+        return
+    choice = list(laws)
+    rough = observation.gather_beside(fit, choice, together=False, rough=True)
+    square = sum(block.square for block in rough.blocks if block.role == "fit")
+    enough = _ROUGHLY * least * square / max(observation.squares(fit), 1e-300)
+    promising = [choice[k] for k, fitted in keep_likely(rough, choice) if fitted.gain > enough]
+    plain = [c for c in promising if laws[c].judge is None][:_COMPARED]
+    picked = [*plain, *(c for c in promising if laws[c].judge is not None)]
+    if not picked:
+        return
+    evidence = observation.gather_beside(fit, picked, together=True)
+    for k, candidate in enumerate(picked):
+        judge = laws[candidate].judge
+        if judge is not None:
+            yield judge(fit, evidence, k, candidate)
+    for one in score_gathered(evidence, picked):
+        describe = laws[one.candidate].describe
+        if describe is not None:
+            where, law_in_words = describe(one)
             p = one.p_family(1)
             yield Disturbance(where, law_in_words, one.fitted.expected, p, one.held_out.p, observation.name)

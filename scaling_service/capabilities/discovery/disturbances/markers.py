@@ -11,10 +11,9 @@ import scipy
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.statistics import explain, try_held_out
-from scaling_service.capabilities.discovery.evidence.sums import fitting_blocks
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.profiles import Passing, Standing, stands
 from scaling_service.capabilities.discovery.laws.spots import (
@@ -53,37 +52,43 @@ def _bent(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return found.candidate.where, law
 
 
-def warped_volume(fit: Fit) -> Iterator[Disturbance]:
-    """All markers displaced by one smooth function of where they are in the room, up to second order.
-
-    That is more numbers than there may be blocks of time to tell their spread from, so what it explains is
-    asked of the blocks between those that it was fitted to. Held-out trials are among these: where nobody was
-    in those to fit, they say nothing of the room.
-    """
-    seen = np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
-    x, y, z = np.nanmean(seen, axis=0).tolist()
+def warped_volume(fit: Fit) -> Iterator[Candidate]:
+    """All markers displaced by one smooth function of where they are in the room, up to second order."""
+    x, y, z = np.nanmean(_places_seen(fit), axis=0).tolist()
     products = [(k,) for k in range(3)] + list(combinations_with_replacement(range(3), 2))
     spots = [WarpedSpot((x, y, z), factors, axis) for factors in products for axis in range(3)]
     columns = tuple(Column(str(spot), 1.0, (Part(spot),)) for spot in spots)
-    candidate = Candidate("warped_volume", ("markers",), columns)
-    evidence = MARKERS.gather_beside(fit, [candidate], together=True)
+    yield Candidate("warped_volume", ("markers",), columns)
+
+
+def _places_seen(fit: Fit) -> Array:
+    return np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
+
+
+def _warped(fit: Fit, evidence: Evidence, index: int, candidate: Candidate) -> Disturbance:
+    """Judged by the blocks between those that it was fitted to.
+
+    It has more numbers than there may be blocks of time to tell their spread from. Held-out trials are among
+    those blocks: where nobody was in those to fit, they say nothing of the room.
+    """
     fitting = fitting_blocks(evidence.blocks, candidate)
     every = [replace(block, role="fit") for block in evidence.blocks]
     between, anywhere = (
-        try_held_out(replace(evidence, blocks=tuple(blocks)), 0, candidate) for blocks in (fitting, every)
+        try_held_out(replace(evidence, blocks=tuple(blocks)), index, candidate) for blocks in (fitting, every)
     )
     gain = between.gain * sum(block.square for block in fitting)
-    found = explain(evidence, 0, fitting)
-    most = _furthest(spots, found.size, seen)
+    most = _furthest(candidate, explain(evidence, index, fitting).size, _places_seen(fit))
     law = f"the measured volume is warped: by position in the room alone, by up to {1e3 * most:.2g} mm"
-    yield Disturbance(candidate.where, law, gain, between.p, anywhere.p)
+    return Disturbance(candidate.where, law, gain, between.p, anywhere.p)
 
 
-def _furthest(spots: Sequence[WarpedSpot], size: Array, seen: Array) -> float:
+def _furthest(warped: Candidate, size: Array, seen: Array) -> float:
     """How far the field moves a marker, beyond what a rigid body does, 95 % of the time, m."""
     places = seen[np.isfinite(seen).all(axis=1)][::_EVERY]
     moved = np.zeros_like(places)
+    spots = [column.parts[0].spot for column in warped.columns]
     for s, spot in zip(size.tolist(), spots, strict=True):
+        assert isinstance(spot, WarpedSpot)
         moved += s * spot.field(places[:, :, None])[:, :, 0]
     away = places - places.mean(axis=0)
     turns = np.concatenate(
@@ -185,7 +190,7 @@ def _power(item: TrackedTrial, markers: Sequence[str], frequencies: Array) -> Ar
 
 LAWS = (
     DisturbanceLaw(bent_volume, _bent),
-    DisturbanceLaw(search=warped_volume),
+    DisturbanceLaw(warped_volume, judge=_warped),
     DisturbanceLaw(late_markers, _late),
     DisturbanceLaw(slipping, _slipped),
     DisturbanceLaw(search=trembling),

@@ -64,7 +64,7 @@ def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
         columns = np.concatenate([strains, delays], axis=3) * shown[rows][:, :, None, None]
         white = columns.reshape(len(way), -1, columns.shape[3])
         basis = span(item.pose_columns(rows))
-        white -= basis @ (basis.transpose(0, 2, 1) @ white)
+        white -= basis.transpose(0, 2, 1) @ (basis @ white)
         across = white.transpose(0, 2, 1)
         bend, pull = across @ white, across @ gaps[rows, :, None]
         least = IDENTIFIABLE * np.trace(bend, axis1=1, axis2=2) + 1e-300  # where no marker is seen

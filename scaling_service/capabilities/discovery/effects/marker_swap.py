@@ -111,8 +111,8 @@ def _gains_in(
     apart = np.nan_to_num(item.task.measured[chunk][:, b] - item.task.measured[chunk][:, a])
     pull = gap.reshape(n, count, 3) / item.floor[:, None]
     slope = ((pull[:, a] - pull[:, b]) * apart).sum(axis=2)
-    rows = basis / np.repeat(item.floor, 3)[:, None]
-    hidden = (rows @ rows.transpose(0, 2, 1)).reshape(n, count, 3, count, 3)
+    rows = basis / np.repeat(item.floor, 3)
+    hidden = (rows.transpose(0, 2, 1) @ rows).reshape(n, count, 3, count, 3)
     both = hidden[:, a, :, a] + hidden[:, b, :, b] - hidden[:, a, :, b] - hidden[:, b, :, a]
     size = (apart**2).sum(axis=2) * (item.floor[a] ** -2 + item.floor[b] ** -2)
     size -= np.einsum("npc,pncd,npd->np", apart, both, apart, optimize=True)

@@ -62,11 +62,10 @@ def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> t
     def fill(start: int) -> Array:
         rows = slice(start, start + _CHUNK)
         free = generators.freed(item, slice(every * start, every * (start + _CHUNK), every))
-        made = free.columns.transpose(0, 2, 1)
-        slopes[rows] = every * (made @ gaps[rows, :, None]).reshape(-1, groups, 3)
-        of_groups = made.reshape(len(made), groups, 3, -1)
+        slopes[rows] = every * (free.columns @ gaps[rows, :, None]).reshape(-1, groups, 3)
+        of_groups = free.columns.reshape(len(free.columns), groups, 3, -1)
         curvatures[rows] = every * (of_groups @ of_groups.transpose(0, 1, 3, 2))
-        squares = np.square(free.columns).sum(axis=(0, 1)) + np.square(free.hidden).sum(axis=(0, 1))
+        squares = np.square(free.columns).sum(axis=(0, 2)) + np.square(free.hidden).sum(axis=(0, 2))
         return np.asarray(every * squares)
 
     raw = np.sum(map_parallel(fill, range(0, len(gaps), _CHUNK)), axis=0)
@@ -171,8 +170,8 @@ def _variance(item: TrackedTrial, coordinate: int) -> Array:
     found, square, freedom = np.empty(len(item.q)), 0.0, 0.0
     for rows in item.chunks(_CHUNK):
         gap, pose, _ = generators.at(item, rows)
-        bend = pose.transpose(0, 2, 1) @ pose
+        bend = pose @ pose.transpose(0, 2, 1)
         found[rows] = np.linalg.pinv(bend, rcond=IDENTIFIABLE**2, hermitian=True)[:, at, at]
         square += float((gap**2).sum())
-        freedom += 3.0 * float(item.seen[rows].sum()) - gap.shape[0] * pose.shape[2]
+        freedom += 3.0 * float(item.seen[rows].sum()) - gap.shape[0] * pose.shape[1]
     return found * square / max(freedom, 1.0)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, dia_array
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings
 from scaling_service.capabilities.discovery.evidence.observation import Observation
@@ -48,7 +49,7 @@ class Markers(Observation[TrackedTrial]):
         parts = [part for column in layout.columns for part in column.parts]
         spots = tuple(dict.fromkeys(part.spot for part in parts))
         profiles = tuple(dict.fromkeys(part.profile for part in parts))
-        table = _Parts.of(layout.columns, spots, profiles)
+        products = _Products.of(layout.columns, spots, profiles)
         known: list[tuple[TrackedTrial, Generators]] = []
         sources = []
         for item in items:
@@ -56,10 +57,9 @@ class Markers(Observation[TrackedTrial]):
             if generators is None:
                 generators = Generators.of(item, spots)
                 known.append((item, generators))
-            on = np.array(layout.active_in(item.name), dtype=float)
-            here = table._replace(gain=table.gain * on[table.column])
+            here = products.of_columns(layout.active_in(item.name), layout.rough)
             step = _step(item, items, layout, block_s)
-            made = _Columns(item, generators, len(on), here, values_of(profiles, item), step, layout.rough)
+            made = _Columns(item, generators, here, values_of(profiles, item), step)
             sources += [
                 BlockSource(item.name, item.role, partial(made.blocks, stretch))
                 for stretch in made.stretches(item.blocks(block_s))
@@ -116,38 +116,43 @@ def _step(item: TrackedTrial, tracked: Sequence[TrackedTrial], layout: Layout, b
     return 1 + int(numbers * len(layout.columns) / _MOST)
 
 
-class _Parts(NamedTuple):
-    """The parts of all columns, column by column, as arrays of one length.
+class _Products(NamedTuple):
+    """Spots times profiles, each but once, by their numbers, and the columns as sums of these."""
 
-    In ``turns`` are the numbers of the first part of every column, of the second of those that have one, and
-    so on.
-    """
-
-    column: NDArray[np.intp]
     spot: NDArray[np.intp]
     profile: NDArray[np.intp]
-    gain: Array
-    turns: tuple[NDArray[np.intp], ...]
+    sums: csr_array  # (n_columns, n_products): gains
 
     @classmethod
-    def of(cls, columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> _Parts:
-        """With spots and profiles as their numbers."""
+    def of(cls, columns: Sequence[Column], spots: Sequence[Spot], profiles: Sequence[Profile]) -> _Products:
+        """All that the parts of columns are."""
         at = {spot: k for k, spot in enumerate(spots)}
         of = {profile: k for k, profile in enumerate(profiles)}
-        every = [(k, part) for k, column in enumerate(columns) for part in column.parts]
-        numbers = np.array([(k, at[part.spot], of[part.profile]) for k, part in every], dtype=np.intp)
-        column, spot, profile = numbers.reshape(-1, 3).T
-        gain = np.array([part.gain for _, part in every])
-        place = np.arange(len(column)) - np.searchsorted(column, column)
-        turns = tuple(np.flatnonzero(place == k) for k in range(int(place.max(initial=-1)) + 1))
-        return cls(column, spot, profile, gain, turns)
+        parts = [(k, part) for k, column in enumerate(columns) for part in column.parts]
+        pairs = [(at[part.spot], of[part.profile]) for _, part in parts]
+        number = {pair: k for k, pair in enumerate(dict.fromkeys(pairs))}
+        places = [k for k, _ in parts], [number[pair] for pair in pairs]
+        sums = csr_array(([part.gain for _, part in parts], places), shape=(len(columns), len(number)))
+        spot, profile = np.array(list(number), dtype=np.intp).reshape(-1, 2).T
+        return cls(spot, profile, sums)
+
+    def of_columns(self, active: Sequence[bool], rough: bool) -> _Products:
+        """With those columns that are there, roughly in single precision."""
+        on = dia_array((np.array([active], dtype=float), [0]), shape=(len(active),) * 2)
+        return self._replace(sums=csr_array(on @ self.sums).astype("f4" if rough else "f8"))
+
+    def columns(self, generated: Array, values: Array) -> Array:
+        """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
+        made = generated[self.spot]
+        made *= values[self.profile][:, :, None]
+        return np.asarray(self.sums @ made.reshape(len(made), -1))
 
 
 class _Freed(NamedTuple):
     """Spots and residuals of some frames, by floors, freed of the pose."""
 
     left: Array  # (n_spots, n, rows)
-    hidden: Array  # (n_spots, n, q): what the pose takes of them
+    hidden: Array  # (n_spots, n, q): what the pose takes of them, in single precision
     values: Array  # (n_profiles, n)
     residuals: Array  # (n, rows)
     square: Array  # (n,): of the residuals, before they were condensed
@@ -165,11 +170,9 @@ class _Columns:
 
     item: TrackedTrial
     generators: Generators
-    count: int  # of the columns
-    parts: _Parts
+    products: _Products
     values: Array
     step: int  # every how many frames to look at
-    rough: bool  # whether single precision will do
 
     @property
     def most(self) -> int:
@@ -202,41 +205,23 @@ class _Columns:
         free = self.generators.freed(self.item, frames)
         square = np.square(free.residuals).sum(axis=1)
         numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
-        free, digits = free.condensed(), "f4" if self.rough else "f8"
-        left, hidden = (
-            np.asarray(np.ascontiguousarray(np.moveaxis(a, 2, 0), digits))
-            for a in (free.columns, free.hidden)
-        )
+        free, digits = free.condensed(), self.products.sums.dtype
+        left = np.ascontiguousarray(np.moveaxis(free.columns, 1, 0), digits)
+        hidden = np.ascontiguousarray(np.moveaxis(free.hidden, 1, 0), "f4")
         values: Array = self.values[:, frames].astype(digits)
         return _Freed(left, hidden, values, free.residuals.astype(digits), square, numbers)
 
     def _chunks(self, free: _Freed) -> Iterator[Chunk]:
         """Columns of a block's frames, so many at once."""
-        at_once = max(1, int(_CHUNK / (free.left.shape[2] * max(self.count, 1))))
+        exact, roughly = self.products, self.products._replace(sums=self.products.sums.astype("f4"))
+        at_once = max(1, int(_CHUNK / (free.left.shape[2] * max(exact.sums.shape[0], 1))))
         for first in range(0, len(free.numbers), at_once):
             some = free.cut(slice(first, first + at_once))
-            columns = self._of(some.left, some.values)
-            raw = _squares(columns) + _squares(self._of(some.hidden, some.values))
-            yield Chunk(
-                columns, some.residuals.ravel(), raw, float(some.square.sum()), float(some.numbers.sum())
-            )
-
-    def _of(self, generated: Array, values: Array) -> Array:
-        """Columns (n_columns, n * rows) from generators (n_spots, n, rows) and profiles (n_profiles, n)."""
-        parts, made = self.parts, np.zeros((self.count, *generated.shape[1:]), generated.dtype)
-        for k, turn in enumerate(parts.turns):
-            part = generated[parts.spot[turn]]
-            gains = values[parts.profile[turn]] * parts.gain[turn, None].astype(values.dtype)
-            part *= gains[:, :, None]
-            if k == 0 and len(turn) == self.count:
-                made = part
-            else:
-                made[parts.column[turn]] += part
-        return made.reshape(self.count, -1)
-
-
-def _squares(columns: Array) -> Array:
-    return np.asarray(np.einsum("kr,kr->k", columns, columns))
+            columns = exact.columns(some.left, some.values)
+            taken = roughly.columns(some.hidden, some.values)
+            hidden = np.einsum("kr,kr->k", taken, taken).astype(float)
+            square, numbers = float(some.square.sum()), float(some.numbers.sum())
+            yield Chunk(columns, some.residuals.ravel(), square, numbers, hidden)
 
 
 def _left(item: TrackedTrial) -> Array:
@@ -244,7 +229,7 @@ def _left(item: TrackedTrial) -> Array:
     generators, left = Generators.of(item, ()), np.empty((len(item.q), len(item.markers)))
     for rows in item.chunks(_AT_ONCE):
         basis = span(generators.at(item, rows)[1])
-        taken = np.square(basis).sum(axis=2).reshape(len(basis), -1, 3).sum(axis=2)
+        taken = np.square(basis).sum(axis=1).reshape(len(basis), -1, 3).sum(axis=2)
         left[rows] = np.maximum(3.0 - taken, _LEAST_LEFT)
     return left
 

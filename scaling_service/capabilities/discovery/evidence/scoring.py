@@ -69,21 +69,21 @@ def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> l
     observation, picked = observation_of(choice[0]), choice
     if len(choice) > shortlist:
         rough = observation.gather_beside(fit, choice, together=False, rough=True)
-        picked = [choice[k] for k, _ in _likely(rough, choice)[:shortlist]]
+        picked = [choice[k] for k, _ in keep_likely(rough, choice)[:shortlist]]
     return score_gathered(observation.gather_beside(fit, picked, together=True), picked)
 
 
 def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[ScoredCandidate]:
     """The likely ones of candidates whose evidence was gathered together, the best first."""
     found = []
-    for k, fitted in _likely(evidence, choice):
+    for k, fitted in keep_likely(evidence, choice):
         gains = explain(evidence, k, fitting_blocks(evidence.blocks, choice[k])).gains
         held_out = try_held_out(evidence, k, choice[k], fitted.by_chance / max(len(fitted.size), 1))
         found.append(ScoredCandidate(choice[k], fitted, gains, held_out))
     return found
 
 
-def _likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, Fitted]]:
+def keep_likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, Fitted]]:
     """Which of them have plausible numbers, the best first."""
     fitted = fit_each(evidence, choice)
     likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _plausible(c, f)]

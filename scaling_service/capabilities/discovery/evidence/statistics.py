@@ -91,7 +91,8 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
     total, inner = cross.sum(axis=0), cross[:, :, :count]
     inverse = inverse_of(total[:, :count], raw[:count])[0]
     follow, step = inverse @ total, inverse @ scores[:, :count].sum(axis=0)
-    scores = scores - scores[:, :count] @ follow - step @ (cross - inner @ follow)
+    carried = inner @ follow
+    scores = scores - scores[:, :count] @ follow - step @ (cross - carried)
     held_out = {s.trial for s in evidence.blocks if s.role == "held_out"}
     found = []
     for k, (rows, candidate) in enumerate(zip(evidence.groups, candidates, strict=True)):
@@ -101,7 +102,7 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
         else:
             f, of_blocks = follow[:, rows], scores[:, rows]
             mixed = f.T @ cross[:, :, rows]
-            own = evidence.products(k, fits) + f.T @ inner @ f - mixed - mixed.transpose(0, 2, 1)
+            own = evidence.products(k, fits) + f.T @ carried[:, :, rows] - mixed - mixed.transpose(0, 2, 1)
         found.append(fit_columns(of_blocks, own, raw[rows], () if candidate.trials else fits))
     return tuple(found)
 
@@ -201,13 +202,14 @@ def _gains_and_squares(
 ) -> tuple[Array, Array]:
     """Gains, and the squares of what the candidate predicts, (n_blocks,) each."""
     count, rows = evidence.nuisances, evidence.groups[index]
-    chosen = np.r_[0:count, rows.start : rows.stop]
-    change = np.concatenate([found.along, found.size])
+    along, size = found.along, found.size
 
     def gain(s: Block) -> tuple[float, float]:
-        own = s.own[np.ix_(chosen, chosen)]
-        square = float(change @ own @ change)
-        return float(2.0 * change @ (s.scores[chosen] - own[:, :count] @ found.step)) - square, square
+        beside = s.own[:count, rows]
+        predicted = s.own[:count, :count] @ along + beside @ size  # the nuisances' scores
+        square = float(along @ predicted + size @ (along @ beside + s.own[rows, rows] @ size))
+        slope = along @ s.scores[:count] + size @ s.scores[rows] - predicted @ found.step
+        return float(2.0 * slope) - square, square
 
     both = np.array([gain(s) for s in blocks]).reshape(-1, 2)
     return both[:, 0], both[:, 1]

@@ -97,9 +97,9 @@ class Chunk(NamedTuple):
 
     columns: Array  # (n_columns, rows)
     residuals: Array  # (rows,)
-    raw: Array  # (n_columns,): squares of the columns before the pose was taken out
     square: float  # of the residuals, also of what no column shows
     freedom: float  # how many numbers the residuals are, the pose's taken off
+    hidden: Array | float = 0.0  # (n_columns,): squares of what the pose took of the columns
     weight: float = 1.0  # how many frames each frame stands for
 
 
@@ -126,14 +126,17 @@ class BlockSource:
         scores, raw, cross = np.zeros(count), np.zeros(count), np.zeros((known, count))
         own = layout.own(np.zeros((count, 0)))
         square = freedom = 0.0
-        for columns, residuals, squares, left, numbers, weight in chunks:
+        for columns, residuals, left, numbers, hidden, weight in chunks:
             scores += weight * (columns @ residuals)
-            cross += weight * (columns[:known] @ columns.T)
             own += weight * layout.own(columns)
-            raw += weight * squares
+            if not layout.together:
+                cross += weight * (columns[:known] @ columns.T)
+            raw += weight * hidden
             square += weight * left
             freedom += weight * numbers
-        return Block(self.trial, self.role, scores, cross, own, square, freedom), raw
+        crossed = own[:known] if layout.together else cross
+        raw += layout.squares(own, crossed)
+        return Block(self.trial, self.role, scores, crossed, own, square, freedom), raw
 
 
 def _without(block: Block, drawn: Sequence[Block]) -> Block:
@@ -200,6 +203,13 @@ class Layout:
     def active_in(self, trial: str) -> list[bool]:
         """Which columns there are in a trial."""
         return [candidate.holds_in(trial) for candidate in self.owners]
+
+    def squares(self, own: Array, cross: Array) -> Array:
+        """Of the columns (n_columns,), by ``own`` and ``cross`` of a block."""
+        if self.together:
+            return np.diag(own)
+        widths = np.arange(own.shape[1]) < np.diff(self.edges)[:, None]
+        return np.concatenate([np.diag(cross), np.einsum("gkk->gk", own)[widths]])
 
     def own(self, made: Array) -> Array:
         """Columns (n_columns, rows) times columns, as ``own`` of a block."""

@@ -101,8 +101,8 @@ class _White(NamedTuple):
         """Some of those frames; no pose is taken out."""
         columns, residuals = self.columns[used], self.residuals[used]
         flat = np.ascontiguousarray(columns.reshape(-1, columns.shape[2]).T)
-        raw, square = np.square(flat).sum(axis=1), float(np.square(residuals).sum())
-        return [[Chunk(flat, residuals.ravel(), raw, square, float(residuals.size), weight)]]
+        square = float(np.square(residuals).sum())
+        return [[Chunk(flat, residuals.ravel(), square, float(residuals.size), weight=weight)]]
 
 
 def _thin(item: WrenchFit) -> int:

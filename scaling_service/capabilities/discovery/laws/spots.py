@@ -15,12 +15,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span, without_span
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.model.compile import compile_model, parameter_values
 from scaling_service.model.parameters import fold, free_scale
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, positions
+from scaling_service.numerics.multibody.tree import Tree, forward, frame_by_frame, jacobian, positions
 
 AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LETTERS = "xyz"
@@ -181,24 +181,23 @@ class PoseFree(NamedTuple):
     """Residuals and columns of some frames, by floors, freed of what the pose could explain."""
 
     residuals: Array  # (n, r)
-    columns: Array  # (n, r, n_spots)
-    hidden: Array  # (n, q, n_spots): what the pose takes of the columns, along its basis
-    basis: Array  # (n, r, q)
+    columns: Array  # (n, n_spots, r)
+    hidden: Array  # (n, n_spots, q): what the pose takes of the columns, along its basis
+    basis: Array  # (n, q, r)
 
     def condensed(self) -> PoseFree:
         """The same products of residuals and columns in as many rows as there are spots, if these are fewer.
 
         The rows are those of the Cholesky factor of the columns' products.
         """
-        if self.columns.shape[2] >= self.columns.shape[1]:
+        if self.columns.shape[1] >= self.columns.shape[2]:
             return self
-        across = self.columns.transpose(0, 2, 1)
-        bend = across @ self.columns
-        size = np.einsum("nkk->nk", bend) + np.square(self.hidden).sum(axis=1)
+        bend = self.columns @ self.columns.transpose(0, 2, 1)
+        size = np.einsum("nkk->nk", bend) + np.square(self.hidden).sum(axis=2)
         np.einsum("nkk->nk", bend)[...] += np.maximum(_EXACT * size, np.finfo(float).tiny)
         factor = np.linalg.cholesky(bend)
-        residuals = np.linalg.solve(factor, across @ self.residuals[:, :, None])[:, :, 0]
-        return self._replace(residuals=residuals, columns=np.asarray(factor.transpose(0, 2, 1)))
+        residuals = np.linalg.solve(factor, self.columns @ self.residuals[:, :, None])[:, :, 0]
+        return self._replace(residuals=residuals, columns=np.asarray(factor))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,13 +229,12 @@ class Generators:
         """Residuals and the spots' columns in some frames without what the pose takes of them."""
         residuals, pose, columns = self.at(item, rows)
         basis = span(pose)
-        across = basis.transpose(0, 2, 1)
-        hidden = across @ columns
-        residuals = residuals - (basis @ (across @ residuals[:, :, None]))[:, :, 0]
-        return PoseFree(residuals, columns - basis @ hidden, hidden, basis)
+        hidden = columns @ basis.transpose(0, 2, 1)
+        columns -= hidden @ basis
+        return PoseFree(without_span(residuals, basis), columns, hidden, basis)
 
     def at(self, item: TrackedTrial, rows: Frames) -> tuple[Array, Array, Array]:
-        """Residuals (n, r), the pose's columns (n, r, n_free) and the spots' (n, r, n_spots), by floors."""
+        """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), by floors."""
         poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = positions(self.tree, poses)
         rates = jacobian(self.tree, poses, placed, self.variables)
@@ -251,6 +249,6 @@ class Generators:
         scale = np.repeat(1.0 / item.floor, 3)
         shown = np.isfinite(measured).reshape(n, -1)
         gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
-        white = np.ascontiguousarray(np.moveaxis(rates.reshape(len(rates), -1, n), -1, 0).transpose(0, 2, 1))
-        white *= (shown * scale)[:, :, None]
-        return gap, white[:, :, :count], white[:, :, count:]
+        white = frame_by_frame(rates)
+        white *= (shown * scale)[:, None]
+        return gap, white[:, :count], white[:, count:]

@@ -136,8 +136,8 @@ class Carried:
         _, pose, _ = Generators.of(item, ()).at(item, slice(None))
         numbers = np.array(springs.numbers(item), dtype=np.intp)
         rows = (3 * numbers[:, None] + np.arange(3)).ravel()
-        basis, floor = span(pose)[:, rows], np.repeat(item.floor[numbers], 3)
-        return cls(springs, np.asarray(floor[:, None] * (basis @ basis.transpose(0, 2, 1)) / floor))
+        basis, floor = span(pose)[:, :, rows], np.repeat(item.floor[numbers], 3)
+        return cls(springs, np.asarray(floor[:, None] * (basis.transpose(0, 2, 1) @ basis) / floor))
 
     def whole(self, moved: Array, close: float) -> Array:
         """How far the skin goes that is moved by something, and then by the motion that gives way to it.

@@ -17,7 +17,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_t
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Poses, forward, jacobian, positions
+from scaling_service.numerics.multibody.tree import Poses, forward, frame_by_frame, jacobian, positions
 from scaling_service.numerics.signals.filters import butterworth
 
 Role = Literal["fit", "held_out"]
@@ -127,13 +127,13 @@ class TrackedTrial:
         return np.asarray(self.task.measured - self.places)
 
     def pose_columns(self, rows: slice) -> Array:
-        """What the coordinates do to the markers in some frames, by floors, (n, 3 n_markers, n_free)."""
+        """What the coordinates do to the markers in some frames, by floors, (n, n_free, 3 n_markers)."""
         tree, free = self.task.tree, np.flatnonzero(self.task.free)
         poses = forward(tree, np.ascontiguousarray(self.q[rows].T), self.task.p)
         rates = jacobian(tree, poses, positions(tree, poses), free)
-        white = np.moveaxis(rates.reshape(len(free), -1, rates.shape[-1]), 0, -1).transpose(1, 0, 2)
-        shown = np.repeat(self.seen[rows], 3, axis=1)
-        return np.asarray(white * (shown / np.repeat(self.floor, 3))[:, :, None])
+        white = frame_by_frame(rates)
+        white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
+        return white
 
     @cached_property
     def pose_free(self) -> tuple[Array, Array]:
@@ -142,8 +142,7 @@ class TrackedTrial:
         freedom = 3.0 * self.seen.sum(axis=1)
         for rows in self.chunks(_CHUNK):
             basis = span(self.pose_columns(rows))
-            taken = basis.transpose(0, 2, 1) @ freed[rows, :, None]
-            freed[rows] -= (basis @ taken)[:, :, 0]
+            freed[rows] = without_span(freed[rows], basis)
             freedom[rows] -= np.square(basis).sum(axis=(1, 2))
         return freed, freedom
 
@@ -219,16 +218,22 @@ class TrackedTrial:
 
 
 def span(pose: Array) -> Array:
-    """A basis of the columns of every frame, (n, r, q), orthonormal but for directions without meaning.
+    """A basis of the pose's columns (n, q, r) in every frame, orthonormal but for directions without meaning.
 
     Those come out short, as far as rounding leaves anything of them.
     """
-    size = np.sqrt(np.einsum("nrq,nrq->nq", pose, pose))
-    even = np.divide(pose, size[:, None], out=np.zeros_like(pose), where=size[:, None] > 0)
-    bend = even.transpose(0, 2, 1) @ even
-    bend += _NULL * np.eye(pose.shape[2])
-    basis = np.linalg.solve(np.linalg.cholesky(bend), even.transpose(0, 2, 1))
-    return np.asarray(basis.transpose(0, 2, 1))
+    bend = pose @ pose.transpose(0, 2, 1)
+    size = np.sqrt(np.einsum("nqq->nq", bend))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    bend *= scale[:, :, None] * scale[:, None, :]
+    bend += _NULL * np.eye(pose.shape[1])
+    return np.asarray((np.linalg.inv(np.linalg.cholesky(bend)) * scale[:, None, :]) @ pose)
+
+
+def without_span(residuals: Array, basis: Array) -> Array:
+    """Residuals (n, r) without what a basis (n, q, r) takes of them."""
+    taken = basis @ residuals[:, :, None]
+    return residuals - (basis.transpose(0, 2, 1) @ taken)[:, :, 0]
 
 
 def marker_noise(measured: Array) -> Array:
@@ -289,7 +294,7 @@ def _strays(item: TrackedTrial) -> Array:
     as it does when it is solved for: to first order, without the limits of joints.
     """
     free = np.flatnonzero(item.task.free)
-    white = item.pose_columns(slice(0, len(item.q))).transpose(0, 2, 1)
+    white = item.pose_columns(slice(0, len(item.q)))
     bend = white @ white.transpose(0, 2, 1)
     size = np.einsum("nqq->nq", bend).max(axis=1)
     stream = np.random.default_rng(0)

@@ -18,25 +18,16 @@ from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
 from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks, inverse_of
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
-from scaling_service.capabilities.discovery.laws.apply import freedom_name
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
-    Column,
     Estimate,
-    FreeMotion,
-    Part,
     stepped,
     with_shape_columns,
 )
-from scaling_service.capabilities.discovery.laws.profiles import Following
-from scaling_service.capabilities.discovery.laws.spots import JointSpot
-from scaling_service.model.body import Vector
 from scaling_service.numerics.multibody.laws import Array
 
 _ROUNDS = 8
 _SHARES = (1.0, 0.5, 0.25)  # of a step, tried in turn
-_OWN = 0.05  # of the largest curvature; chosen: a direction that shows less is the joint's own
-_SAME = np.cos(np.radians(0.2))  # chosen: a turn by less is below any axis's own deviation
 SETTLED, ROUGHLY, SOON = 1e-4, 3e-3, 1e-2
 """Shares of the cost (chosen). The next step of a method that doubles its digits is far smaller than the one
 that gained so little; roughly is enough to compare effects, not to tell their numbers, and soon to tell what
@@ -113,11 +104,9 @@ def _settle(
             break
         before = reached
         least = _WORTH * tolerance * before if tolerance > SETTLED else 0.0
-        moved, missed = _step(fit, observation, least)
-        fit = _aligned(moved) if observation is MARKERS else moved
-        turned = fit is not moved
+        fit, missed = _step(fit, observation, least)
         reached = _misfit(observation, fit, fit)
-        kept = tolerance > SETTLED and not turned and missed < tolerance * before
+        kept = tolerance > SETTLED and missed < tolerance * before
         if kept or before - reached < tolerance * before:
             break
     return fit
@@ -160,39 +149,3 @@ def _best_step(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, 
         score += block.scores * counts
     step = np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)
     return step, float(step @ score)
-
-
-def _aligned(fit: Fit) -> Fit:
-    """Axes of free motions turned to where their residuals want them, if that helps.
-
-    A turn by the angle a about u + d is, for small d, the turn about u and one by a about d.
-    """
-    effects = list(fit.effects)
-    for k, effect in enumerate(effects):
-        free = effect.candidate.change
-        if isinstance(free, FreeMotion):
-            axis = _better_axis(fit, effect.candidate, free)
-            if np.dot(axis, free.axis) <= _SAME:
-                candidate = replace(effect.candidate, change=replace(free, axis=axis))
-                effects[k] = replace(effect, candidate=candidate)
-    if all(one is other for one, other in zip(effects, fit.effects, strict=True)):
-        return fit
-    turned = MARKERS.refit(fit, fit.free, effects)
-    return turned if _misfit(MARKERS, turned, turned) < _misfit(MARKERS, fit, fit) else fit
-
-
-def _better_axis(fit: Fit, candidate: Candidate, free: FreeMotion) -> Vector:
-    course = Following(freedom_name(candidate))
-    parts = [Part(JointSpot(free.segment, free.at, free.kind, k), course) for k in range(3)]
-    columns = tuple(Column(f"axis_{k}", 1.0, (part,)) for k, part in enumerate(parts))
-    turn = replace(candidate, columns=columns, change=None)
-    evidence = MARKERS.gather(fit.tracked, [], [turn], fit.settings.block_s, together=True)
-    fitting = [s for s in evidence.blocks if s.role == "fit"]
-    curvature, score = np.sum([s.own for s in fitting], axis=0), np.sum([s.scores for s in fitting], axis=0)
-    step = inverse_of(curvature, evidence.raw)[0] @ score
-    axis = np.array(free.axis) + step - np.array(free.axis) * float(step @ np.array(free.axis))
-    value, vector = np.linalg.eigh(curvature)
-    hidden = vector[:, value < _OWN * value[-1]]  # turns that the joint makes anyhow
-    axis = axis - hidden @ (hidden.T @ axis)
-    x, y, z = (float(v) for v in axis / np.linalg.norm(axis))
-    return (x, y, z)

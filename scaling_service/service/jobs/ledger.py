@@ -23,6 +23,8 @@ from scaling_service.service.store.tables import FileRow, JobRow
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
 
+WAITING = "waiting"  # what a job does that waits for nothing but its turn, or for others
+
 _FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
 
 _AGAIN = (State.FAILED, State.CANCELLED)  # asked for in one of these states, a job is queued again
@@ -194,7 +196,7 @@ class Ledger:
         if new.state is State.QUEUED:
             _, count = parts.ended(connection, row.id)
             share = PARTS_SHARE if count else 0.0
-            written |= {"progress_share": share, "progress_what": "waiting", "provenance": None}
+            written |= {"progress_share": share, "progress_what": WAITING, "provenance": None}
         if new.state is not State.FAILED:
             written["failure"] = None
         jobs.change(connection, row.id, written)

@@ -27,14 +27,19 @@ from scaling_service.service.jobs.attempts import (
     run_attempt,
 )
 from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.ledger import AttemptOutput, Ledger, worker_lost
+from scaling_service.service.jobs.ledger import WAITING, AttemptOutput, Ledger, worker_lost
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version, provenance
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Content
-from scaling_service.service.store.errors import ContentMissing, StoreUnavailable, disk_errors
+from scaling_service.service.store.errors import (
+    ContentMissing,
+    StoreFull,
+    StoreUnavailable,
+    disk_errors,
+)
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
@@ -96,6 +101,7 @@ class Runner:
         self._stop, self._wake = threading.Event(), threading.Event()
         self._renewed = self._looked_for_lost = self._take_back_from = float("-inf")
         self._pause_s = 0.0
+        self._lacks_room = False
 
     @property
     def name(self) -> str:
@@ -236,11 +242,23 @@ class Runner:
             kinds = None if long < self._settings.workers else self._brief
             if not queueing.anything_queued(self._store.database, kinds):
                 return
-            self._store.require_room(self._settings.reserve_mb * 1_000_000)
+            self._require_room()
             row = self._ledger.lease(self.name, socket.gethostname(), kinds)
             if row is None:
                 return
             self._start(row, executor)
+
+    def _require_room(self) -> None:
+        """Raise StoreFull where the disk is nearly full; queued jobs say so while it is."""
+        try:
+            self._store.require_room(self._settings.reserve_mb * 1_000_000)
+        except StoreFull as error:
+            self._lacks_room = True
+            queueing.explain_wait(self._store.database, error.problem)
+            raise
+        if self._lacks_room:
+            queueing.explain_wait(self._store.database, WAITING)
+            self._lacks_room = False
 
     def _start(self, row: JobRow, executor: Executor) -> None:
         kind = self._kinds.get(row.kind)

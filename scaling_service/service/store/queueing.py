@@ -104,6 +104,13 @@ def renew(database: Database, worker: str, seconds: float) -> None:
         connection.execute(held.values(lease_until_us=lease_end(seconds)))
 
 
+def explain_wait(database: Database, why: str) -> None:
+    """Have all queued jobs say what they wait for."""
+    queued = update(jobs).where(jobs.c.state == State.QUEUED.value, jobs.c.progress_what != why)
+    with database.write() as connection:
+        connection.execute(queued.values(progress_what=why, updated_us=NowUs(), revision=jobs.c.revision + 1))
+
+
 def report(database: Database, worker: str, progress: Iterable[tuple[str, int, float, str]]) -> None:
     """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
     running = update(jobs).where(jobs.c.worker == worker, jobs.c.state == State.RUNNING.value)

@@ -5,6 +5,7 @@ Each is told in a problem document, nothing is corrupt, and all goes on by itsel
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import threading
 import time
@@ -89,6 +90,20 @@ def test_a_full_disk(tmp_path: Path) -> None:
             disk.empty()
             assert recovers(lambda: upload(served, b"x" * 300_000)).status_code == 200
             check_all_done(served, jobs)
+
+
+def test_a_job_that_waits_for_room_on_the_disk_says_so(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk", 16) as disk:
+        settings = settings_in(disk.folder, lease_s=1.0, reserve_mb=8)
+        with serving(settings, TINY) as served, running(served.service):
+            most = shutil.disk_usage(disk.folder).free - 4_000_000
+            (disk.folder / "other").write_bytes(bytes(most))
+            job = str(ask(served, 3).json()["id"])
+            until(lambda: "no room" in served.service.job("local", job).progress_what)
+            assert served.service.job("local", job).state is State.QUEUED
+            (disk.folder / "other").unlink()
+            until(lambda: all_done(served.service))
+            assert served.service.job("local", job).state is State.DONE
 
 
 def test_a_disk_that_fails_and_is_mounted_again(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ export function stateInWords(job: JobDocument): string {
     case "waiting":
       return `${Math.round(100 * share)} %, ${what}`;
     case "queued":
-      return "waits for its turn";
+      return what === "" || what === "waiting" ? "waits for its turn" : `waits: ${what}`;
     case "running":
       return `${Math.round(100 * share)} %${what === "" ? "" : `, ${what}`}${job.attempt > 1 ? ` (begun ${job.attempt} times)` : ""}`;
     case "cancelling":

@@ -52,7 +52,7 @@ def test_any_request_may_be_lost(visit: Visit, url: str) -> None:
             asked = lose(visitor, lost)
             visitor.page.evaluate("(place) => { location.hash = place; }", f"#/{place}")
             visitor.sees(text, 20_000)
-            visitor.page.wait_for_load_state("networkidle")
+            visitor.settles()
             visitor.met_no_defect()
             lost += 1
         assert lost > 1, place

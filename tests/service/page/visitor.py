@@ -39,18 +39,25 @@ class Visitor:
         self.page, self.url = page, url
         self.defects: list[str] = []
         self.foreign: list[str] = []
+        self.open: set[Any] = set()  # requests without an answer yet
         page.set_default_timeout(20_000)
         page.add_init_script(_WATCH)
         page.on("pageerror", lambda error: self.defects.append(str(error)))
         page.on("console", self._heard)
         page.on("request", self._asked)
+        page.on("requestfinished", self._ended)
+        page.on("requestfailed", self._ended)
 
     def _heard(self, message: Any) -> None:
         # An answer that is no success is told by the page itself.
         if message.type == "error" and not message.text.startswith("Failed to load resource"):
             self.defects.append(message.text)
 
+    def _ended(self, request: Any) -> None:
+        self.open.discard(request)
+
     def _asked(self, request: Any) -> None:
+        self.open.add(request)
         if not request.url.startswith((self.url, "blob:", "data:")):
             self.foreign.append(request.url)
 
@@ -66,6 +73,13 @@ class Visitor:
 
     def sees(self, text: str, timeout_ms: int = LONG_MS) -> None:
         self.page.get_by_text(text).first.wait_for(timeout=timeout_ms)
+
+    def settles(self, quiet_ms: float = 150.0) -> None:
+        """Until nothing is asked for; the browser's own word for that takes half a second of quiet."""
+        quiet = 0.0
+        while quiet < quiet_ms:
+            self.page.wait_for_timeout(30.0)
+            quiet = 0.0 if self.open else quiet + 30.0
 
     def downloads(self, name: str) -> Path:
         """The file that comes when a button is pressed."""

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.loads import PlateGain
 from scaling_service.capabilities.dynamics.weight import Weight
 from tests.discovery.hidden import person
 
-ABOVE = 1000.0
+ABOVE, NOISE = 1000.0, 50.0
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Forces:
         return ABOVE
 
     def squares(self, fit: Fit) -> float:
-        return self.left_by_mass if fit.effects else ABOVE
+        return NOISE + (self.left_by_mass if fit.effects else ABOVE)
 
     def refit(self, fit: Fit, _free: object, effects: tuple[object, ...]) -> Fit:
         return replace(fit, effects=effects)  # type: ignore[arg-type]
@@ -53,3 +53,24 @@ def test_a_load_is_the_cause_only_where_the_mass_leaves_something_of_which_it_le
     other = ScoredCandidate(load, replace(NOTHING, gain=ABOVE - left), np.zeros(3), unseen)
     found = body_mass.question_mass(Fit(SearchContext(person().model)), [other])
     assert (found is not None) is is_mass
+
+
+def test_a_cause_that_bears_the_same_weight_as_well_is_the_class_of_the_mass(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    answers = iter([Weight(60.0, 65.0, 0.3, {"walk": 65.0}), Weight(65.0, 65.0, 0.3, {"walk": 65.0})])
+    monkeypatch.setattr(body_mass, "balance_weight", lambda _fit: next(answers))
+    monkeypatch.setattr(body_mass, "WRENCH", Forces(100.0))
+    unseen = HeldOut(0.9, 1e-9, folds=False)
+    trunk, arm = (
+        ScoredCandidate(
+            Candidate("segment_mass", (name,), (Column("kg", 1.0, load=PlateGain("plate_1")),)),
+            replace(NOTHING, gain=ABOVE - left, size=np.ones(1)),
+            np.zeros(3),
+            unseen,
+        )
+        for name, left in (("torso", 110.0), ("arm", 300.0))
+    )
+    found = body_mass.question_mass(Fit(SearchContext(person().model)), [trunk, arm])
+    assert found is not None
+    assert found.equivalents == (trunk.candidate,)

@@ -26,8 +26,9 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
 
     Another one is, where it explains nearly all that the forces disagree by, and the mass leaves something of
     which it leaves clearly less: a load in the hand weighs as much as a heavier body, but its moments tell
-    where it is; one in the trunk explains a heavier body as well. Where recordings disagree about the weight,
-    each is taken with its own from then on: what plates miss in one of them is no load of the body.
+    where it is; one in the trunk explains a heavier body as well, and is its class then. Where recordings
+    disagree about the weight, each is taken with its own from then on: what plates miss in one of them is no
+    load of the body.
     """
     weight = balance_weight(fit)
     if weight is None or not (weight.differs and weight.lasting):
@@ -42,12 +43,26 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     above, settings = WRENCH.above_noise(fit), fit.settings
     left = above - gain
     least = above - min((1.0 - settings.whole_cause) * above, settings.mass_left * left)
-    better = any(WRENCH.shows(one.candidate) and one.fitted.gain > least for one in scored)
-    if better and left > settings.effects_leave * above:
+    loads = [one for one in scored if WRENCH.shows(one.candidate)]
+    stands = left > settings.mass_stands * WRENCH.squares(after)
+    if stands and any(one.fitted.gain > least for one in loads):
         return None
     chance = 2.0 * float(scipy.stats.norm.sf(abs(weight.factor - 1.0) / change.sd))
     nothing_held_out = HeldOut(float("nan"), float("nan"), folds=False)  # the balance took all recordings
-    return ScoredCandidate(candidate, Fitted.of_any_course(gain, 0.0, chance), None, nothing_held_out)
+    enough = above - settings.mass_alike * left
+    as_good = () if weight.disagree else (one for one in loads if one.fitted.gain >= enough)
+    alike = tuple(one.candidate for one in as_good if _bears_weight(one, fit))
+    return ScoredCandidate(candidate, Fitted.of_any_course(gain, 0.0, chance), None, nothing_held_out, alike)
+
+
+def _bears_weight(one: ScoredCandidate, fit: Fit) -> bool:
+    """Whether an effect of all recordings makes the declared mass right."""
+    if one.candidate.trials or not one.candidate.columns:
+        return False
+    weight = balance_weight(
+        WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(one.candidate, one.fitted.size)))
+    )
+    return weight is not None and not weight.differs
 
 
 def balance_weight(fit: Fit) -> Weight | None:

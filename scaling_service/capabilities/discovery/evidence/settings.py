@@ -65,9 +65,12 @@ class DiscoverySettings:
     # share of what the forces disagree by from which an effect is taken to be all of its cause (chosen: where
     # the model is right but for one thing, that thing leaves no more than this)
     whole_cause: float = 0.8
-    # of what a wrong mass leaves, what another cause of as much weight may leave (chosen: of a load's weight
-    # the mass knows the size, and not the place)
+    # Of what a wrong mass leaves: what another cause of as much weight may leave; what must stand above the
+    # noise for one to be looked for; and what one leaves at most that is not told from the mass (chosen: of a
+    # load's weight the mass knows the size, and not the place; a right mass leaves noise)
     mass_left: float = 0.5
+    mass_stands: float = 0.5
+    mass_alike: float = 1.2
 
     # share of what stands above the noise that an oscillation must explain at a frequency beside its own to
     # be tuned before it is tested (chosen: a grid's neighbour explains half or more)
@@ -121,7 +124,7 @@ class DiscoverySettings:
     disturbance_main: float = 0.25
     # effects_leave, disturbance_leaves: of what stands above the noise, what the effects must leave, and of
     # that, what the disturbance may leave (chosen: an effect that is there leaves nothing; where one explains
-    # most, no law could explain clearly more). A wrong mass, too, must leave so much for a load to be better
+    # most, no law could explain clearly more)
     effects_leave: float = 0.05
     disturbance_leaves: float = 0.25
 

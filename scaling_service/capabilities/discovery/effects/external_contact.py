@@ -290,8 +290,9 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
         return {}
     (_, of_start), (_, of_end) = edges
     rms, of_noise = _rms(here, contact)
-    # The mean square over an interval that is longer by a share is smaller by that share.
-    of_interval = 0.5 * rms * np.hypot(of_start, of_end) / (contact.end_s - contact.start_s)
+    # The mean square over an interval that is longer by a share is smaller by that share; a force that grows
+    # and fades slowly hides at both ends.
+    of_interval = 0.5 * rms * (of_start + of_end) / (contact.end_s - contact.start_s)
     return {"start_s": of_start, "end_s": of_end, "rms_N": float(np.hypot(of_noise, of_interval))}
 
 

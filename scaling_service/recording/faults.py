@@ -299,18 +299,21 @@ _BEYOND = 0.015  # of the limit, by which noise passes it (chosen: who comes to 
 _SHORTEST = 4  # samples that stand still (chosen)
 _STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
 _BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load
+_CORNER, _CORNER_S = 0.025, 0.1
+"""Of the limit, and in how long: what a load changes there that is cut off as it rises or falls, and not one
+that slowly comes to rest (chosen: a squat's load that is cut by a twentieth changes twice as fast)."""
 
 
 def note_saturation(forces: GroundForces) -> GroundForces:
     """Note where a plate's load comes to stand at a limit, an amplifier's or a converter's.
 
-    It does so again and again, or only noise is left of it there, which differs from sample to sample as much
-    as over the whole time: no foot's load does either. Nothing is corrected. One Repair, ``saturated``,
-    for each plate concerned (``where``: ``plate_1 fy``).
+    It does so again and again, or it stops there at once and only noise is left of it, which differs from
+    sample to sample as much as over the whole time: no foot's load does either. Nothing is corrected. One
+    Repair, ``saturated``, for each plate concerned (``where``: ``plate_1 fy``).
     """
     pressing = np.where(forces.known, forces.pressing, 0.0)
-    brief = int(_BRIEF_S * len(forces.times) / np.ptp(forces.times)) if len(forces.times) > 1 else 0
-    found = [(plate, _limit(load, brief)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
+    rate = len(forces.times) / np.ptp(forces.times) if len(forces.times) > 1 else 0.0
+    found = [(plate, _limit(load, rate)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
     return forces.changed(
         *(
             Repair("saturated", f"{plate} fy", f"stands at {limit[0]:.0f} N, its limit", limit[1])
@@ -320,7 +323,7 @@ def note_saturation(forces: GroundForces) -> GroundForces:
     )
 
 
-def _limit(load: Array, brief: int) -> tuple[float, int] | None:
+def _limit(load: Array, rate_hz: float) -> tuple[float, int] | None:
     """Where a plate's load (n,) stands when it is highest, N, and how many samples; None if it does not."""
     high = load > _TOP * load.max()
     limit = float(np.median(load[high])) if high.any() else 0.0
@@ -329,10 +332,17 @@ def _limit(load: Array, brief: int) -> tuple[float, int] | None:
     if np.quantile(load[load > CONTACT_N], 0.05) > _STILL * limit:
         return None
     at = high & (np.abs(load - limit) < _FLAT * limit)
-    stretches = [load[start:stop] for start, stop in runs(at).tolist() if stop - start >= _SHORTEST]
+    spans = [span for span in runs(at).tolist() if span[1] - span[0] >= _SHORTEST]
+    stretches = [load[start:stop] for start, stop in spans]
     if at.sum() < _STANDS * high.sum() or not stretches:
         return None
     off = np.concatenate([part - part.mean() for part in stretches])
     steps = np.concatenate([np.diff(part) for part in stretches])
-    again = len(stretches) > 1 and max(map(len, stretches)) < brief
-    return (limit, int(at.sum())) if again or np.square(off).mean() <= np.square(steps).mean() else None
+    visits = [stop - start for start, stop in runs(high).tolist() if at[start:stop].sum() >= _SHORTEST]
+    again = len(visits) > 1 and max(visits) < int(_BRIEF_S * rate_hz)
+    away = max(1, int(_CORNER_S * rate_hz))
+    beside = [load[max(start - away, 0)] for start, _ in spans]
+    beside += [load[min(stop - 1 + away, len(load) - 1)] for _, stop in spans]
+    at_once = min(beside) < (1.0 - _CORNER) * limit
+    noise = np.square(off).mean() <= np.square(steps).mean()
+    return (limit, int(at.sum())) if again or (at_once and noise) else None

@@ -185,3 +185,15 @@ def test_who_stands_still_and_steps_off_saturates_nothing() -> None:
         "still", t, ("plate_1",), force, np.zeros_like(force), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
     )
     assert not note_saturation(still).repairs
+
+
+def test_who_stands_on_one_leg_and_leans_on_something_for_a_while_saturates_nothing() -> None:
+    """As an engine makes it: no sway, only noise."""
+    t: Array = np.arange(5000) / 1000
+    leaning = np.sin(np.pi * np.clip((t - 1.0) / 2.0, 0.0, 1.0)) ** 2
+    force = np.zeros((len(t), 1, 3))
+    force[:, 0, 1] = 475.0 * (1.0 - 0.2 * leaning) + RNG.normal(size=len(t))
+    stood = GroundForces(
+        "hips", t, ("plate_1",), force, np.zeros_like(force), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
+    )
+    assert not note_saturation(stood).repairs

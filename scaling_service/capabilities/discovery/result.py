@@ -261,6 +261,7 @@ def quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
     if set(_MOMENTS) < set(names):
         names, values, covariance = _place_load(names, values, covariance)
     sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    sds = np.array([named.spreads.get(name, sd) for name, sd in zip(names, sds.tolist(), strict=True)])
     found = {
         name: QuantityDocument(value=value, sd=sd if sd > 0.0 else None, determined=sd > 0.0 or not any(sds))
         for name, value, sd in zip(names, values.tolist(), sds.tolist(), strict=True)

@@ -64,7 +64,10 @@ def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 
 def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
-    """Standard deviations of frequency and damping, its size being estimated with them."""
+    """Standard deviations of size, frequency and damping, which are estimated together.
+
+    A lighter mass that is less damped oscillates as far.
+    """
     whole = with_shape_columns(effect)
     observation = observation_of(whole)
     others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
@@ -74,8 +77,10 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     covariance = fit_each(evidence, [whole])[0].spread
     if len(covariance) < len(whole.columns):
         return {}
-    sd = np.sqrt(np.diag(covariance))[-len(SHAPES) :].tolist()
-    return {name: value for name, value in zip(SHAPES, sd, strict=True) if value > 0.0}
+    names = [*(column.name for column in effect.candidate.columns), *SHAPES]
+    units = [*(column.unit for column in effect.candidate.columns), *(1.0 for _ in SHAPES)]
+    sd = (np.array(units) * np.sqrt(np.diag(covariance))).tolist()
+    return {name: value for name, value in zip(names, sd, strict=True) if value > 0.0}
 
 
 EFFECTS = (

@@ -56,7 +56,7 @@ class NamedEffect:
     rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
     # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)
     details: Mapping[str, float] = field(default_factory=dict)
-    # standard deviations of those of them that have one
+    # standard deviations of those of them that have one, and of sizes that are estimated together with these
     spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property

@@ -116,7 +116,7 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
     # White noise of 1 mm adds a square of one for every number that the residuals are.
     above = sum(i.square - i.freedom for i in now.tracked if i.role == "fit")
     law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
-    monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
+    monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
     found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
     assert found is (law if told else None)
 
@@ -132,7 +132,7 @@ def test_an_effect_yields_to_a_law_that_explains_more(
     )
     taken = MARKERS.squares(without) - MARKERS.squares(known)
     law = Disturbance(("markers",), "any law", share * taken, 0.0, 0.0)
-    monkeypatch.setattr(disturbance, "_found", lambda *_: iter([law]))
+    monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
     assert disturbance.outdoes(law, without, known) is yields
 
 

@@ -79,7 +79,9 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
         return _needed(effects, above[seen_in], flexible, settings)
 
     least = {o.name: needed(o.name, flexible=False) for o in OBSERVATIONS}
-    sure = [law for law in _found(fit, least) if max(law.p * scored.count, law.held_out) <= settings.level]
+    sure = [
+        law for law in _judge_laws(fit, least) if max(law.p * scored.count, law.held_out) <= settings.level
+    ]
     clear = [law for law in sure if law.expected > needed(law.seen_in, law.flexible)]
     return max(clear, key=lambda law: law.expected, default=None)
 
@@ -91,7 +93,9 @@ def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
     """
     observation = next(o for o in OBSERVATIONS if o.name == disturbance.seen_in)
     taken = observation.squares(without) - observation.squares(fit)
-    laws = [law for law in _found(without, {observation.name: taken}) if law.seen_in == disturbance.seen_in]
+    laws = [
+        law for law in _judge_laws(without, {observation.name: taken}) if law.seen_in == disturbance.seen_in
+    ]
     return any(max(law.p, law.held_out) <= fit.settings.level and law.expected > taken for law in laws)
 
 
@@ -114,7 +118,7 @@ def _needed(
     return max(settings.disturbance_main * above, clearly)
 
 
-def _found(fit: Fit, least: Mapping[Seen, float]) -> Iterator[Disturbance]:
+def _judge_laws(fit: Fit, least: Mapping[Seen, float]) -> Iterator[Disturbance]:
     """Laws that may explain more than so much of an observation; none of those that are not asked for."""
     laws: dict[Candidate, DisturbanceLaw] = {}
     for law in _laws():

@@ -48,7 +48,7 @@ def floor_and_left(fit: Fit) -> tuple[float, float]:
 @pytest.mark.parametrize("memory", [0.0, 0.7, 0.9])
 def test_noise_of_any_memory_is_told_and_is_no_more(memory: float) -> None:
     fit = tracked(lambda trial, rng: noise(trial, rng, memory))
-    told = np.median([item.memory for item in fit.tracked])
+    told = np.median([item.lasting.memory * item.lasting.share for item in fit.tracked])
     assert told == pytest.approx(memory, abs=0.06)
     floor, left = floor_and_left(fit)
     assert floor == pytest.approx(left, rel=0.1)

@@ -72,7 +72,12 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     observation = observation_of(whole)
     others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
     evidence = observation.gather(
-        observation.items(after), others, [whole], after.settings.block_s, together=False
+        observation.items(after),
+        others,
+        [whole],
+        after.settings.block_s,
+        together=False,
+        known=observation.known(after),
     )
     covariance = fit_each(evidence, [whole])[0].spread
     if len(covariance) < len(whole.columns):

@@ -64,13 +64,15 @@ class Observation(ABC, Generic[Item]):
         *,
         together: bool,
         rough: bool = False,
+        known: Sequence[Estimate] = (),
     ) -> Evidence:
         """Pass all recordings once, in blocks of a length (s).
 
         ``nuisances`` may take any value anyhow, ``candidates`` are looked at; ``together``: whether products
-        of different candidates are wanted; ``rough``: whether it only tells which deserve a closer look.
+        of different candidates are wanted; ``rough``: whether it only tells which deserve a closer look;
+        ``known``: what the residuals were freed of, where sums without what noise makes of it are wanted.
         """
-        layout = Layout.of(nuisances, candidates, together=together, rough=rough)
+        layout = Layout.of(nuisances, candidates, together=together, rough=rough, known=known)
         found = map_parallel(lambda source: source.add_up(layout), self.sources(items, layout, block_s))
         sums = list(chain.from_iterable(found))
         raw = sum((squares for _, squares in sums), np.zeros(len(layout.columns)))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
 from scaling_service.capabilities.discovery.observations.tracked import Role
 from scaling_service.numerics.multibody.laws import Array
 
@@ -38,6 +38,8 @@ class Block:
     own: Array
     square: float  # residuals times residuals
     freedom: float  # how many numbers the residuals are, the pose's taken off
+    # scores and products of all columns that noise makes on average and that were taken off, where there were
+    chance: tuple[Array, Array] | None = None
 
 
 def fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]:
@@ -142,10 +144,15 @@ class BlockSource:
 def _without(block: Block, drawn: Sequence[Block]) -> Block:
     """A block without the mean of what was drawn."""
     scores, cross, own = (
-        getattr(block, name) - np.mean([getattr(one, name) for one in drawn], axis=0)
-        for name in ("scores", "cross", "own")
+        np.mean([getattr(one, name) for one in drawn], axis=0) for name in ("scores", "cross", "own")
     )
-    return replace(block, scores=scores, cross=cross, own=own)
+    return replace(
+        block,
+        scores=block.scores - scores,
+        cross=block.cross - cross,
+        own=block.own - own,
+        chance=(scores, own),
+    )
 
 
 def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:
@@ -176,7 +183,8 @@ class Layout:
     nuisances: int  # how many of the columns, the first ones, may take any value
     edges: NDArray[np.intp]  # where the groups of the others begin and end
     together: bool  # whether products of different candidates are wanted
-    rough: bool = False  # whether fewer frames and digits, and fewer draws of noise, will do
+    rough: bool  # whether fewer frames and digits, and fewer draws of noise, will do
+    sizes: Array  # (n_columns,): what the residuals were freed of, as far as it oscillates; zero elsewhere
 
     @classmethod
     def of(
@@ -186,14 +194,17 @@ class Layout:
         *,
         together: bool,
         rough: bool = False,
+        known: Sequence[Estimate] = (),
     ) -> Layout:
-        """For nuisances and candidates."""
+        """For nuisances and candidates; ``known``: what the residuals were freed of."""
         every = [*nuisances, *candidates]
         owners = tuple(candidate for candidate in every for _ in candidate.columns)
         columns = tuple(column for candidate in every for column in candidate.columns)
         count = sum(len(candidate.columns) for candidate in nuisances)
         edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
-        return cls(columns, owners, count, edges, together, rough)
+        freed_of = {column: size for s in known for column, size in s.columns if any(column.oscillators)}
+        sizes = np.array([freed_of.get(column, 0.0) for column in columns])
+        return cls(columns, owners, count, edges, together, rough, sizes)
 
     @property
     def groups(self) -> tuple[slice, ...]:

@@ -17,14 +17,14 @@ from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Ch
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.loads import columns_of
 from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import FEW_DRAWS, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 5  # frames of a block; chosen: fewer say nothing of a block of half a second
 _RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
-_DRAWS = {False: 4, True: 1}  # of noise, also roughly; chosen: its products' spread grows by an eighth, 40 %
+_DRAWS = {False: FEW_DRAWS, True: 1}  # of noise, also roughly; chosen: its products' spread grows by 40 %
 
 
 class Wrench(Observation[WrenchFit]):

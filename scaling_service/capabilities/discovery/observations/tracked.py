@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
@@ -36,22 +36,36 @@ _UNLIKE = 2.0
 """How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
 times). What shows less was smoothed, what shows more is no noise of the cameras."""
 
-_MEMORIES = np.linspace(0.0, 0.99, 100)
-"""Correlations from frame to frame of first-order autoregressive noise that are distinguished."""
+_STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
+_MEMORIES = np.linspace(0.0, 0.92, 47)[:, None]
+"""Correlations from frame to frame that are distinguished: no noise is told to last longer than the longest
+stride (0.92 ** 12 = 1 / e)."""
+
+_SHARES = np.linspace(0.0, 1.0, 21)
+"""Shares of the noise's variance that are distinguished to last."""
 
 _WHITE = 0.2
-"""Correlation below which noise counts as white (chosen: the error of a walk of a hundred frames and fifteen
-markers)."""
-
-_STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
+"""Share times memory below which noise counts as white (chosen: the error of a walk of a hundred frames and
+fifteen markers)."""
 
 _ENOUGH = 30
 """Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
 
 DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
+FEW_DRAWS = 4  # chosen: the spread of products of noise grows by an eighth
 _CHUNK = 64  # frames at once
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 _RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
+
+
+class LastingNoise(NamedTuple):
+    """Noise that is white but for a share of its variance: that is first-order autoregressive."""
+
+    memory: float  # correlation from frame to frame of what lasts
+    share: float
+
+
+WHITE = LastingNoise(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,25 +161,26 @@ class TrackedTrial:
         return freed, freedom
 
     @cached_property
-    def memory(self) -> float:
-        """Correlation of the noise from one frame to the next: first-order autoregressive, alike everywhere.
+    def lasting(self) -> LastingNoise:
+        """How much of the noise lasts, and how long; alike everywhere.
 
         The longer noise lasts, the more residuals differ over some frames than over one: third differences
         over several strides are compared with those over one frame, at the median marker. Most strides
-        decide: what moves slowly and is no noise shows in the long ones. Zero where recordings were smoothed
-        until no noise shows.
+        decide: what moves slowly and is no noise shows in the long ones. None lasts where recordings were
+        smoothed until no noise shows.
         """
         if not self.shows_noise:
-            return 0.0
+            return WHITE
         spread = np.array([[_spread(steps) for steps in self._strides(k)] for k in _STRIDES])
         spread[spread == 0.0] = np.nan
         longer = 2.0 * np.log(spread[1:] / spread[0])
-        known = np.isfinite(longer).any(axis=1)
-        powers = np.array(_STRIDES[1:])[known, None]
-        expected = np.log(_growth(_MEMORIES**powers) / _growth(_MEMORIES))
-        off = np.abs(np.nanmedian(longer[known], axis=1)[:, None] - expected).sum(axis=0)
-        memory = float(_MEMORIES[off.argmin()])  # none where recordings are too short to tell
-        return memory if memory >= _WHITE else 0.0
+        known = np.isfinite(longer).any(axis=1)  # none where recordings are too short to tell
+        powers = np.array(_STRIDES[1:])[known, None, None]
+        expected = np.log(_growth(_MEMORIES**powers, _SHARES) / _growth(_MEMORIES, _SHARES))
+        off = np.abs(np.nanmedian(longer[known], axis=1)[:, None, None] - expected).sum(axis=0)
+        memory, share = np.unravel_index(off.argmin(), off.shape)
+        found = LastingNoise(float(_MEMORIES[memory, 0]), float(_SHARES[share]))
+        return found if found.share * found.memory >= _WHITE else WHITE
 
     @property
     def shows_noise(self) -> bool:
@@ -180,8 +195,8 @@ class TrackedTrial:
 
     @property
     def noise(self) -> Array:
-        """Standard deviation of one coordinate's noise, its memory counted, (n_markers,), m."""
-        return np.asarray(self.floor * np.sqrt(_growth(0.0) / _growth(self.memory)))
+        """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
+        return np.asarray(self.floor * np.sqrt(_growth(*WHITE) / _growth(*self.lasting)))
 
     @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:
@@ -250,16 +265,16 @@ def marker_noise(measured: Array) -> Array:
     return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
 
 
-def _growth(memory: Any) -> Any:
-    """Variance of third differences of noise of unit variance with a correlation from frame to frame."""
-    return 20.0 - 30.0 * memory + 12.0 * memory**2 - 2.0 * memory**3
+def _growth(memory: Any, share: Any) -> Any:
+    """Variance of third differences of noise of unit variance, of which a share lasts."""
+    return 20.0 + share * (-30.0 * memory + 12.0 * memory**2 - 2.0 * memory**3)
 
 
 def _spread(steps: Array) -> float:
     known = steps[np.isfinite(steps).all(axis=1)]
     if len(known) < _ENOUGH:
         return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_growth(0.0)))
+    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_growth(*WHITE)))
 
 
 def _weights(task: Task, floor: Array) -> dict[str, float]:
@@ -280,25 +295,29 @@ def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
     return q
 
 
-def _remembered(white: Array, memory: float) -> Array:
-    """White noise (draws, n, numbers) of unit variance as noise of a correlation from frame to frame."""
-    white[:, 1:] *= np.sqrt(1.0 - memory**2)
-    found: Array = scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=1)
-    return found
+def _draw_noise(lasting: LastingNoise, shape: tuple[int, ...]) -> Array:
+    """Noise of unit variance, (draws, n, numbers)."""
+    stream, memory = np.random.default_rng(0), lasting.memory
+    white = stream.normal(size=shape)
+    if not lasting.share:
+        return white
+    slow = stream.normal(size=shape)
+    slow[:, 1:] *= np.sqrt(1.0 - memory**2)
+    slow = scipy.signal.lfilter([1.0], [1.0, -memory], slow, axis=1)
+    return np.asarray(np.sqrt(1.0 - lasting.share) * white + np.sqrt(lasting.share) * slow)
 
 
 def _strays(item: TrackedTrial) -> Array:
     """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
 
-    Noise of each marker's own size and of the trial's memory, to which the pose of the frame gives way as far
-    as it does when it is solved for: to first order, without the limits of joints.
+    Noise of each marker's own size that lasts as the trial's does, to which the pose of the frame gives way
+    as far as it does when it is solved for: to first order, without the limits of joints.
     """
     free = np.flatnonzero(item.task.free)
     white = item.pose_columns(slice(0, len(item.q)))
     bend = white @ white.transpose(0, 2, 1)
     size = np.einsum("nqq->nq", bend).max(axis=1)
-    stream = np.random.default_rng(0)
-    noise = _remembered(stream.normal(size=(DRAWS, *white.shape[::2])), item.memory)
+    noise = _draw_noise(item.lasting, (DRAWS, *white.shape[::2]))
     noise *= np.repeat(item.noise / item.floor, 3)
     pull = white @ np.moveaxis(noise, 0, -1)
     moved = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -104,48 +104,74 @@ def _settle(
             break
         before = reached
         least = _WORTH * tolerance * before if tolerance > SETTLED else 0.0
-        fit, missed = _step(fit, observation, least)
+        fit, gain, missed = _step(fit, observation, least)
         reached = _misfit(observation, fit, fit)
         kept = tolerance > SETTLED and missed < tolerance * before
-        if kept or before - reached < tolerance * before:
+        if kept or gain < tolerance * before:
             break
     return fit
 
 
-def _step(fit: Fit, observation: Observation[Any], least: float) -> tuple[Fit, float]:
+def _step(fit: Fit, observation: Observation[Any], least: float) -> tuple[Fit, float, float]:
     """One step of everything shared that shows in an observation, if it promises enough.
 
-    And by how much what it takes off differs from what it promises.
+    Also what it takes off the squares, and by how much that differs from what it promises; less what it takes
+    off by chance: steps are corrected for that, too, and would seem to make the fit worse.
     """
     moving = observation.known(fit)
     if not moving:
-        return fit, 0.0
+        return fit, 0.0, 0.0
     chosen = [with_shape_columns(s) for s in moving]
     items, block_s = observation.items(fit), fit.settings.block_s
-    evidence = observation.gather(items, [], chosen, block_s, together=True)
-    step, promised = _best_step(evidence, chosen)
+    evidence = observation.gather(items, [], chosen, block_s, together=True, known=moving)
+    sums = _Sums.of(evidence, chosen)
+    step = sums.best_step(evidence)
+    promised = float(step @ sums.score)
     if promised < least:
-        return fit, promised
+        return fit, 0.0, promised
     before = _misfit(observation, fit, fit)
     for share in _SHARES:
         pairs = zip(moving, evidence.groups, strict=True)
         sized = {id(s): stepped(s, share * step[rows]) for s, rows in pairs}
         free, effects = (tuple(sized.get(id(s), s) for s in some) for some in (fit.free, fit.effects))
         tried = observation.refit(fit, free, effects)
-        left = _misfit(observation, tried, tried)
-        if left < before:
-            return tried, abs(promised - (before - left))
-    return fit, promised
+        gain = before - _misfit(observation, tried, tried) - sums.gained_by_chance(share * step)
+        if gain > 0.0:
+            return tried, gain, abs(promised - gain)
+    return fit, 0.0, promised
 
 
-def _best_step(evidence: Evidence, chosen: Sequence[Candidate]) -> tuple[Array, float]:
-    """Where everything fits best to first order, and what that takes off the squares."""
-    decided = {c.trials: {id(s) for s in fitting_blocks(evidence.blocks, c)} for c in chosen}
-    owners = [c.trials for c in chosen for _ in c.columns]
-    curvature, score = np.zeros((len(owners),) * 2), np.zeros(len(owners))
-    for block in evidence.blocks:
-        counts = np.array([id(block) in decided[trials] for trials in owners], dtype=float)
-        curvature += block.own * np.outer(counts, counts)
-        score += block.scores * counts
-    step = np.asarray(inverse_of(curvature, evidence.raw)[0] @ score)
-    return step, float(step @ score)
+class _Sums(NamedTuple):
+    """Products and scores of all columns in the blocks that decide, and those that noise alone makes."""
+
+    curvature: Array  # (k, k)
+    score: Array  # (k,)
+    stray_curvature: Array
+    stray_score: Array
+
+    @classmethod
+    def of(cls, evidence: Evidence, chosen: Sequence[Candidate]) -> _Sums:
+        """Of blocks in which the candidates are fitted."""
+        decided = {c.trials: {id(s) for s in fitting_blocks(evidence.blocks, c)} for c in chosen}
+        owners = [c.trials for c in chosen for _ in c.columns]
+        count = len(owners)
+        curvature, score, stray_curvature, stray_score = (
+            np.zeros(shape) for shape in 2 * ((count, count), (count,))
+        )
+        for block in evidence.blocks:
+            counts = np.array([id(block) in decided[trials] for trials in owners], dtype=float)
+            both = np.outer(counts, counts)
+            curvature += block.own * both
+            score += block.scores * counts
+            if block.chance is not None:
+                stray_score += block.chance[0] * counts
+                stray_curvature += block.chance[1] * both
+        return cls(curvature, score, stray_curvature, stray_score)
+
+    def best_step(self, evidence: Evidence) -> Array:
+        """Where everything fits best to first order."""
+        return np.asarray(inverse_of(self.curvature, evidence.raw)[0] @ self.score)
+
+    def gained_by_chance(self, step: Array) -> float:
+        """What a step takes off the squares that noise alone makes."""
+        return float(2.0 * step @ self.stray_score - step @ self.stray_curvature @ step)

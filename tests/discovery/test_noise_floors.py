@@ -28,11 +28,11 @@ def tracked(change: Callable[[Trial, np.random.Generator], Array]) -> Fit:
     return fit_recordings(SearchContext(person().model, seen))
 
 
-def noise(trial: Trial, rng: np.random.Generator, memory: float = 0.0) -> Array:
-    """First-order autoregressive, of :data:`NOISE_M`."""
-    white = rng.normal(size=(len(trial.times) + 200, *trial.markers.shape[1:]))
-    long = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)
-    return NOISE_M * np.asarray(long[200:])
+def noise(trial: Trial, rng: np.random.Generator, memory: float = 0.0, share: float = 1.0) -> Array:
+    """Of :data:`NOISE_M`: a share of its variance first-order autoregressive, the rest white."""
+    slow, white = rng.normal(size=(2, len(trial.times) + 200, *trial.markers.shape[1:]))
+    slow = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], slow, axis=0)
+    return np.asarray(NOISE_M * (np.sqrt(share) * slow + np.sqrt(1.0 - share) * white)[200:])
 
 
 def floor_and_left(fit: Fit) -> tuple[float, float]:
@@ -45,11 +45,11 @@ def floor_and_left(fit: Fit) -> tuple[float, float]:
     return float(np.sqrt(tally.floor.sum() / frames)), NOISE_M * float(np.sqrt(freedom / frames))
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.7, 0.9])
-def test_noise_of_any_memory_is_told_and_is_no_more(memory: float) -> None:
-    fit = tracked(lambda trial, rng: noise(trial, rng, memory))
-    told = np.median([item.lasting.memory * item.lasting.share for item in fit.tracked])
-    assert told == pytest.approx(memory, abs=0.06)
+@pytest.mark.parametrize(("memory", "share"), [(0.0, 1.0), (0.7, 1.0), (0.9, 1.0), (0.9, 0.5)])
+def test_noise_that_lasts_is_measured_and_is_no_more(memory: float, share: float) -> None:
+    fit = tracked(lambda trial, rng: noise(trial, rng, memory, share))
+    found = np.median([item.lasting for item in fit.tracked], axis=0)
+    assert found == pytest.approx([memory, share if memory else 0.0], abs=0.1)
     floor, left = floor_and_left(fit)
     assert floor == pytest.approx(left, rel=0.1)
     assert not describe_unexplained(fit, measure_noise_floors(fit, fit.scene.moving))

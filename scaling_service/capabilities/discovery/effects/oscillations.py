@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -25,6 +25,7 @@ from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
+from scaling_service.numerics.multibody.laws import Array
 
 _LONG_M = (
     0.2  # from a segment's origin to its centre of mass; chosen: half of it is more than a hand's breadth
@@ -66,9 +67,21 @@ def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """Standard deviations of size, frequency and damping, which are estimated together.
 
-    A lighter mass that is less damped oscillates as far.
+    A lighter mass that is less damped oscillates as far. Where noise has so large a part in what oscillates
+    that nothing else determines it, that part is not taken off: the deviations are the least there are.
     """
     whole = with_shape_columns(effect)
+    known = observation_of(whole).known(after)
+    for freed_of in (known, ()):
+        covariance = _covariance(whole, after, freed_of)
+        if len(covariance) == len(whole.columns) and (np.diag(covariance) > 0.0).all():
+            names = [*(column.name for column in effect.candidate.columns), *SHAPES]
+            units = np.array([*(column.unit for column in effect.candidate.columns), *(1.0 for _ in SHAPES)])
+            return dict(zip(names, (units * np.sqrt(np.diag(covariance))).tolist(), strict=True))
+    return {}
+
+
+def _covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimate]) -> Array:
     observation = observation_of(whole)
     others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
     evidence = observation.gather(
@@ -77,15 +90,9 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
         [whole],
         after.settings.block_s,
         together=False,
-        known=observation.known(after),
+        known=freed_of,
     )
-    covariance = fit_each(evidence, [whole])[0].spread
-    if len(covariance) < len(whole.columns):
-        return {}
-    names = [*(column.name for column in effect.candidate.columns), *SHAPES]
-    units = [*(column.unit for column in effect.candidate.columns), *(1.0 for _ in SHAPES)]
-    sd = (np.array(units) * np.sqrt(np.diag(covariance))).tolist()
-    return {name: value for name, value in zip(names, sd, strict=True) if value > 0.0}
+    return fit_each(evidence, [whole])[0].spread
 
 
 EFFECTS = (

@@ -18,8 +18,9 @@ from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Ch
 from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation, Profile, values_of
 from scaling_service.capabilities.discovery.laws.spots import Generators, Spot
+from scaling_service.capabilities.discovery.laws.steady_skin import steady_replicates
 from scaling_service.capabilities.discovery.observations.performed import performed
-from scaling_service.capabilities.discovery.observations.tracked import FEW_DRAWS, TrackedTrial, span
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.numerics.multibody.laws import Array
 
 _CHUNK = 5e5  # numbers of all columns at once (chosen: 4 MB)
@@ -60,7 +61,7 @@ class Markers(Observation[TrackedTrial]):
             here = products.of_columns(layout.active_in(item.name), layout.rough)
             step = _step(item, items, layout, block_s)
             made = _Columns(item, generators, here, values_of(profiles, item), step)
-            strays = list(made.strays(profiles, layout.sizes)) if layout.sizes.any() else []
+            strays = list(made.strays(profiles, _held(layout), layout.sizes)) if layout.sizes.any() else []
             for stretch in made.stretches(item.blocks(block_s)):
                 block, *by_chance = (partial(one.blocks, stretch) for one in (made, *strays))
                 sources.append(BlockSource(item.name, item.role, block, by_chance))
@@ -99,6 +100,16 @@ class Markers(Observation[TrackedTrial]):
     def performed(self, fit: Fit, movement: str) -> TrackedTrial | None:
         """By the markers of the first trial."""
         return performed(fit.tracked[0], movement)
+
+
+def _held(layout: Layout) -> list[tuple[Oscillation, float]]:
+    """Each marker's oscillation once, and its share."""
+    return [
+        (profile, float(size))
+        for column, size in zip(layout.columns, layout.sizes, strict=True)
+        for profile in {p.profile for p in column.parts if isinstance(p.profile, Oscillation)}
+        if size and profile.axis == 0
+    ]
 
 
 def _same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
@@ -175,7 +186,9 @@ class _Columns:
     step: int  # every how many frames to look at
     sizes: Array | None = None  # (n_columns,): of which residuals are made, where they are not the trial's
 
-    def strays(self, profiles: Sequence[Profile], sizes: Array) -> Iterator[_Columns]:
+    def strays(
+        self, profiles: Sequence[Profile], held: Sequence[tuple[Oscillation, float]], sizes: Array
+    ) -> Iterator[_Columns]:
         """What noise makes of columns that oscillate with the motion, drawn a few times.
 
         The trial's residuals were freed of such columns of these sizes, hence of their noise, too. Else the
@@ -183,7 +196,7 @@ class _Columns:
         seems smaller and slower (corrected score of errors in variables: Nakamura 1990, Biometrika 77:127).
         """
         shaken = [k for k, profile in enumerate(profiles) if isinstance(profile, Oscillation)]
-        for other in self.item.noise_replicates[:FEW_DRAWS]:
+        for other in steady_replicates(self.item, held):
             stray = np.zeros_like(self.values)
             stray[shaken] = values_of([profiles[k] for k in shaken], other) - self.values[shaken]
             yield replace(self, values=stray, sizes=sizes)

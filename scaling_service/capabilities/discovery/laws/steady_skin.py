@@ -25,7 +25,7 @@ from scaling_service.capabilities.discovery.observations.oscillator import (
     pulled,
     pulled_taps,
 )
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
+from scaling_service.capabilities.discovery.observations.tracked import FEW_DRAWS, TrackedTrial, span
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 
@@ -63,7 +63,7 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
     part of them stays open, and the round that left least is given. ``item``: the trial tracked as well as is
     known; ``track``: tracks a trial from a start.
     """
-    springs = _springs(trial, item, effects)
+    springs = Springs.of(item, _oscillations(trial, effects))
     if not springs.markers:
         return track(trial, item)
     on = [trial.index(name) for name in springs.markers]
@@ -85,20 +85,28 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
     return best
 
 
-def _springs(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate]) -> Springs:
-    """Of the markers that are tracked."""
-    markers = tuple(name for name in oscillating_markers(trial, effects) if name in item.markers)
-    held = tuple(
-        (markers.index(profile.marker), size, profile.frequency_hz, profile.damping)
-        for profile, size in _oscillations(trial, effects)
-        if profile.marker in markers
-    )
-    return Springs(markers, item.step, held)
-
-
 def _under(item: TrackedTrial, springs: Springs) -> Array:
     """How far a motion moves the skin, (n, n_markers, 3), m, ground."""
     return springs.moved(item.places[:, springs.numbers(item)])
+
+
+def steady_replicates(item: TrackedTrial, held: Sequence[tuple[Oscillation, float]]) -> list[TrackedTrial]:
+    """Replicates of a recording's noise in which the skin is at rest, too: noise drives it as the bone does.
+
+    ``held``: what oscillates, and its share.
+    """
+    springs = Springs.of(item, held)
+    if not springs.markers:
+        return list(item.noise_replicates[:FEW_DRAWS])
+    carried, numbers = Carried.by(item, springs), springs.numbers(item)
+    found, before = [], item.places[:, numbers]
+    for other in item.noise_replicates[:FEW_DRAWS]:
+        skin = carried.whole(springs.moved(other.places[:, numbers] - before), _CLOSE)
+        moved = np.zeros((1, *item.residuals.shape))
+        moved[0][:, numbers] = -skin / item.floor[numbers, None]
+        back = item.give_way(moved.reshape(1, len(item.q), -1))[0]
+        found.append(replace(other, q=other.q + back))
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,6 +117,14 @@ class Springs:
     step: float  # time from frame to frame, s
     # which of the markers, its share, frequency (Hz) and damping ratio
     held: tuple[tuple[int, float, float, float], ...]
+
+    @classmethod
+    def of(cls, item: TrackedTrial, oscillations: Sequence[tuple[Oscillation, float]]) -> Springs:
+        """Of the markers that are tracked."""
+        tracked = [(profile, share) for profile, share in oscillations if profile.marker in item.markers]
+        markers = tuple(m for m in item.markers if m in {profile.marker for profile, _ in tracked})
+        held = tuple((markers.index(p.marker), share, p.frequency_hz, p.damping) for p, share in tracked)
+        return cls(markers, item.step, held)
 
     def moved(self, places: Array) -> Array:
         """How far skin moves over bone that is at some places, both (n, n_markers, 3), m, ground."""

@@ -203,6 +203,23 @@ class TrackedTrial:
         """The same recording with as much noise of the markers once more, anew in each of a few draws."""
         return tuple(replace(self, q=self.q + stray) for stray in _strays(self))
 
+    def give_way(self, moved: Array) -> Array:
+        """How the pose of each frame follows markers that move, (draws, n, n_coordinates), rad or m.
+
+        As far as it does when it is solved for: to first order, without the limits of joints.
+
+        ``moved``: (draws, n, 3 n_markers), by floors.
+        """
+        free = np.flatnonzero(self.task.free)
+        white = self.pose_columns(slice(0, len(self.q)))
+        bend = white @ white.transpose(0, 2, 1)
+        size = np.einsum("nqq->nq", bend).max(axis=1)
+        pull = white @ np.moveaxis(moved, 0, -1)
+        turned = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
+        found = np.zeros((len(moved), *self.q.shape))
+        found[:, :, free] = np.moveaxis(turned, -1, 0)
+        return found
+
     def inertial_loads(self, gravity: Array, cutoff_hz: float) -> InertialLoads:
         """What the motion needs of the ground under a gravity (3,), m/s2."""
         key = (gravity.tobytes(), cutoff_hz)
@@ -310,17 +327,8 @@ def _draw_noise(lasting: LastingNoise, shape: tuple[int, ...]) -> Array:
 def _strays(item: TrackedTrial) -> Array:
     """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
 
-    Noise of each marker's own size that lasts as the trial's does, to which the pose of the frame gives way
-    as far as it does when it is solved for: to first order, without the limits of joints.
+    Noise of each marker's own size that lasts as the trial's does.
     """
-    free = np.flatnonzero(item.task.free)
-    white = item.pose_columns(slice(0, len(item.q)))
-    bend = white @ white.transpose(0, 2, 1)
-    size = np.einsum("nqq->nq", bend).max(axis=1)
-    noise = _draw_noise(item.lasting, (DRAWS, *white.shape[::2]))
+    noise = _draw_noise(item.lasting, (DRAWS, len(item.q), 3 * len(item.markers)))
     noise *= np.repeat(item.noise / item.floor, 3)
-    pull = white @ np.moveaxis(noise, 0, -1)
-    moved = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
-    found = np.zeros((DRAWS, *item.q.shape))
-    found[:, :, free] = np.moveaxis(moved, -1, 0)
-    return found
+    return item.give_way(noise)

@@ -85,7 +85,7 @@ class Markers(Observation[TrackedTrial]):
         names = self.places(fit)
         at = [names.index(m) for m in item.markers]
         slow = np.zeros(len(at)) if noise is None else noise[at]
-        floor = np.where(item.seen, np.maximum(_left(item) * item.noise**2, slow), 0.0)
+        floor = np.where(item.seen, np.maximum(_left(item) * item.sure_noise**2, slow), 0.0)
         square = np.nan_to_num(np.square(item.residuals).sum(axis=2))
         wide = np.zeros((3, len(item.q), len(names)))
         wide[:, :, at] = square, floor, item.seen

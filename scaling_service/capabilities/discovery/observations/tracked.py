@@ -198,6 +198,15 @@ class TrackedTrial:
         """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
         return np.asarray(self.floor * np.sqrt(_growth(*WHITE) / _growth(*self.lasting)))
 
+    @property
+    def sure_noise(self) -> Array:
+        """That of it which is surely no movement, (n_markers,), m.
+
+        Faults that grow with movement look as if a part of the noise lasted. What does last of it is found
+        where movement does not predict it (:mod:`..evidence.noise_floors`).
+        """
+        return self.noise if self.lasting.share == 1.0 else self.floor
+
     @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:
         """The same recording with as much noise of the markers once more, anew in each of a few draws."""

@@ -144,6 +144,7 @@ def _turned_by(segment: Segment) -> set[str]:
 
 _DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing
 _HALF = 0.5  # of the prior's variance: below it the recording has said more than the prior
+_FAR = 3.0  # chosen: standard deviations of a size from which a fit contradicts what was measured
 _UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
 
 
@@ -188,13 +189,27 @@ def _tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[floa
 
 
 def _warnings(
-    method: str, estimated: Sequence[EstimatedParameter], solution: Solution, doubt: Uncertainty
+    method: str,
+    estimated: Sequence[EstimatedParameter],
+    solution: Solution,
+    doubt: Uncertainty,
+    sds: Mapping[str, float],
 ) -> tuple[str, ...]:
     found = []
     if solution.outcome is not Outcome.CONVERGED:
         found.append(f"{method}: stopped after {solution.steps} steps before it converged")
     bound = [p.name for p in estimated if p.at_bound]
     loose = [p.name for p in estimated if not p.identifiable]
+    far = [
+        f"{p.target} ({100.0 * (p.value - 1.0):+.0f} %)"
+        for p in estimated
+        if p.group == "length" and abs(p.value - 1.0) > _FAR * sds.get(p.target, math.inf)
+    ]
+    if far:
+        found.append(
+            f"{method}: the movement pulls the size of {few(far)} more than {_FAR:.0f} standard deviations "
+            "from what markers and stature say. Skin does so, or a joint that the model lacks: look at MB's"
+        )
     if bound:
         found.append(
             f"{method}: {len(bound)} of {len(estimated)} parameters stopped at their bounds: {few(bound)}"
@@ -260,7 +275,7 @@ class Optimised:
         estimated = _parameters(freed, solution.p, doubt)
         values = {p.name: p.value for p in estimated}
         warnings = [*start.warnings, *self._kept_knees(start.model)]
-        warnings += _warnings(self.name, estimated, solution, doubt)
+        warnings += _warnings(self.name, estimated, solution, doubt, sds)
         return Calibration(
             self.name,
             fold(freed, values),

@@ -75,8 +75,8 @@ class Usage(threading.Thread):
     def _note(self, number: int, started: str, seconds: float) -> None:
         self.cpu_s[number, started] = seconds
         with suppress(OSError):
-            told = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{number}/status").read_text())
-            self.mib[number, started] = int(told[1]) / 1024 if told else 0.0
+            reported = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{number}/status").read_text())
+            self.mib[number, started] = int(reported[1]) / 1024 if reported else 0.0
 
     def stop(self) -> None:
         self._over.set()

@@ -77,7 +77,7 @@ def test_where_nothing_is_hidden_nothing_is_named(case: Case, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("case", STRANGE, ids=title)
-def test_what_the_catalogue_does_not_have_is_told_as_unexplained(case: Case, tmp_path: Path) -> None:
+def test_what_the_catalogue_does_not_have_is_reported_as_unexplained(case: Case, tmp_path: Path) -> None:
     found = outcome(case, tmp_path)
     assert found.stranger_seen, found.first_name
     assert found.verdict == "unexplained"

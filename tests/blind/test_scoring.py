@@ -67,7 +67,7 @@ def test_an_interval_holds_the_truth_within_two_sd() -> None:
     assert not intervals_hold(OFFSET, named(OFFSET, 1.1))
 
 
-def test_a_floor_is_told_by_the_noise_that_was_put_in() -> None:
+def test_a_floor_is_reported_by_the_noise_that_was_put_in() -> None:
     gap = {"fit": {"markers_mm": {"floor": 1.2}}}
     assert outcome("null", [], {"gap": gap}, noise_left_mm=1.0).floor == pytest.approx(1.2)
     assert outcome("null", [], {"gap": gap}).floor is None
@@ -101,7 +101,7 @@ def test_parameters_within_a_tenth_or_two_sd() -> None:
     assert parameters_right(OFFSET, {"parameters": {}}) == {}
 
 
-def test_the_opposite_sign_is_told_from_a_wrong_size() -> None:
+def test_the_opposite_sign_is_reported_from_a_wrong_size() -> None:
     assert opposite(OFFSET, named(OFFSET, -1.0))
     assert not opposite(OFFSET, named(OFFSET, 1.0))
     assert not opposite(OFFSET, named(OFFSET, -3.0))
@@ -118,8 +118,8 @@ def test_smallest_nameable_is_found_where_it_may_stand() -> None:
     assert smallest_nameable(LENGTH, departure) == pytest.approx(0.01)
     assert smallest_nameable(OFFSET, tried) is None
     wobble = {"kind": "skin_wobble", "where": ["RLFE"], "parameters": {"frequency_hz": 5.0, "damping": 0.2}}
-    told = {"effects": [{**wobble, "smallest_nameable": {"damping": 0.1}}]}
-    assert smallest_nameable(wobble, told) is None
+    reported = {"effects": [{**wobble, "smallest_nameable": {"damping": 0.1}}]}
+    assert smallest_nameable(wobble, reported) is None
     assert outcome("effect", [OFFSET], stated).ratio == pytest.approx(2.0)
 
 

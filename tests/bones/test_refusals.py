@@ -146,10 +146,10 @@ def test_a_tibia_that_does_not_belong_to_its_femur(size: list[float], shift: lis
     vertices, faces = bones.tibia()
     pair = {"femur_r": bones.metres(bones.femur()), "tibia_r": bones.metres((vertices * size + shift, faces))}
     try:
-        told = " ".join(check_joined(find_landmarks(pair)))
+        reported = " ".join(check_joined(find_landmarks(pair)))
     except MeshRefused as refusal:
-        told = f"{refusal.field}: {refusal.remedy}"
-    assert re.search(said, told), told
+        reported = f"{refusal.field}: {refusal.remedy}"
+    assert re.search(said, reported), reported
 
 
 MOST_S = 120.0  # of CPU time; pelvis, femur and tibia of that size then take a few minutes

@@ -112,8 +112,8 @@ def test_a_side_that_was_not_moved_keeps_the_regression_and_says_so(clean: Clust
     found, usual = calibrate(session, "MB", HIP), calibrate(session, "MB", MEASURED)
     assert joint_centres(found.model)["hip_l"] == joint_centres(usual.model)["hip_l"]
     assert hip_errors(found, clean)[0] < 1e-7
-    (told,) = (w for w in found.warnings if w.startswith("MB: hip_l"))
-    assert "the regression in its place: it turns by at most" in told
+    (reported,) = (w for w in found.warnings if w.startswith("MB: hip_l"))
+    assert "the regression in its place: it turns by at most" in reported
 
 
 def test_walking_does_not_determine_a_hip_centre(clean: Clustered) -> None:
@@ -200,10 +200,10 @@ def recorded(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Res
 def test_a_real_hip_and_knee(recorded: Results) -> None:
     """Against what is known of adults: the regression's own error and the cohort's axes."""
     scaling = recorded.scalings["MB"]
-    told = "\n".join(scaling.calibration.warnings)
-    assert "hip_r: functional centre from 'right_hip'" in told
-    assert "knee_r: functional axis from 'right_knee'" in told
-    assert "hip_l: no functional centre" in told
+    reported = "\n".join(scaling.calibration.warnings)
+    assert "hip_r: functional centre from 'right_hip'" in reported
+    assert "knee_r: functional axis from 'right_knee'" in reported
+    assert "hip_l: no functional centre" in reported
     regressed = calibrate(recorded.session, "MB")
     apart = np.subtract(
         joint_centres(scaling.calibration.model)["hip_r"][1], joint_centres(regressed.model)["hip_r"][1]

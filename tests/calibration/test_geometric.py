@@ -50,7 +50,7 @@ def test_lengths_and_markers_are_found_again() -> None:
     assert found.at_bound == ()
 
 
-def test_bounds_hold_and_are_told() -> None:
+def test_bounds_hold_and_are_reported() -> None:
     truth, start = _truth(), builtin("squat_4dof")
     found = identify_geometry(
         start, truth.marker_names, [_known(truth)], artefact_m(start), bound=0.02, axes="xy"

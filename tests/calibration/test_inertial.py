@@ -84,7 +84,7 @@ def test_the_plates_tell_the_total_mass_where_it_is_not_known() -> None:
     assert total_mass(found.model) == pytest.approx(total_mass(heavier), rel=2e-3)
 
 
-def test_left_and_right_change_alike_unless_told_otherwise() -> None:
+def test_left_and_right_change_alike_unless_asked_otherwise() -> None:
     person, _ = other_person(7, 1.0, symmetric=False)
     settings = IdentificationSettings(symmetric=False)
     alike = identify_inertia(BODY, [recorded(person, 1)])
@@ -115,8 +115,8 @@ def test_the_verdict_is_obeyed() -> None:
     with pytest.raises(TrialUnusable, match="within the uncertainty of the measurement"):
         identify_inertia(BODY, [recording], supported=np.zeros(6, dtype=bool))
     forced = IdentificationSettings(despite_verdict=True)
-    told = identify_inertia(BODY, [recording], supported=np.zeros(6, dtype=bool), settings=forced)
-    assert "it was identified all the same" in told.warnings[0]
+    reported = identify_inertia(BODY, [recording], supported=np.zeros(6, dtype=bool), settings=forced)
+    assert "it was identified all the same" in reported.warnings[0]
     part = identify_inertia(BODY, [recording], supported=[False] * 5 + [True])
     assert part.components == (False,) * 5 + (True,)
     assert np.isfinite(part.noise).tolist() == [False] * 5 + [True]
@@ -124,7 +124,7 @@ def test_the_verdict_is_obeyed() -> None:
         identify_inertia(BODY, [])
 
 
-def test_fitted_noise_makes_held_out_forces_worse_and_it_is_told() -> None:
+def test_fitted_noise_makes_held_out_forces_worse_and_it_is_reported() -> None:
     """The person is the table's own; each recording has its own slow error, believed not to be one."""
     rng = np.random.default_rng(0)
 
@@ -139,7 +139,7 @@ def test_fitted_noise_makes_held_out_forces_worse_and_it_is_told() -> None:
     assert "held-out recordings grew" in found.warnings[-1]
 
 
-def test_an_impossible_prior_is_made_possible_and_told() -> None:
+def test_an_impossible_prior_is_made_possible_and_reported() -> None:
     inertias = inertias_of(BODY)
     tensor = inertias.tensor.copy()
     tensor[2] = np.diag([1.0, 1.0, 3.0]) * inertias.tensor[2, 0, 0]

@@ -148,7 +148,7 @@ def test_normal_equations_tell_the_error_that_inverse_dynamics_has() -> None:
     np.testing.assert_allclose(evidence.rms(change), wrench_error(person, recording), rtol=1e-6)
 
 
-def test_one_nan_frame_is_left_out_and_none_left_is_told() -> None:
+def test_one_nan_frame_is_left_out_and_none_left_is_reported() -> None:
     whole = recorded(BODY, 1, 1.0)
     external = whole.dynamics.external.copy()
     residual = whole.dynamics.residual.copy()

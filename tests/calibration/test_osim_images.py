@@ -94,7 +94,7 @@ def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one(side: str, other
 
 
 @pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
-def test_bones_that_do_not_fit_the_markers_are_refused_or_told(model: str) -> None:
+def test_bones_that_do_not_fit_the_markers_are_refused_or_reported(model: str) -> None:
     who = person(45, seconds=2.0)
     evidence = imaged(who, {"knee_r": (0.0,) * 3, "knee_l": (0.0,) * 3})
 

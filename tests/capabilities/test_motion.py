@@ -31,9 +31,9 @@ def test_intervals_of_95_percent_cover_the_truth(name: str, uneven: bool) -> Non
     off = (tracked.motion.q - made.q)[:, free]
     assert np.isfinite(sd[:, free]).all()
     assert 0.93 < np.mean(np.abs(off) < NOMINAL * sd[:, free]) < 0.97
-    told, true = np.log(tracked.uncertainty.noise), np.log(made.noise)
-    assert np.median(np.abs(told - true)) < 0.1
-    assert not uneven or np.corrcoef(told, true)[0, 1] > 0.9
+    reported, true = np.log(tracked.uncertainty.noise), np.log(made.noise)
+    assert np.median(np.abs(reported - true)) < 0.1
+    assert not uneven or np.corrcoef(reported, true)[0, 1] > 0.9
 
 
 def test_one_marker_that_is_ten_times_worse_is_told_apart() -> None:
@@ -59,7 +59,7 @@ def test_a_frame_by_itself_and_all_frames_give_what_a_closed_form_gives() -> Non
     assert tracked.uncertainty.sd == pytest.approx(np.full((500, 3), 1.5e-3), rel=0.05)
 
 
-def test_locked_coordinates_are_certain_and_those_at_the_end_of_their_range_are_not_told() -> None:
+def test_locked_coordinates_are_certain_and_those_at_the_end_of_their_range_are_not_reported() -> None:
     trial = recorded("squat_4dof", 60, 0).trial
     places = np.random.default_rng(4).normal(0.0, 1e-3, (60, 4, 3))
     places[30:, :, 0] += 1.0  # beyond the range

@@ -48,9 +48,9 @@ def test_a_movement_without_thigh_markers_is_refused_with_the_reason(
 ) -> None:
     out = tmp_path / "out"
     assert main(["compare", str(subject_file), "--out", str(out), option, "functional"]) == 2
-    told = capsys.readouterr().err
-    assert "femur_r carries 2 markers" in told
-    assert "extra_markers" in told
+    reported = capsys.readouterr().err
+    assert "femur_r carries 2 markers" in reported
+    assert "extra_markers" in reported
     assert not out.exists()
 
 
@@ -58,5 +58,5 @@ def test_an_unknown_choice_names_the_known_ones(
     subject_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["compare", str(subject_file), "--out", str(tmp_path), "--knee", "magnetic"]) == 2
-    told = capsys.readouterr().err
-    assert all(name in told for name in ("hinge", "universal", "spherical"))
+    reported = capsys.readouterr().err
+    assert all(name in reported for name in ("hinge", "universal", "spherical"))

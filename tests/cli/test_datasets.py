@@ -64,7 +64,7 @@ def test_list_tells_name_size_terms_and_use(capsys: pytest.CaptureFixture[str]) 
     assert "datasets get" in shown
 
 
-def test_non_commercial_terms_are_told(mirror: Mirror, capsys: pytest.CaptureFixture[str]) -> None:
+def test_non_commercial_terms_are_reported(mirror: Mirror, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("list") == 0
     assert "NON-COMMERCIAL" in capsys.readouterr().out
     assert run("get", "walker") == 0

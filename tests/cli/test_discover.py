@@ -57,7 +57,7 @@ def test_the_answer_comes_after_the_verdict(
     assert "Had been hidden" not in said(document.model_copy(update={"hidden": None}), capsys)
 
 
-def test_a_class_is_told_with_what_would_separate_it(
+def test_a_class_is_reported_with_what_would_separate_it(
     document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
 ) -> None:
     twins = [PlacedEffect(kind="joint_axis_tilt", where=[f"knee_{k}"]) for k in range(5)]
@@ -71,7 +71,7 @@ def test_a_class_is_told_with_what_would_separate_it(
     assert "standing hip rotation" in line
 
 
-def test_where_no_member_of_a_class_stands_out_the_class_is_told(
+def test_where_no_member_of_a_class_stands_out_the_class_is_reported(
     document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]
 ) -> None:
     effect = document.effects[-1]

@@ -219,7 +219,7 @@ def test_joint_forces_are_named_as_opensim_names_them(folder: Path) -> None:
     assert load["peak"] == pytest.approx(peak, rel=1e-4)
 
 
-def test_a_foot_on_two_plates_is_told_and_right(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_foot_on_two_plates_is_reported_and_right(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(folder) == 0
     whole = result(folder)["trials"]["sway"]["residual_rms"]
     half = _factors(slice(0, 3), 0.5) * _factors(slice(6, 9), 0.5)
@@ -230,7 +230,7 @@ def test_a_foot_on_two_plates_is_told_and_right(folder: Path, capsys: pytest.Cap
     assert split == pytest.approx(whole, rel=1e-6)
 
 
-def test_two_feet_on_one_plate_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_feet_on_one_plate_are_reported(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def joined(found: list[np.ndarray]) -> list[np.ndarray]:
         right, left = found
         force = right[:, :3] + left[:, :3]
@@ -261,7 +261,7 @@ def test_one_nan_frame_of_forces_costs_its_neighbourhood_only(folder: Path) -> N
     assert max(after["residual_rms"].values()) < 5.0
 
 
-def test_identification_obeys_the_verdict_unless_told(
+def test_identification_obeys_the_verdict_unless_overruled(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(folder, "--identify") == 0

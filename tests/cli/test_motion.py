@@ -22,9 +22,9 @@ def test_motions_their_uncertainty_and_poses_are_written(
     out = capsys.readouterr().out
     assert "Kinematic error, mm" in out
     assert "walk_ik.mot, walk_ik_sd.mot, walk_poses.sto, ik.json" in out
-    told = json.loads((folder / "out/ik.json").read_text(encoding="utf-8"))
-    assert told["settings"]["processing"]["cutoff_hz"] == 8.0
-    assert set(told["trials"]["walk"]["kinematic_error_mm"]) == {"mean", "rms", "max", "per_marker"}
+    reported = json.loads((folder / "out/ik.json").read_text(encoding="utf-8"))
+    assert reported["settings"]["processing"]["cutoff_hz"] == 8.0
+    assert set(reported["trials"]["walk"]["kinematic_error_mm"]) == {"mean", "rms", "max", "per_marker"}
     poses = read_sto(folder / "out/walk_poses.sto")
     assert poses.columns[1:7] == ("pelvis_X", "pelvis_Y", "pelvis_Z", "pelvis_Ox", "pelvis_Oy", "pelvis_Oz")
     motion = read_sto(folder / "out/walk_ik.mot")

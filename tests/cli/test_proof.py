@@ -36,7 +36,7 @@ def test_problems_are_printed_with_their_remedies(
     assert "A TRC file begins with the word PathFileType" in printed
 
 
-def test_a_folder_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_that_is_not_there_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["proof", str(tmp_path / "none"), "--out", str(tmp_path / "looked")]) == 2
     assert "there is no such folder" in capsys.readouterr().err
     assert not (tmp_path / "looked").exists()

@@ -78,7 +78,7 @@ def test_masses_are_shares_of_the_person() -> None:
     assert usual.high == pytest.approx(0.4 * total_mass(model))
 
 
-def test_a_load_of_half_the_body_is_told_as_implausible() -> None:
+def test_a_load_of_half_the_body_is_reported_as_implausible() -> None:
     """2 kg are met, 60 kg are not; one at its bound is no estimate."""
     heavy = replace(LOAD, effect=replace(LOAD.effect, size=np.array([60.0, 0.1, 0.4, 0.0])))
     for named, doubtful in ((LOAD, False), (heavy, True)):

@@ -60,7 +60,7 @@ def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
 
 
 @pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
-def test_a_push_is_told_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
+def test_a_push_is_reported_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
     """Also one whose ramps are parts of their own, in which little stands out."""
     (touch,) = find_touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
     assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}

@@ -20,14 +20,14 @@ def heights(noise: Array) -> Array:
 
 @pytest.mark.parametrize("blocks", [12, 30])
 @pytest.mark.parametrize("degrees", [3, 5, 1000])
-def test_noise_is_not_told_as_a_burst(degrees: int, blocks: int) -> None:
+def test_noise_is_not_reported_as_a_burst(degrees: int, blocks: int) -> None:
     """Over all places, also where its tails are so heavy that its squares have no variance."""
     noise = np.random.default_rng(3).standard_t(degrees, size=(TIMES, blocks, FRAMES, 3))
-    told = np.array([in_one_block(height) for height in heights(noise)]) < LEVEL
-    assert PLACES * told.mean() < 0.05 + PLACES * 2.0 * np.sqrt(LEVEL / TIMES)
+    reported = np.array([in_one_block(height) for height in heights(noise)]) < LEVEL
+    assert PLACES * reported.mean() < 0.05 + PLACES * 2.0 * np.sqrt(LEVEL / TIMES)
 
 
-def test_a_burst_is_told_however_little_the_mean_says() -> None:
+def test_a_burst_is_reported_however_little_the_mean_says() -> None:
     """One that stands as far above its floor as exchanged labels do."""
     stream = np.random.default_rng(4)
     noise = stream.normal(size=(30, FRAMES, 3))

@@ -47,7 +47,7 @@ def test_a_lens_anywhere_is_a_sum_of_the_columns_about_a_middle() -> None:
     assert VolumeSpot().field(places) is places
 
 
-def test_a_marker_that_trembles_is_told_with_its_frequency() -> None:
+def test_a_marker_that_trembles_is_reported_with_its_frequency() -> None:
     def shaken(trial: Trial) -> Array:
         markers = trial.markers.copy()
         wave = 4e-3 * np.sin(2.0 * np.pi * 11.0 * trial.times)
@@ -62,7 +62,7 @@ def test_a_marker_that_trembles_is_told_with_its_frequency() -> None:
     assert any("repair what it describes" in note for note in found.notes)
 
 
-def test_a_marker_that_comes_late_is_told_with_its_delay() -> None:
+def test_a_marker_that_comes_late_is_reported_with_its_delay() -> None:
     def late(trial: Trial) -> Array:
         markers, k = trial.markers.copy(), trial.index("RFH")
         for axis in range(3):
@@ -76,7 +76,7 @@ def test_a_marker_that_comes_late_is_told_with_its_delay() -> None:
     assert "ms late" in found.unexplained[0].law
 
 
-def test_a_volume_warped_to_one_side_is_told() -> None:
+def test_a_volume_warped_to_one_side_is_reported() -> None:
     def warped(trial: Trial) -> Array:
         markers = trial.markers.copy()
         x, y, z = np.moveaxis(trial.markers - [0.3, 0.9, 0.1], -1, 0)
@@ -94,7 +94,7 @@ def test_a_product_of_coordinates_about_a_middle_moves_places_along_one_axis() -
     np.testing.assert_allclose(moved[0, :, 0], [0.0, 10.0, 0.0])
 
 
-def test_a_marker_that_came_off_is_told_alone() -> None:
+def test_a_marker_that_came_off_is_reported_alone() -> None:
     def restuck(trial: Trial) -> Array:
         markers = trial.markers.copy()
         late = trial.times > trial.times.mean()
@@ -106,9 +106,9 @@ def test_a_marker_that_came_off_is_told_alone() -> None:
     assert [u.where for u in found.unexplained] == [("RFH",)]
 
 
-@pytest.mark.parametrize(("share", "told"), [(0.2, False), (0.3, True)])
+@pytest.mark.parametrize(("share", "reported"), [(0.2, False), (0.3, True)])
 def test_only_what_explains_much_of_the_disagreement_ends_the_search(
-    share: float, told: bool, monkeypatch: pytest.MonkeyPatch
+    share: float, reported: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where much is wrong, a law of a few more numbers than the right effect explains more than it."""
     _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
@@ -118,7 +118,7 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
     law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
     monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
     found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
-    assert found is (law if told else None)
+    assert found is (law if reported else None)
 
 
 @pytest.mark.parametrize(("share", "yields"), [(0.8, False), (1.2, True)])

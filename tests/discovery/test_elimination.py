@@ -54,7 +54,7 @@ def test_a_name_that_the_whole_catalogue_finds_by_chance_is_dropped() -> None:
         assert [n.candidate.key for n in found] == [e.candidate.key for e in after.effects] == kept
 
 
-def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_told() -> None:
+def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_reported() -> None:
     """The cameras' noise is known, and with it what stands above."""
     large = sized("marker_offset", "RFH", numbers=(9.0, 0.0, 9.0))
     small = sized("marker_offset", "LFH", numbers=(1.5, 0.0, 1.5))

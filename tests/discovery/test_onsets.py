@@ -31,15 +31,15 @@ COURSES: dict[str, Callable[[Array], Array]] = {
 def test_a_beginning_is_found_under_noise(name: str) -> None:
     """Thirty courses with 3 % noise that remembers five frames: a few hundredths off, and as far as told."""
     rng = np.random.default_rng(1)
-    off, told = [], []
+    off, reported = [], []
     for _ in range(30):
         noise = np.convolve(rng.normal(size=len(TIMES) + 4), np.ones(5) / np.sqrt(5.0), "valid")
         found, sd = onset(TIMES, 30.0 * COURSES[name](TIMES - BEGINNING) + noise, 1.0, 5.0)
         off.append(found - BEGINNING)
-        told.append(sd)
+        reported.append(sd)
     assert np.median(np.abs(off)) < 0.06
-    assert np.mean(np.abs(off) < 2.0 * np.array(told)) >= 0.8
-    assert np.mean(told) < 0.1
+    assert np.mean(np.abs(off) < 2.0 * np.array(reported)) >= 0.8
+    assert np.mean(reported) < 0.1
 
 
 def test_what_begins_before_the_first_frame_begins_there() -> None:

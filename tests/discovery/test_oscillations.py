@@ -22,7 +22,7 @@ from tests.discovery.hidden import candidate, person, recorded
 FREQUENCY_HZ, DAMPING = 5.0, 0.2
 
 
-def swung(times: Array, path: Array) -> Array:
+def lagging(times: Array, path: Array) -> Array:
     """How far a spring and damper lag behind a path (n, 3) that shakes them, by scipy's own integration."""
     shaking = make_interp_spline(times, path, k=5).derivative(2)(times)
     w = 2.0 * np.pi * FREQUENCY_HZ
@@ -37,7 +37,7 @@ def shaken(marker: str, seed: int = 0) -> list[Recording]:
         name, k = item.trial.name, item.trial.index(marker)
         still = person().trials[name].markers[:, person().trials[name].index(marker)]
         markers = item.trial.markers.copy()
-        markers[:, k] += swung(item.trial.times, still)
+        markers[:, k] += lagging(item.trial.times, still)
         made.append(Recording(item.trial.with_markers(markers), item.role))
     return made
 

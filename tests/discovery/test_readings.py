@@ -74,7 +74,7 @@ def bent(recording: Recording, more: float) -> Recording:
     return replace(recording, contacts=replace(contacts, ground=ground))
 
 
-def test_a_gain_that_grows_with_the_load_is_told_with_its_size(laboratory: SearchContext) -> None:
+def test_a_gain_that_grows_with_the_load_is_reported_with_its_size(laboratory: SearchContext) -> None:
     recordings = [bent(recording, 0.1) for recording in laboratory.recordings]
     fit = fit_recordings(replace(laboratory, recordings=recordings))
     (one,) = [c for c in curving(fit) if c.where == ("plate_1",)]

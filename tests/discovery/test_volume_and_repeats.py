@@ -50,7 +50,7 @@ def fitted(change: Callable[[Trial], Array]) -> Fit:
 
 
 @pytest.mark.parametrize("change", [breathing, pushed, rolling])
-def test_a_volume_that_moves_is_told_whatever_its_course(change: Callable[[Trial], Array]) -> None:
+def test_a_volume_that_moves_is_reported_whatever_its_course(change: Callable[[Trial], Array]) -> None:
     fit = fitted(change)
     found = discover(fit.model, fit.context.recordings).findings
     assert not found.named

@@ -219,7 +219,7 @@ def test_whatever_is_given_is_a_document_or_an_input_error(content: dict[str, An
     try:
         check_document(LEAST | content)
     except InputError as error:
-        told = (error.field, error.remedy)
+        reported = (error.field, error.remedy)
     else:
-        told = ("none", "needed")
-    assert all(told)
+        reported = ("none", "needed")
+    assert all(reported)

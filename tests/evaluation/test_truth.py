@@ -38,7 +38,7 @@ def test_the_truth_has_no_error(truth: BodyModel) -> None:
     assert set(angle_errors([same], truth, {"walk": same.q}).values()) == {0.0}
 
 
-def test_a_longer_thigh_is_told_as_such(truth: BodyModel) -> None:
+def test_a_longer_thigh_is_reported_as_such(truth: BodyModel) -> None:
     longer = scaled(truth, {"femur_r": (1.1, 1.1, 1.1)})
     errors = length_errors(longer, truth)
     assert errors.pop("femur_r") == pytest.approx(0.1 * 0.43245)

@@ -41,7 +41,7 @@ def test_numbers_become_si_and_the_clock_is_that_of_the_samples() -> None:
     assert recording.repairs == ()
 
 
-def test_units_of_moments_are_believed_and_missing_ones_are_told() -> None:
+def test_units_of_moments_are_believed_and_missing_ones_are_reported() -> None:
     metres = c3d_plates(made(units=("N",) * 3 + ("N.m",) * 3))
     np.testing.assert_allclose(metres.plates[0].signals[0, 3:], [300.0, 400.0, 500.0])
     silent = c3d_plates(made(units=()))

@@ -84,7 +84,7 @@ def test_a_force_without_a_point_and_a_file_without_forces_are_refused() -> None
         find_plates(("time", "hip", "knee"), "f.mot")
 
 
-def test_a_file_without_moments_is_read_and_told() -> None:
+def test_a_file_without_moments_is_read_and_reported() -> None:
     plain = table()
     kept = [k for k, c in enumerate(plain.columns) if "torque" not in c]
     forces = read_forces_from_table(

@@ -87,8 +87,8 @@ def test_what_takes_half_a_minute_runs(
 
 def test_every_public_name_is_used_or_described_by_the_page_on_python() -> None:
     text = (pages.FOLDER / "python.md").read_text(encoding="utf-8")
-    told = {"Results", "Scaling", "Subject", "Tracked"}  # what functions return
-    for name in set(scaling_service.__all__) - told:
+    reported = {"Results", "Scaling", "Subject", "Tracked"}  # what functions return
+    for name in set(scaling_service.__all__) - reported:
         assert re.search(rf"\bss\.{name}\b|`{name}`", text), name
 
 

@@ -83,7 +83,7 @@ def test_the_rest_of_the_model_stays(followed: tuple[Results, Path]) -> None:
     assert moved.markers == plain.markers
 
 
-def test_what_follows_and_what_does_not_is_told(followed: tuple[Results, Path]) -> None:
+def test_what_follows_and_what_does_not_is_reported(followed: tuple[Results, Path]) -> None:
     results, folder = followed
     said = " ".join(results.scalings["EB"].calibration.warnings)
     assert "attachments on femur_r follow its surface" in said

@@ -188,7 +188,7 @@ def test_half_a_record_is_none(root: Path, tmp_path: Path) -> None:
     assert read_record(record.parent) is None
 
 
-def test_failures_and_skips_are_told_and_stop_nobody(root: Path, tmp_path: Path) -> None:
+def test_failures_and_skips_are_reported_and_stop_nobody(root: Path, tmp_path: Path) -> None:
     (root / "B" / "walk.trc").write_text("no recording\n", encoding="utf-8")
     still = yaml.safe_load((root / "C" / "subject.yaml").read_text(encoding="utf-8"))
     del still["trials"]["calibration"]

@@ -136,7 +136,7 @@ def test_a_set_up_that_cannot_be_followed_is_refused(setup: ScaleSetup, field: s
     assert caught.value.remedy
 
 
-def test_a_set_up_for_segments_that_are_not_there_is_told() -> None:
+def test_a_set_up_for_segments_that_are_not_there_is_reported() -> None:
     assert SESSION.static is not None
     assert list(require_measurements(_setup(), SESSION.model, SESSION.static, SETUP)) == []
     (said,) = require_measurements(_setup(axes={"plevis": "Z"}), SESSION.model, SESSION.static, SETUP)

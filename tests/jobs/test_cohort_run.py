@@ -173,7 +173,7 @@ def test_every_end_has_its_reason_and_stops_nobody():
     assert length.mean["MB"] == pytest.approx(440.0)
 
 
-def test_a_worker_that_dies_is_told():
+def test_a_worker_that_dies_is_reported():
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
         found = run_cohort([Told("S1", "crash")], executor, METHODS)
     assert found.outcomes[0].status == "failed"

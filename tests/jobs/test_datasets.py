@@ -52,21 +52,21 @@ def files_in(folder: Path) -> set[str]:
 
 
 def test_everything_is_written_as_published(mirror: Mirror, tmp_path: Path) -> None:
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     obtained = get_dataset(
         "walker",
         WALKER,
         tmp_path / "out",
         cache=tmp_path / "cache",
         base_url=mirror.url + "/",
-        progress=lambda what, share: told.append((what, share)),
+        progress=lambda what, share: reported.append((what, share)),
     )
     assert set(obtained.written) == files_in(tmp_path / "out") == {*FILES, *MADE_HERE}
     assert obtained.kept == ()
     for name, (_, data) in FILES.items():
         assert (tmp_path / "out" / name).read_bytes() == data
     assert mirror.asked[0] == f"/owner/name.of-it/{WALKER.commit}/data/a%20folder/Subject%201%2B2.trc"
-    shares = [share for _, share in told]
+    shares = [share for _, share in reported]
     assert shares == sorted(shares)
     assert (shares[0], shares[-1]) == (0.0, 1.0)
     assert load_subject(tmp_path / "out" / "subject.yaml").static == tmp_path / "out" / "standing.trc"

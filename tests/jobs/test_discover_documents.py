@@ -65,7 +65,7 @@ def test_what_is_not_known_is_null_and_lengths_are_mm() -> None:
     assert gap["places"]["mx"]["unit"] == "N m"
 
 
-def test_a_factor_is_told_from_one() -> None:
+def test_a_factor_is_reported_from_one() -> None:
     factor = written(SCALE)["effects"][0]["parameters"]["factor"]
     assert (factor["value"], factor["sd"]) == (pytest.approx(1.01), pytest.approx(0.001))
 

@@ -110,8 +110,8 @@ TOUCH = Estimate(
 
 def test_corrected_forces_are_those_of_the_file_without_the_fault(prepared: Prepared, tmp_path: Path) -> None:
     """Not filtered, and at their own rate: a plate that measures 5 % too much is divided by 1.05."""
-    told = write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (GAIN,), ()), prepared)
-    assert len(told) == 1
+    reported = write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (GAIN,), ()), prepared)
+    assert len(reported) == 1
     path = next(p for p in prepared.subject.calibration if p.stem == "sway")
     given = read_forces(prepared.subject.forces[path.name])
     mended = read_forces(tmp_path / "corrected" / "sway_forces.mot")

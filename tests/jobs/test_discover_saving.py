@@ -78,7 +78,7 @@ def test_labels_are_back_in_place(folder: Path) -> None:
     np.testing.assert_allclose(mended.position("RLFE"), given.position("RLFE"), atol=1e-7)
 
 
-def test_all_files_are_told(folder: Path, document: DiscoveryDocument) -> None:
+def test_all_files_are_reported(folder: Path, document: DiscoveryDocument) -> None:
     there = {p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()}
     assert there == {*document.files, FILE_NAME}
     assert {"model.json", "report.html", "corrected/gait_1.trc"} <= there

@@ -33,7 +33,7 @@ def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
         np.testing.assert_allclose(ours.selected(true.labels).markers, true.markers, rtol=0, atol=2e-8)
 
 
-def test_what_was_taken_for_what_is_told(subject_file: Path) -> None:
+def test_what_was_taken_for_what_is_reported(subject_file: Path) -> None:
     loaded = load(load_subject(subject_file))
     assert loaded.markers_used["RLFE"] == ("S01:RKNE",)
     assert loaded.markers_used["RFH"] == ("RFH",)
@@ -109,7 +109,7 @@ def test_wrong_names_are_named(tmp_path: Path, changes: dict[str, object], field
     assert remedy in (caught.value.remedy or "")
 
 
-def test_markers_that_no_recording_shows_are_told(tmp_path: Path) -> None:
+def test_markers_that_no_recording_shows_are_reported(tmp_path: Path) -> None:
     person = known_person()
     file = laboratory(tmp_path, person, extra_markers={"RTHI": "femur_r"})
     for name in ("standing", "hips", "walk"):

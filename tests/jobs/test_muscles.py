@@ -38,15 +38,15 @@ def compared(shared_data: Path, tmp_path_factory: pytest.TempPathFactory):
     return results, save(results, folder), folder
 
 
-def course(folder: Path, method: str, told: MuscleDifference) -> tuple[np.ndarray, np.ndarray]:
+def course(folder: Path, method: str, reported: MuscleDifference) -> tuple[np.ndarray, np.ndarray]:
     """Times and values as written, in the unit that is told."""
     name, column = {
-        "moment arm": ("moment_arms", f"{told.muscle}.{told.coordinate}"),
-        "length": ("muscle_lengths", told.muscle),
-        "joint moment": ("joint_moments", f"{told.coordinate}_moment"),
-    }[told.quantity]
-    table = read_sto(folder / method / f"{told.trial}_{name}.sto")
-    return table.times, table.column(column) * (1e3 if told.unit == "mm" else 1.0)
+        "moment arm": ("moment_arms", f"{reported.muscle}.{reported.coordinate}"),
+        "length": ("muscle_lengths", reported.muscle),
+        "joint moment": ("joint_moments", f"{reported.coordinate}_moment"),
+    }[reported.quantity]
+    table = read_sto(folder / method / f"{reported.trial}_{name}.sto")
+    return table.times, table.column(column) * (1e3 if reported.unit == "mm" else 1.0)
 
 
 def test_differences_are_those_of_the_written_courses(
@@ -54,20 +54,20 @@ def test_differences_are_those_of_the_written_courses(
 ) -> None:
     _, document, folder = compared
     assert document.muscles is not None
-    assert {told.quantity for told in document.muscles.differences} == {
+    assert {reported.quantity for reported in document.muscles.differences} == {
         "moment arm",
         "length",
         "joint moment",
     }
-    for told in document.muscles.differences:
-        times, theirs = course(folder, "MB", told)
-        _, ours = course(folder, told.method, told)
+    for reported in document.muscles.differences:
+        times, theirs = course(folder, "MB", reported)
+        _, ours = course(folder, reported.method, reported)
         at = int(np.nanargmax(np.abs(ours - theirs)))
-        assert times[at] == pytest.approx(told.time_s, abs=1e-4)
-        assert ours[at] - theirs[at] == pytest.approx(told.difference, abs=2e-3)
+        assert times[at] == pytest.approx(reported.time_s, abs=1e-4)
+        assert ours[at] - theirs[at] == pytest.approx(reported.difference, abs=2e-3)
 
 
-def test_the_largest_differences_are_told_in_words_everywhere(
+def test_the_largest_differences_are_reported_in_words_everywhere(
     compared: tuple[Results, ComparisonDocument, Path],
 ) -> None:
     _, document, folder = compared

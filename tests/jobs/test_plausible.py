@@ -13,7 +13,7 @@ def _error(mean: float) -> KinematicError:
     return KinematicError(mean, 0.0, mean, mean, {}, float("nan"), float("nan"), 10)
 
 
-def test_a_trial_that_no_method_follows_is_told() -> None:
+def test_a_trial_that_no_method_follows_is_reported() -> None:
     errors = {
         "MB": {"a": _error(0.150), "b": _error(0.060)},
         "MB_am": {"a": _error(0.142), "b": _error(0.010)},

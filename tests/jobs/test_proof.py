@@ -74,7 +74,7 @@ def test_axes_and_positions_are_those_of_the_truth(lab: Path) -> None:
     assert (walk.unit, walk.format, walk.rate_hz) == ("mm", "TRC", truth.rate_hz)
 
 
-def test_gaps_are_told_as_intervals(lab: Path) -> None:
+def test_gaps_are_reported_as_intervals(lab: Path) -> None:
     truth = known_person().session.evaluation[0]
     holed = truth.markers.copy()
     column = truth.index("RLFE")
@@ -148,7 +148,7 @@ def test_what_cannot_be_read_hides_nothing_of_the_rest(lab: Path) -> None:
     assert next(f for f in found.files if f.name == "notes.txt").kind == "other"
 
 
-def test_a_document_that_names_an_absent_file_is_told(lab: Path) -> None:
+def test_a_document_that_names_an_absent_file_is_reported(lab: Path) -> None:
     document = {**BARE, "model": "lower_limb_14dof", "trials": {"static": "other.trc"}}
     found = proof(lab, document)
     assert found.problems[0].field == "trials.static"
@@ -245,9 +245,9 @@ def test_every_warning_of_loading_says_what_to_do(lab: Path) -> None:
         "extra_markers": {"NONE": "femur_r"},
     }
     found = [p for p in proof(lab, document).problems if p.severity == "warning"]
-    told = " ".join(p.problem for p in found)
+    reported = " ".join(p.problem for p in found)
     for word in ("evaluation", "NONE", "RFH", "look exchanged", "than usual"):
-        assert word in told
+        assert word in reported
     assert all(p.remedy and p.remedy != _OTHER for p in found)
 
 

@@ -55,7 +55,7 @@ def static_of(found: ProofDocument) -> str | None:
     return next((f.name for f in found.files if f.role == "trials.static"), None)
 
 
-def told(found: ProofDocument, *words: str) -> list[ProblemEntry]:
+def reported(found: ProofDocument, *words: str) -> list[ProblemEntry]:
     return [
         p for p in found.problems if all(w in f"{p.file} {p.field} {p.problem} {p.remedy}" for w in words)
     ]
@@ -66,7 +66,7 @@ def test_the_static_trial_is_who_stands_still_whatever_it_is_called(tmp_path: Pa
         tmp_path / "lab", {"anat_pose_walk": moving(1, "a"), "run_3": standing(), "static": moving(2, "b")}
     )
     assert static_of(found) == "run_3.trc"
-    assert told(found, "static") == []
+    assert reported(found, "static") == []
 
 
 def test_of_two_that_stand_more_landmarks_count_before_a_name(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_who_sits_does_not_stand(tmp_path: Path) -> None:
     assert static_of(found) == "b.trc"
 
 
-def test_a_pelvis_of_another_day_is_told(tmp_path: Path) -> None:
+def test_a_pelvis_of_another_day_is_reported(tmp_path: Path) -> None:
     other = standing()
     pelvis = [other.index(n) for n in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
     markers = other.markers.copy()
@@ -95,16 +95,16 @@ def test_a_pelvis_of_another_day_is_told(tmp_path: Path) -> None:
     markers[:, pelvis] = middle + 1.15 * (markers[:, pelvis] - middle)
     wide = replace(other, markers=markers)
     found = looked(tmp_path / "lab", {"static": wide, "walk": moving(1, "w"), "walk2": moving(2, "v")})
-    (problem,) = told(found, "static.trc", "15% wider", "trials.static")
+    (problem,) = reported(found, "static.trc", "15% wider", "trials.static")
     assert "same session" in (problem.remedy or "")
     found = looked(tmp_path / "both", {"static": wide, "again": standing(), "walk": moving(1, "w")})
     assert static_of(found) == "again.trc"
-    assert told(found, "wider") == []
+    assert reported(found, "wider") == []
 
 
 def test_without_standing_that_is_said(tmp_path: Path) -> None:
     found = looked(tmp_path / "lab", {"walk": moving(1, "w"), "walk2": moving(2, "v")})
-    (problem,) = told(found, "nobody stands still", "trials.static")
+    (problem,) = reported(found, "nobody stands still", "trials.static")
     assert "Record" in (problem.remedy or "")
     assert found.proposal is not None
     assert set(found.proposal["trials"]) == {"calibration", "evaluation"}
@@ -126,7 +126,7 @@ def test_one_movement_is_left_to_judge_by(tmp_path: Path, names: list[str], held
     found = looked(tmp_path / "lab", {"x01": standing(), **trials})
     assert found.proposal is not None
     assert found.proposal["trials"].get("evaluation", []) == held_out
-    assert bool(told(found, "no evaluation trial")) == (not held_out)
+    assert bool(reported(found, "no evaluation trial")) == (not held_out)
 
 
 def test_forces_go_to_movements_by_time_where_names_do_not_decide(tmp_path: Path) -> None:
@@ -145,14 +145,14 @@ def test_forces_go_to_movements_by_time_where_names_do_not_decide(tmp_path: Path
     assert found.proposal["forces"] == {"first.trc": "CD.mot", "second.trc": "AB.mot"}
 
 
-def test_forces_of_another_time_are_told(tmp_path: Path) -> None:
+def test_forces_of_another_time_are_reported(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     folder.mkdir()
     one = record_on_plates(name="squat")
     write_trc(folder / "squat.trc", one.trial, "mm")
     write_forces(folder / "squat_grf.mot", one.trial.times[60:], tuple(p[60:] for p in one.plates))
     found = prove(folder, BARE, tmp_path / "out")
-    assert told(found, "squat_grf.mot", "covers 0.60", "forces.squat.trc")
+    assert reported(found, "squat_grf.mot", "covers 0.60", "forces.squat.trc")
 
 
 def plates_at(folder: Path, extra: Array | None) -> ProofDocument:
@@ -165,7 +165,7 @@ def plates_at(folder: Path, extra: Array | None) -> ProofDocument:
     return prove(folder, BARE, folder.parent / "out")
 
 
-def test_what_cameras_and_plates_do_wrong_is_told_with_remedies(tmp_path: Path) -> None:
+def test_what_cameras_and_plates_do_wrong_is_reported_with_remedies(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     folder.mkdir()
     one = record_on_plates(name="squat")
@@ -177,15 +177,15 @@ def test_what_cameras_and_plates_do_wrong_is_told_with_remedies(tmp_path: Path) 
     write_trc(folder / "squat.trc", trial.with_markers(markers), "mm")
     write_forces(folder / "squat_grf.mot", trial.times, plates)
     found = prove(folder, BARE, tmp_path / "out")
-    assert told(found, "RLFE, RMFE", "seen as one point", "20 frames", "Correct the trajectories")
-    assert told(found, "plate_1 fy", "jumps by up to 300 N", "2 frames", "amplifier")
+    assert reported(found, "RLFE, RMFE", "seen as one point", "20 frames", "Correct the trajectories")
+    assert reported(found, "plate_1 fy", "jumps by up to 300 N", "2 frames", "amplifier")
 
 
 @pytest.mark.parametrize(("newton", "expected"), [(35.0, True), (2.0, False)])
-def test_an_offset_that_no_foot_explains_is_told(tmp_path: Path, newton: float, expected: bool) -> None:
+def test_an_offset_that_no_foot_explains_is_reported(tmp_path: Path, newton: float, expected: bool) -> None:
     empty = np.tile([0.0, newton, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0], (250, 1))
     found = plates_at(tmp_path / "lab", empty)
-    assert bool(told(found, "plate_3", "no foot", "Zero the plate")) == expected
+    assert bool(reported(found, "plate_3", "no foot", "Zero the plate")) == expected
     plates = found.recordings[0].plates
     assert [p.loaded_by[0].split(" foot")[0] if p.loaded_by else "" for p in plates[:2]] == ["right", "left"]
     assert plates[2].offset_N == pytest.approx(newton)
@@ -205,27 +205,27 @@ def test_heels_and_toes_with_plates_call_for_feet(tmp_path: Path) -> None:
 
 def test_height_mass_and_sex_are_asked_for_together(tmp_path: Path) -> None:
     trials = {"a": standing(), "b": moving(1, "b")}
-    (problem,) = told(looked(tmp_path / "lab", trials, {"subject": {"id": "S01"}}), "not known")
+    (problem,) = reported(looked(tmp_path / "lab", trials, {"subject": {"id": "S01"}}), "not known")
     assert problem.problem.startswith("height, mass and sex")
-    (problem,) = told(looked(tmp_path / "two", trials, {"subject": {"id": "S", "sex": "F"}}), "not known")
+    (problem,) = reported(looked(tmp_path / "two", trials, {"subject": {"id": "S", "sex": "F"}}), "not known")
     assert problem.problem.startswith("height and mass")
-    assert told(looked(tmp_path / "all", trials), "not known") == []
+    assert reported(looked(tmp_path / "all", trials), "not known") == []
 
 
 @pytest.mark.parametrize(("stated", "factor"), [("m", 1e3), ("mm", 1e-3)])
-def test_a_wrong_unit_is_told_with_its_remedy(tmp_path: Path, stated: str, factor: float) -> None:
+def test_a_wrong_unit_is_reported_with_its_remedy(tmp_path: Path, stated: str, factor: float) -> None:
     folder = tmp_path / "lab"
     folder.mkdir()
     walk = moving(1, "walk")
     write_trc(folder / "walk.trc", walk.with_markers(walk.markers * factor), stated)
     found = looked(folder, {"one": standing()})
-    (problem,) = told(found, "walk.trc", "Units", "multiplied by")
+    (problem,) = reported(found, "walk.trc", "Units", "multiplied by")
     assert "right unit" in (problem.remedy or "")
     assert static_of(found) == "one.trc"
     assert [p for p in found.problems if p.severity == "error"] == []
 
 
-def test_a_trajectory_without_a_label_is_told_with_what_it_fills(tmp_path: Path) -> None:
+def test_a_trajectory_without_a_label_is_reported_with_what_it_fills(tmp_path: Path) -> None:
     walk = moving(1, "walk")
     column = walk.index("RLM")
     stray = np.full((walk.n_frames, 1, 3), np.nan)
@@ -234,7 +234,7 @@ def test_a_trajectory_without_a_label_is_told_with_what_it_fills(tmp_path: Path)
     markers[50:61, column] = np.nan
     holed = replace(walk, labels=(*walk.labels, "*110"), markers=np.concatenate([markers, stray], axis=1))
     found = looked(tmp_path / "lab", {"a": standing(), "walk": holed})
-    assert told(found, "walk.trc", "*110", "fills 11 frames of RLM", "Label")
+    assert reported(found, "walk.trc", "*110", "fills 11 frames of RLM", "Label")
     assert "*110" not in {e.label for e in found.extra_markers}
 
 
@@ -269,7 +269,7 @@ def clustered(one: Trial, order: tuple[str, ...], rows: slice) -> Trial:
     ],
     ids=["two", "four", "none"],
 )
-def test_labels_exchanged_for_a_while_are_told_against_the_other_recordings(
+def test_labels_exchanged_for_a_while_are_reported_against_the_other_recordings(
     tmp_path: Path, order: tuple[str, ...]
 ) -> None:
     straight = tuple(CLUSTER)
@@ -282,7 +282,7 @@ def test_labels_exchanged_for_a_while_are_told_against_the_other_recordings(
             "walk2": clustered(moving(2, "v"), straight, slice(0, 0)),
         },
     )
-    problems = told(found, "look exchanged")
+    problems = reported(found, "look exchanged")
     if not wrong:
         assert problems == []
         return
@@ -341,14 +341,14 @@ def test_a_label_that_a_set_knows_is_never_guessed_by_place(tmp_path: Path) -> N
     }  # fmt: skip
 
 
-def test_folders_inside_are_told_and_the_look_itself_is_none(tmp_path: Path) -> None:
+def test_folders_inside_are_reported_and_the_look_itself_is_none(tmp_path: Path) -> None:
     folder = tmp_path / "lab"
     (folder / "bones").mkdir(parents=True)
     (folder / "bones" / "femur_r.stl").write_bytes(b"solid")
     looked(folder, {"a": standing(), "b": moving(1, "b")})
     for _ in range(2):
         found = prove_folder(folder, folder / "looked")
-        (problem,) = told(found, "folders inside")
+        (problem,) = reported(found, "folders inside")
         assert problem.problem.endswith("looked at: bones")
     content = yaml.safe_load((folder / "looked" / "subject.yaml").read_text(encoding="utf-8"))
     assert list(content) == ["subject", "model", "trials"]

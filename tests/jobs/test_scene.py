@@ -74,8 +74,8 @@ def test_poses_markers_and_errors_belong_together(tmp_path: Path) -> None:
         for body in scene.bodies:
             check_errors(tmp_path, scene, trial, body)
     walk = next(t for t in scene.trials if t.role == "evaluation")
-    told = results().scalings["EB"].errors[walk.name].mean
-    assert np.nanmean(table(tmp_path, walk.motions["EB"].errors)) == pytest.approx(1e3 * told, rel=1e-4)
+    reported = results().scalings["EB"].errors[walk.name].mean
+    assert np.nanmean(table(tmp_path, walk.motions["EB"].errors)) == pytest.approx(1e3 * reported, rel=1e-4)
 
 
 def test_angles_are_degrees_with_their_names(tmp_path: Path) -> None:

@@ -36,16 +36,16 @@ def scaled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_scaled_model_has_the_errors_and_the_motion_that_scaling_told(scaled: Path) -> None:
-    told = json.loads((scaled / "scaled/MB_am/scaling.json").read_text(encoding="utf-8"))[
+def test_the_scaled_model_has_the_errors_and_the_motion_that_scaling_reported(scaled: Path) -> None:
+    reported = json.loads((scaled / "scaled/MB_am/scaling.json").read_text(encoding="utf-8"))[
         "kinematic_error_mm"
     ]
     tracked = ik(scaled / "scaled/MB_am/model.json", [scaled / "walk.trc", scaled / "hips.trc"])
     written = save_motions(tracked, scaled / "again")
     for trial in ("walk", "hips"):
         error = written.trials[trial].kinematic_error_mm
-        assert error.mean == pytest.approx(told[trial]["mean"], abs=1e-4)
-        assert error.per_marker == pytest.approx(told[trial]["per_marker"], abs=1e-4)
+        assert error.mean == pytest.approx(reported[trial]["mean"], abs=1e-4)
+        assert error.per_marker == pytest.approx(reported[trial]["per_marker"], abs=1e-4)
         before = read_sto(scaled / f"scaled/MB_am/{trial}_ik.mot")
         again = read_sto(scaled / f"again/{trial}_ik.mot")
         assert again.columns == before.columns == read_sto(scaled / f"again/{trial}_ik_sd.mot").columns
@@ -57,7 +57,7 @@ def test_the_scaled_model_has_the_errors_and_the_motion_that_scaling_told(scaled
 
 def test_a_subject_file_may_name_a_model_that_scaling_wrote(scaled: Path) -> None:
     content = document(model="scaled/MB_am/model.json")
-    told = json.loads((scaled / "scaled/MB_am/scaling.json").read_text(encoding="utf-8"))[
+    reported = json.loads((scaled / "scaled/MB_am/scaling.json").read_text(encoding="utf-8"))[
         "kinematic_error_mm"
     ]
     results = scale(write_subject(scaled, content), "MB")
@@ -66,7 +66,7 @@ def test_a_subject_file_may_name_a_model_that_scaling_wrote(scaled: Path) -> Non
     # It has this person's size, so that scaling it once more changes little.
     lengths = saved.methods["MB"].scale_factors
     assert all(factor == pytest.approx(1.0, abs=0.05) for factors in lengths.values() for factor in factors)
-    assert saved.methods["MB"].kinematic_error_mm["walk"].mean < told["walk"]["mean"] + 10.0
+    assert saved.methods["MB"].kinematic_error_mm["walk"].mean < reported["walk"]["mean"] + 10.0
     assert "scaled/MB_am/model.json" in saved.input_hashes
     write_subject(scaled, document())
 
@@ -88,7 +88,7 @@ def test_laws_of_skin_that_the_search_named_are_followed(tmp_path: Path) -> None
     assert with_skin.error.per_marker["RLFE"] < 0.6 * without.error.per_marker["RLFE"]
 
 
-def test_a_marker_that_a_recording_lacks_is_told_and_the_rest_is_followed(
+def test_a_marker_that_a_recording_lacks_is_reported_and_the_rest_is_followed(
     scaled: Path, tmp_path: Path
 ) -> None:
     whole = read_trc(scaled / "walk.trc")

@@ -42,12 +42,12 @@ def test_a_file_holds_what_is_read_and_says_where_it_is_from(name: str, file: Tr
 
 @pytest.mark.parametrize("marker_set", SETS, ids=lambda s: s.name)
 def test_both_sides_say_the_same(marker_set: MarkerSet) -> None:
-    told = {label.label: label for label in marker_set.labels}
-    assert len(told) == len(marker_set.labels), "a label stands twice"
+    reported = {label.label: label for label in marker_set.labels}
+    assert len(reported) == len(marker_set.labels), "a label stands twice"
     for label in marker_set.labels:
         if label.side != "r":
             continue
-        left = told[f"L{label.label[1:]}"]
+        left = reported[f"L{label.label[1:]}"]
         assert (left.side, left.segment, left.wand, left.plane_of) == (
             "l",
             label.segment,
@@ -56,7 +56,7 @@ def test_both_sides_say_the_same(marker_set: MarkerSet) -> None:
         )
         assert left.landmark == (label.landmark and f"L{label.landmark[1:]}")
         assert left.aliases == tuple(f"L{alias[1:]}" for alias in label.aliases)
-    assert {name for choice in marker_set.one_of for group in choice for name in group} <= set(told)
+    assert {name for choice in marker_set.one_of for group in choice for name in group} <= set(reported)
 
 
 @pytest.mark.parametrize("marker_set", SETS, ids=lambda s: s.name)
@@ -72,12 +72,12 @@ def test_no_name_means_two_places() -> None:
     for marker_set in OF_SKIN:
         for label in marker_set.labels:
             for name in label.names:
-                told = (label.landmark, label.segment, label.side)
-                assert meant.setdefault(plain_key(name), told) == told, f"{name} of {marker_set.name}"
+                reported = (label.landmark, label.segment, label.side)
+                assert meant.setdefault(plain_key(name), reported) == reported, f"{name} of {marker_set.name}"
     for landmark in landmarks().values():
         for name in (landmark.name, *landmark.aliases):
-            told = (landmark.name, landmark.segment, landmark.side)
-            assert meant.setdefault(plain_key(name), told) == told, name
+            reported = (landmark.name, landmark.segment, landmark.side)
+            assert meant.setdefault(plain_key(name), reported) == reported, name
 
 
 def test_aliases_of_landmarks_belong_to_no_set() -> None:

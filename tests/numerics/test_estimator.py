@@ -264,10 +264,10 @@ def test_running_out_of_steps_is_said() -> None:
 
 
 def test_progress_reports_falling_cost() -> None:
-    this, told = case(68), []
-    solve(this.problem, this.q0, this.p0, TIGHT, progress=lambda step, cost: told.append((step, cost)))
-    assert len(told) > 1
-    assert all(a[0] < b[0] and a[1] >= b[1] for a, b in pairwise(told))
+    this, reported = case(68), []
+    solve(this.problem, this.q0, this.p0, TIGHT, progress=lambda step, cost: reported.append((step, cost)))
+    assert len(reported) > 1
+    assert all(a[0] < b[0] and a[1] >= b[1] for a, b in pairwise(reported))
 
 
 @pytest.mark.parametrize("seed", range(4))

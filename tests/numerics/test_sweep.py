@@ -122,10 +122,10 @@ def test_blocks_make_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_progress_counts_frames() -> None:
-    this, told = case(16, n=600), []
-    this.options["progress"] = told.append
+    this, reported = case(16, n=600), []
+    this.options["progress"] = reported.append
     this.solve()
-    assert told == [256, 512, 600]
+    assert reported == [256, 512, 600]
 
 
 @settings(max_examples=10, deadline=None)

@@ -70,7 +70,7 @@ def test_a_body_that_turns_round_gives_no_word() -> None:
     ],
 )
 @pytest.mark.parametrize("pair", [("RLFE", "RMFE"), ("LLM", "LMM")])
-def test_an_exchange_is_told_with_its_time_span(pair: tuple[str, str], rows: slice, span: str) -> None:
+def test_an_exchange_is_reported_with_its_time_span(pair: tuple[str, str], rows: slice, span: str) -> None:
     (said,) = find_exchanged_sides(_swapped(_turning(), *pair, rows))
     assert said.startswith("turn: ")
     assert f"{pair[0]} and {pair[1]}" in said
@@ -112,7 +112,7 @@ def test_an_exchange_behind_a_gap_is_found_and_a_turn_behind_a_gap_is_none() -> 
     assert "to 3.99 s, the end" in said
 
 
-def test_arms_are_told_of_by_jumps_only() -> None:
+def test_arms_are_judged_by_jumps_only() -> None:
     trial = _turning()
     elbows = np.stack(([0.0, 1.1, 0.2], [0.0, 1.1, 0.3]))  # the lateral one inside: the arm is turned
     markers = np.concatenate((trial.markers, np.broadcast_to(elbows, (trial.n_frames, 2, 3))), axis=1)
@@ -132,7 +132,7 @@ def test_roles_say_what_labels_mean() -> None:
     assert "S:RKNE and S:RKNI" in said
 
 
-def test_right_for_left_and_mirrored_recordings_are_told() -> None:
+def test_right_for_left_and_mirrored_recordings_are_reported() -> None:
     trial = _turning()
     other = {label: ("L" if label[0] == "R" else "R") + label[1:] for label in LABELS}
     mirrored = trial.with_markers(trial.markers * [1.0, 1.0, -1.0])

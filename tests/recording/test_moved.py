@@ -43,7 +43,7 @@ def test_of_two_recordings_the_first_tells() -> None:
 
 
 @pytest.mark.parametrize("moved_mm", [(0.0, 0.0, 0.0), (0.0, 8.0, 0.0)])
-def test_noise_and_skin_are_not_told(moved_mm: tuple[float, float, float]) -> None:
+def test_noise_and_skin_are_not_reported(moved_mm: tuple[float, float, float]) -> None:
     assert found(recording(1), recording(2, moved_mm), recording(3)) == []
 
 

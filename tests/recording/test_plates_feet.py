@@ -79,7 +79,7 @@ def test_loads_go_to_the_segments_of_the_feet() -> None:
     np.testing.assert_array_equal(loads.moment[:, 1], forces.moment[:, 0])
 
 
-def test_a_foot_across_two_plates_receives_both_and_is_told() -> None:
+def test_a_foot_across_two_plates_receives_both_and_is_reported() -> None:
     forces = pressed([(RIGHT, FIRST), (RIGHT, FIRST), (LEFT, SECOND)])
     contacts = assign_plates(forces, FEET)
     assert "two_plates" in whats(contacts)
@@ -87,7 +87,7 @@ def test_a_foot_across_two_plates_receives_both_and_is_told() -> None:
     np.testing.assert_array_equal(loads.force[50, 0], [0, 1200, 0])
 
 
-def test_a_plate_under_two_feet_is_told() -> None:
+def test_a_plate_under_two_feet_is_reported() -> None:
     together = slice(20, 180)
     near = (0.05, -0.1)
     between = pressed([((0.0, 0.0), together)])
@@ -96,7 +96,7 @@ def test_a_plate_under_two_feet_is_told() -> None:
     assert not contacts.supported[30:170].any()  # one foot bears nothing that is known
 
 
-def test_a_foot_beside_the_plates_is_told_and_its_frames_are_not_supported() -> None:
+def test_a_foot_beside_the_plates_is_reported_and_its_frames_are_not_supported() -> None:
     contacts = assign_plates(pressed([(RIGHT, FIRST)]), FEET)
     assert "no_plate" in whats(contacts)
     assert contacts.supported[25:85].all()

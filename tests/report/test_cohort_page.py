@@ -100,10 +100,10 @@ def test_groups_are_told_apart(cohort: tuple[Node, StatisticsDocument]) -> None:
     _, found = cohort
     errors = found.quantity("kinematic_error_mm", "evaluation").values
     groups = {subject: {"shoes": "on" if k < 3 else "off"} for k, subject in enumerate(errors)}
-    (told,) = [said for said in reasons(found, groups) if said.startswith("By shoes")]
+    (reported,) = [said for said in reasons(found, groups) if said.startswith("By shoes")]
     shod = np.mean([errors[subject]["EB"] for subject in list(errors)[:3]])
-    assert re.search(rf"on \(3\): MB_am \d\.\d, EB {shod:.1f}, MB", told)
-    assert "off (6): " in told
+    assert re.search(rf"on \(3\): MB_am \d\.\d, EB {shod:.1f}, MB", reported)
+    assert "off (6): " in reported
 
 
 def test_the_summary_ranks_by_the_error_and_names_the_nearest(

@@ -44,12 +44,12 @@ def summarise(numbers: np.ndarray | Sequence[float]) -> dict[str, Any]:
     """What is kept of many numbers, in the order of ``SUMMARY``; null where there are none."""
     values = np.asarray(numbers, dtype=float).ravel()
     seen = values[np.isfinite(values)]
-    told: list[float | None] = [None] * 5
+    reported: list[float | None] = [None] * 5
     if len(seen):
         order = np.mean(seen * np.cos(np.arange(len(seen))))
         found = (seen.mean(), np.sqrt(np.mean(seen**2)), seen.min(), seen.max(), order)
-        told = [float(value) for value in found]
-    return {SUMMARISED: [len(values), len(values) - len(seen), *told]}
+        reported = [float(value) for value in found]
+    return {SUMMARISED: [len(values), len(values) - len(seen), *reported]}
 
 
 def reduce_document(value: Any, replaced: Replaced) -> Any:

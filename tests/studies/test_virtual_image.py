@@ -134,9 +134,9 @@ def test_a_person_without_faults_comes_back_from_the_image() -> None:
 
 
 def test_progress_names_the_bones() -> None:
-    told: list[str] = []
-    image = virtual_image(virtual_subject(4, EXACT), progress=told.append)
-    assert told == list(image.bones) == ["pelvis", "femur_r", "tibia_r", "femur_l", "tibia_l"]
+    reported: list[str] = []
+    image = virtual_image(virtual_subject(4, EXACT), progress=reported.append)
+    assert reported == list(image.bones) == ["pelvis", "femur_r", "tibia_r", "femur_l", "tibia_l"]
     assert virtual_subject(4, EXACT).settings.image == 0.0
     with pytest.raises(ValueError, match="negative"):
         VirtualSettings(image=-1.0)

@@ -220,9 +220,9 @@ def test_irregular_times_are_solved_frame_by_frame() -> None:
 
 
 def test_progress_reaches_every_frame() -> None:
-    model, told = legs(), []
-    inverse_kinematics(model, recorded(model, motion(model, 300)), progress=told.append)
-    assert told[-1] == 300
+    model, reported = legs(), []
+    inverse_kinematics(model, recorded(model, motion(model, 300)), progress=reported.append)
+    assert reported[-1] == 300
 
 
 def test_the_general_estimator_and_the_sweeps_agree() -> None:

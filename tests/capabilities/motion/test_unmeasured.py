@@ -56,7 +56,7 @@ def found_of(
     return find_unmeasured(dynamics_of(MODEL, rated, loads), contacts, MODEL)
 
 
-def test_what_plates_measure_whole_is_not_told() -> None:
+def test_what_plates_measure_whole_is_not_reported() -> None:
     assert found_of(moved(lumbar_extension=0.2 * np.sin(6.0 * TIMES)), np.ones(len(TIMES))) == ()
 
 
@@ -64,7 +64,7 @@ def test_a_declared_mass_that_is_ten_per_cent_off_is_no_chair() -> None:
     assert found_of(moved(), np.full(len(TIMES), 0.9)) == ()
 
 
-def test_a_chair_is_told_with_its_time_and_share() -> None:
+def test_a_chair_is_reported_with_its_time_and_share() -> None:
     """For the first second somebody sits and the plates bear 40 %."""
     seated = np.where(TIMES < 1.0, 1.0, 0.0)
     bent = {f"{joint}_{side}": value * np.ones(len(TIMES)) for joint, value in BENT.items() for side in "rl"}
@@ -86,7 +86,7 @@ def test_a_foot_without_a_plate_and_both_feet_on_a_box() -> None:
     assert hand.kind == "contact"
 
 
-def test_flight_is_measured_and_told() -> None:
+def test_flight_is_measured_and_reported() -> None:
     """A parabola of half a second between two rests: the motion needs nothing, as the plates say."""
     up = np.clip(TIMES - 0.7, 0.0, 0.5)
     height = up * (0.5 - up) * -GRAVITY[1] / 2.0
@@ -130,16 +130,16 @@ def test_a_plate_left_out_of_a_walk_is_missed_in_alternate_steps(shared_data: Pa
         trials={"static": str(data / "subject01_static.trc"), "calibration": [str(data / f"{walk}.trc")]},
         forces={f"{walk}.trc": without(("1_ground",), data / f"{walk}_grf.mot", tmp_path / "one.mot")},
     )
-    told = found.trials[walk].unmeasured
-    assert [one.kind for one in told] == ["missing_plate"] * 2
-    assert all(0.8 < one.share < 1.0 for one in told)
+    reported = found.trials[walk].unmeasured
+    assert [one.kind for one in reported] == ["missing_plate"] * 2
+    assert all(0.8 < one.share < 1.0 for one in reported)
     assert "a plate is missing" in found.verdict
     assert "can be calibrated" not in found.verdict
     assert "explains all" not in found.verdict
     assert not found.trials[walk].calibration_supported.any()
 
 
-def test_one_bad_trial_is_left_out_and_the_wrong_mass_is_told(shared_data: Path, tmp_path: Path) -> None:
+def test_one_bad_trial_is_left_out_and_the_wrong_mass_is_reported(shared_data: Path, tmp_path: Path) -> None:
     """A squat without its left plate says nothing; the walk is judged, and weighed."""
     data = shared_data / "opencap_squat"
     content: dict[str, Any] = {
@@ -169,7 +169,7 @@ def test_one_bad_trial_is_left_out_and_the_wrong_mass_is_told(shared_data: Path,
         judged(tmp_path, "MB", **content)
 
 
-def test_sitting_down_on_a_chair_is_told(shared_data: Path, tmp_path: Path) -> None:
+def test_sitting_down_on_a_chair_is_reported(shared_data: Path, tmp_path: Path) -> None:
     """Of somebody who sits down, the plates bear 40 % from 0.95 s on."""
     data, name = shared_data / "hidden" / "case_13", "STSweakLegs1"
     seat = without(

@@ -33,7 +33,7 @@ def test_flight_and_jumps_do_not_change_the_weight() -> None:
     assert "60.1 kg" in found.sentences[0]
 
 
-def test_a_right_mass_is_not_told() -> None:
+def test_a_right_mass_is_not_reported() -> None:
     assert weight_of(jumps=recording(62.6, 62.6)).sentences == ()
 
 
@@ -43,7 +43,7 @@ def test_a_chair_that_bears_part_of_the_time_does_not_lighten_the_person() -> No
     assert not weight_of(rising=seated).differs
 
 
-def test_recordings_that_disagree_are_told_and_widen_the_deviation() -> None:
+def test_recordings_that_disagree_are_reported_and_widen_the_deviation() -> None:
     squat, walk = recording(60.1, 62.6, 13), recording(63.6, 62.6, 2)
     both = weight_of(squat=squat, walk=walk)
     assert both.plates_kg == pytest.approx(60.1, abs=0.3)

@@ -43,12 +43,12 @@ def test_joints_tell_the_bones_that_names_tell(shared_data, file: str) -> None:
     model = read_model(shared_data / f"{file}.osim")
     assert find_bones_by_tree(model) == {bone: body_of(model, bone) for bone in BONES}
     blank, new = without_names(model)
-    told, notes = assign_bones(blank, {})
-    assert dict(told.bones) == {bone: new[str(body_of(model, bone))] for bone in BONES}
+    reported, notes = assign_bones(blank, {})
+    assert dict(reported.bones) == {bone: new[str(body_of(model, bone))] for bone in BONES}
     assert any("femur_r is" in note and "`bone_bodies:`" in note for note in notes)
     for name in ("femur_r", "shank_l", "inter_hip"):
-        assert segment_lengths(told)[name] == pytest.approx(segment_lengths(model)[name], abs=1e-12)
-    assert from_document(to_document(told)) == told
+        assert segment_lengths(reported)[name] == pytest.approx(segment_lengths(model)[name], abs=1e-12)
+    assert from_document(to_document(reported)) == reported
 
 
 def test_a_model_whose_names_say_everything_is_left_alone() -> None:
@@ -60,10 +60,10 @@ def test_a_person_overrides_what_is_found() -> None:
     model, new = without_names(builtin("lower_limb_14dof"))  # without feet, its joints do not show the shanks
     assert find_bones_by_tree(model) == {}
     said = {bone: new[bone] for bone in ("pelvis", "femur_r", "tibia_r")}
-    told, notes = assign_bones(model, said)
-    assert dict(told.bones) == said
+    reported, notes = assign_bones(model, said)
+    assert dict(reported.bones) == said
     assert "femur_r is" in notes[0]
-    centre, known = joint_centres(told)["hip_r"], joint_centres(builtin("lower_limb_14dof"))["hip_r"]
+    centre, known = joint_centres(reported)["hip_r"], joint_centres(builtin("lower_limb_14dof"))["hip_r"]
     assert centre[0] == new["pelvis"]
     assert np.array(centre[1]) == pytest.approx(np.array(known[1]))
     swapped, _ = assign_bones(builtin("lower_limb_14dof"), {"femur_r": "femur_l", "tibia_r": "tibia_l"})
@@ -77,5 +77,5 @@ def test_bones_on_no_segment_or_on_one_twice_are_refused() -> None:
     with pytest.raises(SubjectInvalid, match="named for"):
         assign_bones(model, {"femur_r": "tibia_r", "tibia_r": "tibia_r"})
     foot = str(body_of(model, "calcn_r"))
-    told, _ = assign_bones(model, {"talus_r": foot, "calcn_r": foot})  # a foot of one piece is both
-    assert body_of(told, "talus_r") == foot
+    reported, _ = assign_bones(model, {"talus_r": foot, "calcn_r": foot})  # a foot of one piece is both
+    assert body_of(reported, "talus_r") == foot

@@ -70,7 +70,7 @@ def test_computed_points_and_foreign_labels_are_no_set() -> None:
     assert recognise([]) is None
 
 
-def test_the_device_is_told_beside_its_set() -> None:
+def test_the_device_is_reported_beside_its_set() -> None:
     labels = [
         "RASI",
         "LASI",

@@ -224,7 +224,7 @@ VICON = (
 SKIN = "RSTL LPCA RLCA RFAL LFAX RTAM RP1M RCPG RHLX RTOE RTIB LFIN RUPA RFRM CLAV RSPH SEL RLEL"
 
 
-def test_points_that_vicon_computes_are_told_from_markers() -> None:
+def test_points_that_vicon_computes_are_reported_from_markers() -> None:
     assert all(looks_computed(f"S01:{label}") for label in VICON.split())
     assert not any(looks_computed(label) for label in SKIN.split())
 

@@ -83,7 +83,7 @@ def test_a_bundle_is_made_again_only_when_a_source_is_newer(hook: Any, web: Path
     assert not hook.is_fresh(web)
 
 
-def test_packages_that_cannot_be_fetched_are_told_with_the_way_out(
+def test_packages_that_cannot_be_fetched_are_reported_with_the_way_out(
     hook: Any, web: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("npm_config_registry", "http://127.0.0.1:9")  # nobody listens there
@@ -91,10 +91,10 @@ def test_packages_that_cannot_be_fetched_are_told_with_the_way_out(
     monkeypatch.setenv("npm_config_cache", str(web / "cache"))
     with pytest.raises(hook.PageNotBuilt) as caught:
         hook.bundle(web)
-    told = str(caught.value)
-    assert "npm's packages for the web page cannot be fetched" in told
-    assert "SCALING_SERVICE_WITHOUT_PAGE=1" in told
-    assert "ECONNREFUSED" in told
+    reported = str(caught.value)
+    assert "npm's packages for the web page cannot be fetched" in reported
+    assert "SCALING_SERVICE_WITHOUT_PAGE=1" in reported
+    assert "ECONNREFUSED" in reported
 
 
 def test_the_page_can_be_left_out(hook: Any, web: Path, monkeypatch: pytest.MonkeyPatch) -> None:

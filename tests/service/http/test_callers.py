@@ -137,7 +137,7 @@ def test_a_page_of_another_site_cannot_ask_through_the_browser(served: Served) -
     assert not [name for name in asked.headers if name.lower().startswith("access-control")]
 
 
-def test_who_asks_too_fast_is_told_to_wait(tmp_path: Path) -> None:
+def test_who_asks_too_fast_is_asked_to_wait(tmp_path: Path) -> None:
     with serving(settings_in(tmp_path, request_rate=0.5, request_burst=3)) as served:
         answers = [served.call("GET", "/v1/jobs") for _ in range(4)]
         assert [answer.status_code for answer in answers] == [200, 200, 200, 429]

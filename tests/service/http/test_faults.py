@@ -57,7 +57,7 @@ def test_killed_50_times_during_100_jobs(tmp_path: Path, database: str) -> None:
     sys.stdout.write(f"{database}: {killed_often(tmp_path / 'data', 100, 50, 0.8)}")
 
 
-def test_a_database_that_is_away_is_told_and_comes_back(tmp_path: Path) -> None:
+def test_a_database_that_is_away_is_reported_and_comes_back(tmp_path: Path) -> None:
     process, url = start(tmp_path / "data", command=SERVER)
     try:
         with Client(url) as client:

@@ -74,7 +74,7 @@ def test_a_job_that_waits_has_no_result_and_says_why(tiny: Served) -> None:
         assert (answer.status_code, answer.json()["problem"]) == (404, "the job has no result: it is queued")
 
 
-def test_a_failure_is_told_in_the_words_of_the_command_line(tiny: Served) -> None:
+def test_a_failure_is_reported_in_the_words_of_the_command_line(tiny: Served) -> None:
     job = ask(tiny, fails=True)
     done(tiny.service, job)
     failure = tiny.call("GET", f"/v1/jobs/{job}").json()["failure"]

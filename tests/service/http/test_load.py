@@ -101,7 +101,7 @@ class Probe(threading.Thread):
         self.join()
 
 
-def told(name: str, times: Sequence[float]) -> str:
+def reported(name: str, times: Sequence[float]) -> str:
     median, p99 = np.percentile(times, [50, 99])
     return (
         f"  {len(times)} {name}: median {1e3 * median:.1f} ms, p99 {1e3 * p99:.1f} ms, "
@@ -130,7 +130,9 @@ def crowded(url: str, n_clients: int, n_jobs: int, seconds: float) -> tuple[floa
     sys.stdout.write(
         f"{n_jobs} jobs of {n_clients} clients in {wall_s:.0f} s, load of the machine {load:.1f}\n"
     )
-    sys.stdout.write(told("status requests", crowd.times) + told("requests of a bare server", probe.times))
+    sys.stdout.write(
+        reported("status requests", crowd.times) + reported("requests of a bare server", probe.times)
+    )
     return float(np.percentile(crowd.times, 99)), float(np.percentile(probe.times, 99))
 
 

@@ -35,7 +35,7 @@ def asked(served: Served, count: int, seconds: float = 0.3) -> list[str]:
     return [str(ask(served, k, seconds).json()["id"]) for k in range(count)]
 
 
-def check_told(answer: requests.Response, status: int, words: str, folder: Path) -> None:
+def check_reported(answer: requests.Response, status: int, words: str, folder: Path) -> None:
     """A clear word, when to come back, and nothing about this machine."""
     assert (answer.status_code, answer.headers["Content-Type"]) == (status, PROBLEM), answer.text
     assert words in answer.json()["problem"]
@@ -83,8 +83,8 @@ def test_a_full_disk(tmp_path: Path) -> None:
             jobs = asked(served, 8)
             until(lambda: served.service.counts()[State.DONE] >= 2)
             disk.fill()
-            check_told(upload(served, b"x" * 300_000), 507, "no room", tmp_path)
-            check_told(ask(served, 99), 507, "no room", tmp_path)
+            check_reported(upload(served, b"x" * 300_000), 507, "no room", tmp_path)
+            check_reported(ask(served, 99), 507, "no room", tmp_path)
             assert served.call("GET", f"/v1/jobs/{jobs[0]}").json()["state"] == "done"  # reading goes on
             assert served.call("GET", f"/v1/jobs/{jobs[0]}/files/square.txt").text == "0"
             disk.empty()
@@ -116,8 +116,8 @@ def test_a_disk_that_fails_and_is_mounted_again(tmp_path: Path) -> None:
         jobs = asked(served, 8)
         until(lambda: served.service.counts()[State.DONE] >= 2)
         disk.fail()
-        check_told(upload(served, b"x"), 503, "the data directory cannot be used", tmp_path)
-        check_told(ask(served, 99), 503, "the database cannot be used", tmp_path)
+        check_reported(upload(served, b"x"), 503, "the data directory cannot be used", tmp_path)
+        check_reported(ask(served, 99), 503, "the database cannot be used", tmp_path)
         assert served.call("GET", "/health").status_code == 200
         time.sleep(1.5)  # longer than a lease
         disk.repair()
@@ -133,7 +133,7 @@ def test_a_database_that_another_program_has_locked(tmp_path: Path, monkeypatch:
         jobs = asked(served, 6)
         other = sqlite3.connect(settings.data_directory / "store.sqlite", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
-        check_told(ask(served, 99), 503, "SQLITE_BUSY", tmp_path)
+        check_reported(ask(served, 99), 503, "SQLITE_BUSY", tmp_path)
         assert min(seconds_to_read(served, jobs[0]) for _ in range(5)) < 0.4  # who reads does not wait
         time.sleep(1.5)  # longer than a lease
         other.execute("ROLLBACK")
@@ -153,7 +153,7 @@ def gone(tmp_path: Path, seconds: float) -> None:
             until(lambda: served.service.counts()[State.DONE] >= 2)
             database.stop()
             for answer in (ask(served, 99), *(served.call("GET", f"/v1/jobs/{job}") for job in jobs)):
-                check_told(answer, 503, "the database does not answer", tmp_path)
+                check_reported(answer, 503, "the database does not answer", tmp_path)
             assert served.call("GET", "/health").status_code == 200
             patient, found = served.client(), list[object]()
             patient._patience_s = 60.0

@@ -26,7 +26,7 @@ def test_nobody_gets_more_than_burst_and_rate(steps: list[float], rate: float, b
 
 
 @given(rate=st.floats(0.1, 50.0), burst=st.integers(1, 20))
-def test_who_waits_as_told_is_let_in(rate: float, burst: int) -> None:
+def test_who_waits_as_asked_is_let_in(rate: float, burst: int) -> None:
     now = 0.0
     limit = RateLimit(rate, burst, clock=lambda: now)
     for _ in range(burst):

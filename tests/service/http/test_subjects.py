@@ -38,15 +38,15 @@ def test_names_are_in_any_alphabet(served: Served, name: str) -> None:
 
 def test_the_message_is_that_of_the_command_line(served: Served) -> None:
     answer = served.call("POST", "/v1/subjects", json=person("S01") | {"modle": "x"})
-    told = answer.json()
+    reported = answer.json()
     assert answer.headers["Content-Type"] == "application/problem+json"
-    assert (answer.status_code, told["status"], told["type"]) == (
+    assert (answer.status_code, reported["status"], reported["type"]) == (
         422,
         422,
         "urn:scaling-service:SubjectInvalid",
     )
-    assert told["detail"] == "modle: unknown key. Did you mean 'model'?"
-    assert (told["field"], told["problem"], told["remedy"]) == (
+    assert reported["detail"] == "modle: unknown key. Did you mean 'model'?"
+    assert (reported["field"], reported["problem"], reported["remedy"]) == (
         "modle",
         "unknown key",
         "Did you mean 'model'?",
@@ -107,9 +107,9 @@ def test_names_that_are_paths_or_taken(served: Served, name: str, tmp_path: Path
 def test_an_upload_that_is_too_large_leaves_nothing(tmp_path: Path) -> None:
     with serving(settings_in(tmp_path, limit_upload_mb=1)) as served:
         served.call("POST", "/v1/subjects", json=person("S01"))
-        told = served.call("PUT", "/v1/subjects/S01/files/a.c3d", data=b"x" * 1_000_001)
+        reported = served.call("PUT", "/v1/subjects/S01/files/a.c3d", data=b"x" * 1_000_001)
         untold = served.call("PUT", "/v1/subjects/S01/files/a.c3d", data=iter([b"x" * 600_000] * 2))
-        assert (told.status_code, untold.status_code) == (413, 413)
+        assert (reported.status_code, untold.status_code) == (413, 413)
         assert list((tmp_path / "data" / "scratch" / "uploads").iterdir()) == []
         assert served.call("GET", "/v1/subjects/S01/files").json() == {"items": []}
 

@@ -66,5 +66,5 @@ def test_numbers_are_those_of_the_command_line(service: Service, tmp_path: Path)
     for name, trial in json.loads(file.read_text(encoding="utf-8"))["trials"].items():
         _, file = service.file("lab", job, trial["residual"]["file"])
         values = np.fromfile(file, "<f4").reshape(trial["residual"]["shape"]).astype(float)
-        told = list(over_service["trials"][name]["residual_rms"].values())
-        assert np.sqrt(np.nanmean(values**2, axis=0)) == pytest.approx(told, rel=1e-3, abs=1e-3)
+        reported = list(over_service["trials"][name]["residual_rms"].values())
+        assert np.sqrt(np.nanmean(values**2, axis=0)) == pytest.approx(reported, rel=1e-3, abs=1e-3)

@@ -94,7 +94,7 @@ def test_dask(service: Service, settings: ServiceSettings, monkeypatch: pytest.M
             works(service, executor_maker(clustered))
 
 
-def test_a_scheduler_that_does_not_answer_is_told(
+def test_a_scheduler_that_does_not_answer_is_reported(
     settings: ServiceSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")

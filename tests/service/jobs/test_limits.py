@@ -149,7 +149,7 @@ def test_links_are_no_results(run: Callable[..., Outcome]) -> None:
     assert run(tasks.link) == Finished({}, ())
 
 
-def test_it_stops_when_it_is_told_to(run: Callable[..., Outcome], tmp_path: Path) -> None:
+def test_it_stops_when_it_is_asked_to(run: Callable[..., Outcome], tmp_path: Path) -> None:
     marker = tmp_path / "outputs" / "pids"
     assert isinstance(run(tasks.grandchild, stop=marker.exists), Stopped)
     assert all(gone(number) for number in pids(tmp_path))

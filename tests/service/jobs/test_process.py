@@ -99,7 +99,7 @@ def test_alone_it_takes_settings_from_the_environment_and_ends_at_sigterm(tmp_pa
         assert process.wait(20) == 0
 
 
-def test_settings_that_cannot_be_used_are_told_in_one_line(tmp_path: Path) -> None:
+def test_settings_that_cannot_be_used_are_reported_in_one_line(tmp_path: Path) -> None:
     environment = ENVIRONMENT | {"SCALING_SERVICE_WORKRES": "2"}
     done = subprocess.run(
         [sys.executable, "-m", "scaling_service.service.jobs"],
@@ -127,7 +127,7 @@ print([name for name in ("sqlalchemy", "fastapi", "uvicorn") if name in sys.modu
 def test_what_computes_loads_nothing_of_the_runner() -> None:
     """It is forked from a process that knows no database, and needs none."""
     calls = pickle.dumps([kind.perform for kind in KINDS.values()])
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-c", FORKED], input=calls, capture_output=True, check=True, cwd=ROOT
     )
-    assert told.stdout.strip() == b"[]"
+    assert reported.stdout.strip() == b"[]"

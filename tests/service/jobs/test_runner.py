@@ -76,7 +76,7 @@ def test_a_replaced_file_makes_another_job_and_the_first_keeps_its_own(service: 
             assert json.loads(service.result("lab", job) or "")["read"]["walk.txt"] == content
 
 
-def test_a_failure_is_told_in_the_words_of_the_command_line(service: Service) -> None:
+def test_a_failure_is_reported_in_the_words_of_the_command_line(service: Service) -> None:
     job = ask(service, fails=True)
     with running(service):
         row = ended(service, "lab", job)

@@ -213,8 +213,8 @@ def test_a_proof_reads_every_file_that_is_there(service: Service) -> None:
     service.put_subject("lab", {"subject": {"id": "S01"}})
     upload(service, "standing.trc", "notes.txt")
     first = service.ask("lab", "proof", {"subject": "S01"})[0]
-    told = json.loads(service.specification("lab", first.id))
-    assert set(told["inputs"]) == {"S01/standing.trc", "S01/notes.txt"}
-    assert told["request"]["labels"] == {}
+    reported = json.loads(service.specification("lab", first.id))
+    assert set(reported["inputs"]) == {"S01/standing.trc", "S01/notes.txt"}
+    assert reported["request"]["labels"] == {}
     upload(service, "walk.trc")
     assert service.ask("lab", "proof", {"subject": "S01"})[0].id != first.id

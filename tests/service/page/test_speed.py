@@ -47,13 +47,13 @@ def test_playback(visit: Visit, url: str) -> None:
     visitor.page.get_by_role("checkbox", name="MB", exact=True).uncheck()
     visitor.press("Play")
     visitor.page.wait_for_timeout(6_000)
-    told = [
+    reported = [
         visitor.page.locator(".pace").inner_text()
         for _ in range(3)
         if not visitor.page.wait_for_timeout(1100)
     ]
-    print(f"\nplayback with {MARKERS} markers: {told}")  # noqa: T201
-    assert min(int(text.split()[0]) for text in told) >= 30
+    print(f"\nplayback with {MARKERS} markers: {reported}")  # noqa: T201
+    assert min(int(text.split()[0]) for text in reported) >= 30
 
 
 def crowded_scene(route: Any) -> None:

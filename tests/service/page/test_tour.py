@@ -158,11 +158,11 @@ def takes_away(visitor: Visitor, folder: Path) -> None:
         button.click()
     with zipfile.ZipFile(coming.value.path()) as archive:
         assert archive.testzip() is None
-        told = json.loads(archive.read("comparison.json"))
+        reported = json.loads(archive.read("comparison.json"))
         assert {"report.html", "EB/model.json", "scene/scene.json"} <= set(archive.namelist())
     shell, python = visitor.page.locator("pre").all_inner_texts()
     run(["bash", "-euo", "pipefail", "-c", shell], folder)
-    assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == told
+    assert json.loads((folder / "result.json").read_text(encoding="utf-8")) == reported
     run([sys.executable, "-c", python + "\nassert result['verdict']"], folder)
     assert (folder / "results" / "report.html").is_file()
 

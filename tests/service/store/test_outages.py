@@ -79,7 +79,7 @@ def test_a_read_only_disk_refuses_and_recovers(disk: SmallDisk, disk_store: Stor
     assert sound(disk_store)
 
 
-def test_a_data_directory_that_is_gone_is_told(tmp_path: Path) -> None:
+def test_a_data_directory_that_is_gone_is_reported(tmp_path: Path) -> None:
     store = Store.open(tmp_path / "data")
     (tmp_path / "data").rename(tmp_path / "elsewhere")
     with pytest.raises(StoreUnavailable), store.incoming(10):

@@ -116,8 +116,8 @@ def _usual_first(
 
     if not passing or is_met(passing[0]):
         return passing
-    twins = find_equivalents(passing[0], among.best, fit.settings.equivalence_level)
-    better = [one for one in passing if one.candidate in twins and is_met(one)]
+    equivalents = find_equivalents(passing[0], among.best, fit.settings.equivalence_level)
+    better = [one for one in passing if one.candidate in equivalents and is_met(one)]
     return [*better[:1], *passing]
 
 

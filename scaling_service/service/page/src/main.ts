@@ -73,7 +73,7 @@ function tell(error: unknown, place: HTMLElement): void {
   place.append(problemBox(asProblem(error)));
 }
 
-/** What fails beside a view, such as a picture that comes later, is told like everything else. */
+/** What fails beside a view, such as a picture that comes later, is shown like everything else. */
 addEventListener("unhandledrejection", (event) => {
   event.preventDefault();
   fill(page.trouble);

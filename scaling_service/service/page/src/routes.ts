@@ -22,8 +22,8 @@ function decoded(part: string): string {
 
 /** The link to a place. */
 export function link(parts: readonly string[], query: Record<string, string> = {}): string {
-  const told = new URLSearchParams(query).toString();
-  return `#/${parts.map(encodeURIComponent).join("/")}${told === "" ? "" : `?${told}`}`;
+  const search = new URLSearchParams(query).toString();
+  return `#/${parts.map(encodeURIComponent).join("/")}${search === "" ? "" : `?${search}`}`;
 }
 
 export const toSubject = (id: string, tab: "import" | "run" = "import"): string => link(["subjects", id, tab]);

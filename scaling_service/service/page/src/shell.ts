@@ -14,7 +14,7 @@ const PLACES = [
 
 export interface Shell {
   main: HTMLElement;
-  /** Where it is told what failed beside the view. */
+  /** Where it is shown what failed beside the view. */
   trouble: HTMLElement;
   /** Mark where one is. */
   at: (part: string) => void;
@@ -67,13 +67,13 @@ function toMain(event: Event, main: HTMLElement): void {
 function themeButton(): HTMLElement {
   const button: HTMLButtonElement = h("button", { class: "plain", onclick: () => {
     choose(theme() === "dark" ? "light" : "dark");
-    told();
+    showTheme();
   } });
-  function told(): void {
+  function showTheme(): void {
     button.textContent = theme() === "dark" ? "Light" : "Dark";
     button.setAttribute("aria-label", `Show the page ${theme() === "dark" ? "light" : "dark"}`);
   }
-  told();
+  showTheme();
   return button;
 }
 
@@ -82,8 +82,8 @@ function keyButton(): HTMLElement {
     forgetKey();
     location.reload();
   } }, "Forget key");
-  const told = (): void => void (button.hidden = currentKey() === null);
-  told();
-  addEventListener("hashchange", told);
+  const show = (): void => void (button.hidden = currentKey() === null);
+  show();
+  addEventListener("hashchange", show);
   return button;
 }

@@ -1,32 +1,32 @@
 /** What went wrong, in the words of the service: which file, which field, what to do. */
-export interface Told {
+export interface ProblemDetails {
   problem: string;
   file?: string | null;
   field?: string | null;
   remedy?: string | null;
 }
 
-export class Problem extends Error implements Told {
+export class Problem extends Error implements ProblemDetails {
   readonly problem: string;
   readonly file: string | null;
   readonly field: string | null;
   readonly remedy: string | null;
   readonly status: number;
 
-  constructor(told: Told, status = 0) {
-    super(told.problem);
-    this.problem = told.problem;
-    this.file = told.file ?? null;
-    this.field = told.field ?? null;
-    this.remedy = told.remedy ?? null;
+  constructor(details: ProblemDetails, status = 0) {
+    super(details.problem);
+    this.problem = details.problem;
+    this.file = details.file ?? null;
+    this.field = details.field ?? null;
+    this.remedy = details.remedy ?? null;
     this.status = status;
   }
 }
 
 /** The problem that an answer other than success tells. */
 export async function problemOf(answer: Response): Promise<Problem> {
-  const told: unknown = await answer.json().catch(() => null);
-  if (isTold(told)) return new Problem(told, answer.status);
+  const body: unknown = await answer.json().catch(() => null);
+  if (isProblem(body)) return new Problem(body, answer.status);
   return new Problem(
     { problem: `The service answered ${answer.status} ${answer.statusText}`.trim(), remedy: "Look at its log" },
     answer.status,
@@ -43,6 +43,6 @@ export function isAbort(error: unknown): boolean {
   return error instanceof DOMException && error.name === "AbortError";
 }
 
-function isTold(found: unknown): found is Told {
-  return typeof found === "object" && found !== null && typeof (found as Told).problem === "string";
+function isProblem(found: unknown): found is ProblemDetails {
+  return typeof found === "object" && found !== null && typeof (found as ProblemDetails).problem === "string";
 }

@@ -32,7 +32,7 @@ export function barsOption(ink: Ink, { bars, axis, unit, marks, left }: Bars): O
       ...(common.tooltip as object),
       trigger: "axis",
       axisPointer: { type: "none" },
-      formatter: (found: unknown) => told(bars, unit, marks, found),
+      formatter: (found: unknown) => describe(bars, unit, marks, found),
     },
     xAxis: valueAxis(ink, { name: axis, min: 0 }, "x"),
     yAxis: nameAxis(ink, bars.map((bar) => bar.name), (left ?? LEFT) - 10),
@@ -55,7 +55,7 @@ export function barsOption(ink: Ink, { bars, axis, unit, marks, left }: Bars): O
 
 export const barsHeight = (count: number): number => Math.max(150, 70 + 20 * count);
 
-function told(bars: readonly Bar[], unit: string, marks: string | undefined, found: unknown): HTMLElement {
+function describe(bars: readonly Bar[], unit: string, marks: string | undefined, found: unknown): HTMLElement {
   const bar = bars[(found as { dataIndex: number }[])[0]?.dataIndex ?? 0];
   if (bar === undefined) return tip("", []);
   const rows = [{ colour: bar.colour, text: `${figures(bar.value)} ${unit}` }];

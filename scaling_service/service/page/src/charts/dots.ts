@@ -21,7 +21,7 @@ export function dotsOption(ink: Ink, groups: readonly DotGroup[], unit: string):
   const fromZero = low >= 0 && low < Math.max(...values) / 2; // else what differs would be too small to see
   return {
     ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(groups, unit, found) },
+    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => describe(groups, unit, found) },
     xAxis: {
       type: "category",
       data: groups.map(({ name }) => name),
@@ -49,7 +49,7 @@ export function dotsOption(ink: Ink, groups: readonly DotGroup[], unit: string):
   };
 }
 
-function told(groups: readonly DotGroup[], unit: string, found: unknown): HTMLElement {
+function describe(groups: readonly DotGroup[], unit: string, found: unknown): HTMLElement {
   const { value, color } = found as { value: [number, number]; color: string };
   const group = groups[value[0]];
   const subject = group?.values.find((one) => one.value === value[1])?.subject ?? "";

@@ -26,7 +26,7 @@ export function heatOption(ink: Ink, heat: Heat): Option {
   const columns = Array.from(heat.times);
   return {
     ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(heat, found) },
+    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => describe(heat, found) },
     xAxis: {
       type: "category",
       data: columns,
@@ -85,7 +85,7 @@ function cells({ names, times, values }: Heat): number[][] {
   return found;
 }
 
-function told({ names, times, unit }: Heat, found: unknown): HTMLElement {
+function describe({ names, times, unit }: Heat, found: unknown): HTMLElement {
   const { value, color } = found as { value: [number, number, number]; color: string };
   const text = `${number(value[2])} ${unit} at ${number(times[value[0]], 2)} s`;
   return tip(names[value[1]] ?? "", [{ colour: color, text }]);

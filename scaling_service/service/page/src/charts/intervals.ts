@@ -24,7 +24,7 @@ export function intervalsOption(ink: Ink, intervals: readonly Interval[], axis: 
   const common = base(ink, { left });
   return {
     ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => told(intervals, found) },
+    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => describe(intervals, found) },
     xAxis: valueAxis(ink, min === undefined ? { name: axis } : { name: axis, min }, "x"),
     yAxis: nameAxis(ink, intervals.map(({ name }) => name), left - 10),
     series: [
@@ -58,7 +58,7 @@ function drawn(interval: Interval | undefined, place: number, { coord }: Drawing
   };
 }
 
-function told(intervals: readonly Interval[], found: unknown): HTMLElement {
+function describe(intervals: readonly Interval[], found: unknown): HTMLElement {
   const interval = intervals[(found as { dataIndex: number }).dataIndex];
   if (interval === undefined) return tip("", []);
   const text = `${number(interval.middle)} (${number(interval.low)} to ${number(interval.high)})`;

@@ -31,7 +31,7 @@ export function linesOption(ink: Ink, lines: Lines): Option {
   const common = base(ink);
   return {
     ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "axis", formatter: (found: unknown) => told(lines, found) },
+    tooltip: { ...(common.tooltip as object), trigger: "axis", formatter: (found: unknown) => describe(lines, found) },
     xAxis: valueAxis(ink, { min: "dataMin", max: "dataMax", ...lines.xAxis }, "x"),
     yAxis: valueAxis(ink, lines.yAxis, "y"),
     series: [
@@ -96,7 +96,7 @@ interface At {
   value: [number, number | null];
 }
 
-function told({ xAxis, unit }: Lines, found: unknown): HTMLElement {
+function describe({ xAxis, unit }: Lines, found: unknown): HTMLElement {
   const all = (found as At[]).filter((one) => one.seriesName !== "");
   const rows = all.map((one) => ({ colour: one.color, text: `${one.seriesName}: ${number(one.value[1], 1)} ${unit}` }));
   return tip(`${xAxis.name}: ${number(all[0]?.value[0], 2)}`, rows);

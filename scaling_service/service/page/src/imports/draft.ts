@@ -8,10 +8,10 @@ export type Role = string;
 export class Draft {
   private readonly roles = new Map<string, Set<Role>>();
 
-  /** @param told called after each change. */
+  /** @param changed called after each change. */
   constructor(
     readonly document: SubjectDocument,
-    private readonly told: () => void,
+    private readonly changed: () => void,
   ) {
     const { trials, forces, bones } = document;
     this.give(trials?.static, "static");
@@ -39,8 +39,8 @@ export class Draft {
   }
 
   person(values: Partial<SubjectDocument["subject"]>): void {
-    const told = Object.entries({ ...this.document.subject, ...values }).filter(([, value]) => value !== undefined);
-    this.document.subject = Object.fromEntries(told) as unknown as SubjectDocument["subject"];
+    const given = Object.entries({ ...this.document.subject, ...values }).filter(([, value]) => value !== undefined);
+    this.document.subject = Object.fromEntries(given) as unknown as SubjectDocument["subject"];
     this.change();
   }
 
@@ -109,7 +109,7 @@ export class Draft {
   }
 
   private change(): void {
-    this.told();
+    this.changed();
   }
 }
 

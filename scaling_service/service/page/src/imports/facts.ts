@@ -21,6 +21,6 @@ function setInWords({ title, additions, share, lacks }: MarkerSetProof): string 
 }
 
 function measured({ sizes_mm, source }: SizesProof): string[] {
-  const told = Object.entries(sizes_mm).map(([name, value]) => `${name.replaceAll("_", " ")} ${number(value, 0)} mm`);
-  return told.length === 0 ? [] : [`Measured by hand: ${told.join(", ")} (from ${source.join(", ")}).`];
+  const sizes = Object.entries(sizes_mm).map(([name, value]) => `${name.replaceAll("_", " ")} ${number(value, 0)} mm`);
+  return sizes.length === 0 ? [] : [`Measured by hand: ${sizes.join(", ")} (from ${source.join(", ")}).`];
 }

@@ -20,7 +20,7 @@ export class MarkerMap {
   /** Called with the label to show in space. */
   show: (label: string) => void = () => undefined;
   private waiting: string | null = null;
-  private readonly told = h("p", { role: "status", class: "told" });
+  private readonly status = h("p", { role: "status", class: "status" });
   private readonly failed = h("div");
   private readonly labels: string[];
 
@@ -41,11 +41,11 @@ export class MarkerMap {
       const taken = this.waiting;
       this.waiting = null;
       this.draw();
-      this.told.textContent = `${label} is taken for ${taken}.`;
+      this.status.textContent = `${label} is taken for ${taken}.`;
       return;
     }
     const found = this.proof.markers.find(({ marker }) => this.labelOf(marker) === label);
-    this.told.textContent = found === undefined ? `${label} is no marker of the model.` : `${label} is ${found.marker}.`;
+    this.status.textContent = found === undefined ? `${label} is no marker of the model.` : `${label} is ${found.marker}.`;
     this.element.querySelector(`[data-label="${CSS.escape(label)}"]`)?.scrollIntoView({ block: "nearest" });
   }
 
@@ -72,7 +72,7 @@ export class MarkerMap {
       h("p", { class: "quiet" }, missing === 0
         ? "Every marker of the model has a label. To correct one, choose another label, or press Pick and click it in space."
         : `${missing} of ${this.proof.markers.length} markers of the model have no label. Choose one, or press Pick and click it in space; markers that are not needed may stay empty.`),
-      this.told,
+      this.status,
       table({
         caption: "Model markers and labels",
         name: "marker_map",
@@ -122,7 +122,7 @@ export class MarkerMap {
     return h("button", { class: "small", "aria-pressed": String(waiting), "aria-label": `Pick ${marker} in space`, onclick: () => {
       this.waiting = waiting ? null : marker;
       this.draw();
-      this.told.textContent = this.waiting === null ? "" : `Click the marker that is ${marker}.`;
+      this.status.textContent = this.waiting === null ? "" : `Click the marker that is ${marker}.`;
     } }, "Pick");
   }
 
@@ -159,6 +159,6 @@ export class MarkerMap {
     });
     const labels = { ...this.laboratory.labels, ...(Object.fromEntries(found) as Record<string, string>) };
     await sendJson("/v1/marker-map", { labels }, "PUT");
-    this.told.textContent = `${found.length} labels are saved for the laboratory.`;
+    this.status.textContent = `${found.length} labels are saved for the laboratory.`;
   }
 }

@@ -30,16 +30,16 @@ export function orientation(recording: RecordingProof, proof: ProofDocument, pla
 
 function forcesInWords(plates: RecordingProof["plates"], from: string | null): string {
   if (plates.length === 0) return "none";
-  const told = plates.map(({ name, peak_N, loaded_by }) =>
+  const described = plates.map(({ name, peak_N, loaded_by }) =>
     [peak_N === null ? name : `${name} up to ${number(peak_N, 0)} N`, ...(loaded_by.length === 0 ? [] : [`(${loaded_by.join("; ")})`])].join(" "));
-  return `${told.join(", ")}${from === null ? "" : `, from ${from}`}`;
+  return `${described.join(", ")}${from === null ? "" : `, from ${from}`}`;
 }
 
 /** Choosing an axis looks at the files again with it; the choice goes on to the methods. */
 function chooser(name: "up" | "forward", place: Place): HTMLElement {
   const options = [{ value: "", text: "as found" }, ...AXES.map((value) => ({ value, text: value }))];
   return select(`${name} in the laboratory`, options, place.query.get(name) ?? "", (value) => {
-    const query = Object.fromEntries([...place.query, [name, value]].filter(([, told]) => told !== ""));
+    const query = Object.fromEntries([...place.query, [name, value]].filter(([, given]) => given !== ""));
     location.hash = link(place.parts, query as Record<string, string>);
   });
 }

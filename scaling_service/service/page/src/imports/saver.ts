@@ -10,7 +10,7 @@ import { guarded } from "../ui/problem.ts";
 const PAUSE_MS = 700;
 
 export class Saver {
-  readonly told = h("span", { class: "quiet", role: "status" });
+  readonly status = h("span", { class: "quiet", role: "status" });
   readonly failed = h("div");
   private timer = 0;
   private dirty = false;
@@ -33,7 +33,7 @@ export class Saver {
   /** Something has changed. */
   touch(): void {
     this.dirty = true;
-    this.told.textContent = "Saving …";
+    this.status.textContent = "Saving …";
     clearTimeout(this.timer);
     this.timer = window.setTimeout(() => void this.flush(), PAUSE_MS);
   }
@@ -44,11 +44,11 @@ export class Saver {
     return guarded(this.failed, async () => {
       try {
         await this.put();
-        this.told.textContent = "Saved; looking again …";
+        this.status.textContent = "Saved; looking again …";
         await this.saved();
-        if (!this.dirty && !this.signal.aborted) this.told.textContent = "Saved.";
+        if (!this.dirty && !this.signal.aborted) this.status.textContent = "Saved.";
       } catch (error) {
-        this.told.textContent = "Not saved.";
+        this.status.textContent = "Not saved.";
         throw error;
       }
     });

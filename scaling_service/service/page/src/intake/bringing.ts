@@ -8,18 +8,18 @@ import { baseName, type Entry } from "./entries.ts";
 import { keptName } from "./names.ts";
 import type { Intake } from "./subjectfile.ts";
 
-export type Told = (text: string) => void;
+export type Progress = (text: string) => void;
 
 /** Put a subject and its files into the service; returns the subject's id. */
-export async function bring({ document, files }: Intake, id: string, told: Told): Promise<string> {
+export async function bring({ document, files }: Intake, id: string, report: Progress): Promise<string> {
   const given = document ?? ({ subject: { id } } as SubjectDocument);
   const { id: subject } = await putSubject(given);
-  await uploadAll(subject, files, told);
+  await uploadAll(subject, files, report);
   return subject;
 }
 
 /** @throws Problem before anything is uploaded, where two files would have the same name. */
-export async function uploadAll(subject: string, files: readonly Entry[], told: Told): Promise<void> {
+export async function uploadAll(subject: string, files: readonly Entry[], report: Progress): Promise<void> {
   const names = files.map(({ path }) => keptName(path));
   const twice = names.find((name, place) => names.indexOf(name) !== place);
   if (twice !== undefined) {
@@ -28,10 +28,10 @@ export async function uploadAll(subject: string, files: readonly Entry[], told: 
   const renamed = files.flatMap(({ path }, k) => (baseName(path).normalize("NFC") === names[k] ? [] : [`${baseName(path)} is kept as ${names[k]}`]));
   for (const [place, { file }] of files.entries()) {
     const name = names[place] ?? file.name;
-    told(`Uploading ${place + 1} of ${files.length}: ${name}`);
+    report(`Uploading ${place + 1} of ${files.length}: ${name}`);
     await upload(subject, name, file);
   }
-  told("");
+  report("");
   if (renamed.length > 0) leave(`Some signs cannot stand in names: ${renamed.join("; ")}.`);
 }
 

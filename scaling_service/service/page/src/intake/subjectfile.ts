@@ -71,8 +71,8 @@ function flat(document: SubjectDocument): SubjectDocument {
 }
 
 function withoutUndefined(document: Record<string, unknown>): SubjectDocument {
-  const told = Object.entries(document).filter(([, value]) => value !== undefined && value !== "");
-  return Object.fromEntries(told) as unknown as SubjectDocument;
+  const given = Object.entries(document).filter(([, value]) => value !== undefined && value !== "");
+  return Object.fromEntries(given) as unknown as SubjectDocument;
 }
 
 /** The dropped files that a document names, found from where it lies. */

@@ -23,6 +23,6 @@ export const comparison: ResultView = async (found) => {
 };
 
 /** Seen at first: what the verdict says, and what it started from. */
-function preferred({ verdict: told, methods }: ComparisonDocument): string[] {
-  return [...(told === null ? [] : [told.method]), ...("MB_am" in methods ? ["MB_am"] : [])];
+function preferred({ verdict, methods }: ComparisonDocument): string[] {
+  return [...(verdict === null ? [] : [verdict.method]), ...("MB_am" in methods ? ["MB_am"] : [])];
 }

@@ -19,10 +19,10 @@ export const motion: ResultView = async (found) => {
 };
 
 function errors({ model, warnings, trials }: MotionDocument): HTMLElement[] {
-  const rows = Object.entries(trials).map(([name, told]) => {
-    const { mean, rms, max } = told.kinematic_error_mm;
-    const lost = [...told.not_determined, ...Object.keys(told.frames_not_determined).map((one) => `${one} at times`)];
-    return [cell(name), cell(String(told.frames), told.frames), ...[mean, rms, max].map((value) => cell(number(value), value)),
+  const rows = Object.entries(trials).map(([name, trial]) => {
+    const { mean, rms, max } = trial.kinematic_error_mm;
+    const lost = [...trial.not_determined, ...Object.keys(trial.frames_not_determined).map((one) => `${one} at times`)];
+    return [cell(name), cell(String(trial.frames), trial.frames), ...[mean, rms, max].map((value) => cell(number(value), value)),
       cell(few(lost.map(words)) || "nothing")];
   });
   return [

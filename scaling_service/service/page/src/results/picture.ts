@@ -14,10 +14,10 @@ export async function picture(job: string, wanted: readonly string[], signal: Ab
   if (trial === undefined || signal.aborted) return null;
   const colours = styles(scene.bodies.map(({ name }) => name));
   const shown = wanted.filter((name) => name in trial.motions).slice(0, 2);
-  const bodies = scene.bodies.flatMap((told) => {
-    const motion = trial.motions[told.name];
-    return motion === undefined || !shown.includes(told.name) ? []
-      : [{ told, poses: motion.poses, placed: motion.placed, colour: colours.get(told.name)?.colour ?? "" }];
+  const bodies = scene.bodies.flatMap((entry) => {
+    const motion = trial.motions[entry.name];
+    return motion === undefined || !shown.includes(entry.name) ? []
+      : [{ entry, poses: motion.poses, placed: motion.placed, colour: colours.get(entry.name)?.colour ?? "" }];
   });
   const theatre = new Theatre({ ...trial, bodies }, pathIn(job), `Models of ${shown.join(" and ")} in ${trial.name}`, signal);
   const player = new Player(trial.frames, trial.rate_hz, trial.start_s, (frame) => theatre.showNow(frame), () => theatre.stage, signal);

@@ -31,8 +31,8 @@ function gates(document: DynamicsDocument): HTMLElement {
     ...trials.map((trial) => {
       const found = trial.gates[k];
       if (found === undefined) return cell("–", null);
-      const told = `${number(found.value, 0)} (${number(found.limit, 0)}) ${found.passed ? "kept" : "broken"}`;
-      return cell(told, found.value, found.passed ? "good" : "poor");
+      const shown = `${number(found.value, 0)} (${number(found.limit, 0)}) ${found.passed ? "kept" : "broken"}`;
+      return cell(shown, found.value, found.passed ? "good" : "poor");
     }),
   ]);
   return table({

@@ -103,8 +103,8 @@ function asPython(value: unknown): string {
   if (value === false) return "False";
   if (Array.isArray(value)) return `[${value.map(asPython).join(", ")}]`;
   if (typeof value === "object") {
-    const told = Object.entries(value).map(([name, one]) => `${JSON.stringify(name)}: ${asPython(one)}`);
-    return `{${told.join(", ")}}`;
+    const pairs = Object.entries(value).map(([name, one]) => `${JSON.stringify(name)}: ${asPython(one)}`);
+    return `{${pairs.join(", ")}}`;
   }
   return JSON.stringify(value);
 }

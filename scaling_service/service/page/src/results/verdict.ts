@@ -18,18 +18,18 @@ const TONES = { decided: "good", leaning: "fair", undecided: "unknown" } as cons
 const LEVELS = { good: "good", fair: "fair", poor: "poor", unknown: "not known" };
 
 export function verdict(document: ComparisonDocument, found: Finished, place: HTMLElement): void {
-  const told = document.verdict;
+  const verdict = document.verdict;
   const { job } = found;
-  if (told !== null) {
+  if (verdict !== null) {
     const seen = h("div");
-    const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== told.method && name in document.methods);
+    const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== verdict.method && name in document.methods);
     place.append(
       h("div", { class: "outcome" },
-        h("div", null, callout(told.headline, TONES[told.strength], bullets(told.why)), onwards(found, told.strength === "decided"), trust(told)),
+        h("div", null, callout(verdict.headline, TONES[verdict.strength], bullets(verdict.why)), onwards(found, verdict.strength === "decided"), trust(verdict)),
         h("div", null, seen, bars(document, found))),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
-    void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [told.method, ...others], found.signal))
+    void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [verdict.method, ...others], found.signal))
       .then((figure) => figure !== null && seen.append(figure))
       .catch(() => seen.append(h("p", { class: "quiet" }, "There is no picture of the models here.")));
   }
@@ -142,7 +142,7 @@ function truth(all: Record<string, Record<string, number>>): HTMLElement {
 
 function recordings({ markers_used, repairs }: ComparisonDocument): HTMLElement {
   const labels = Object.entries(markers_used).map(([marker, used]) => [cell(marker), cell(used.join(", "))]);
-  const alike = new Map<string, { trials: string[]; row: Cell[] }>(); // the same in several recordings is told once
+  const alike = new Map<string, { trials: string[]; row: Cell[] }>(); // the same in several recordings is shown once
   for (const [trial, all] of Object.entries(repairs)) {
     for (const { what, where, detail, frames } of all) {
       const row = [cell(what), cell(where.startsWith(`${trial}.`) ? "labels" : where), cell(detail), cell(String(frames), frames)];

@@ -40,7 +40,7 @@ function filmed(canvas: HTMLCanvasElement): () => Promise<Blob> {
 export class Playback {
   readonly element = h("div", { class: "playback" });
   private readonly player: Player;
-  private readonly told = h("p", { class: "told", role: "status" });
+  private readonly status = h("p", { class: "status", role: "status" });
   private readonly map = h("div");
   private readonly failed = h("div");
   private theatre: Theatre | null = null;
@@ -59,12 +59,12 @@ export class Playback {
   async begin(): Promise<void> {
     const { trial, scene, path, shown, frame, signal } = this.options;
     const colours = styles(scene.bodies.map(({ name }) => name));
-    const bodies = scene.bodies.flatMap((told) => {
-      const motion = trial.motions[told.name];
-      return motion === undefined ? [] : [{ told, poses: motion.poses, placed: motion.placed, colour: colours.get(told.name)?.colour ?? "" }];
+    const bodies = scene.bodies.flatMap((entry) => {
+      const motion = trial.motions[entry.name];
+      return motion === undefined ? [] : [{ entry, poses: motion.poses, placed: motion.placed, colour: colours.get(entry.name)?.colour ?? "" }];
     });
     try {
-      this.theatre = new Theatre({ ...trial, bodies }, path, `Models of ${bodies.map(({ told }) => told.name).join(", ")} in ${trial.name}`, signal);
+      this.theatre = new Theatre({ ...trial, bodies }, path, `Models of ${bodies.map(({ entry }) => entry.name).join(", ")} in ${trial.name}`, signal);
     } catch {
       this.element.append(problemBox({ problem: "This browser cannot draw in space (WebGL is missing)", remedy: "Use another browser; the numbers below are all there" }, "warning"));
     }
@@ -72,10 +72,10 @@ export class Playback {
     if (theatre !== null) {
       theatre.picked = (label) => this.choose(label);
       const controls = h("div", { class: "controls" });
-      this.element.append(controls, theatre.stage.element, this.player.element, this.told);
+      this.element.append(controls, theatre.stage.element, this.player.element, this.status);
       this.element.addEventListener("keydown", (event) => this.key(event));
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
-      fill(controls, ...this.choices(theatre, bodies.map(({ told }) => told.name)));
+      fill(controls, ...this.choices(theatre, bodies.map(({ entry }) => entry.name)));
     }
     this.player.go(frame);
     this.element.append(this.mapChoice(), this.map);
@@ -101,12 +101,12 @@ export class Playback {
   /** What is known of the chosen marker at a frame. */
   private tell(frame: number): void {
     if (this.marker === null) {
-      this.told.textContent = "";
+      this.status.textContent = "";
       return;
     }
     const place = this.options.trial.labels.indexOf(this.marker);
     const error = this.errors?.at(frame)?.[place];
-    this.told.textContent = `${this.marker}: ${error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`}`;
+    this.status.textContent = `${this.marker}: ${error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`}`;
   }
 
   private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {

@@ -33,14 +33,14 @@ export class Body {
 
   /** @param labels of the measured markers, in their order. */
   constructor(
-    readonly told: BodyEntry,
+    readonly entry: BodyEntry,
     private readonly colour: string,
     labels: readonly string[],
   ) {
-    this.segments = told.segments.map(() => new Group());
+    this.segments = entry.segments.map(() => new Group());
     for (const segment of this.segments) this.group.add(segment);
-    this.markers = told.markers.map(({ segment, xyz_m }) => this.point(segment, xyz_m));
-    this.toLabels = told.markers.map(({ name }) => labels.indexOf(name));
+    this.markers = entry.markers.map(({ segment, xyz_m }) => this.point(segment, xyz_m));
+    this.toLabels = entry.markers.map(({ name }) => labels.indexOf(name));
     this.connect();
     this.placed = new Float32Array(3 * this.points.length);
     this.markerDots = new Dots(this.markers.length, 0.0085, colour);
@@ -53,10 +53,10 @@ export class Body {
   async dress(glb: ArrayBuffer): Promise<void> {
     const { scene } = await new GLTFLoader().parseAsync(glb, "");
     for (const node of [...scene.children]) {
-      const place = this.told.segments.findIndex(({ name }) => name === node.name);
+      const place = this.entry.segments.findIndex(({ name }) => name === node.name);
       const group = this.segments[place];
       if (group === undefined) continue;
-      const simple = this.told.segments[place]?.shape === "simple";
+      const simple = this.entry.segments[place]?.shape === "simple";
       this.bones.push(...prepared(node, tinted(this.colour), simple));
       group.add(node);
     }
@@ -115,16 +115,16 @@ export class Body {
   }
 
   private point(segment: string, at: PlacedEntry["xyz_m"]): number {
-    const place = this.told.segments.findIndex(({ name }) => name === segment);
+    const place = this.entry.segments.findIndex(({ name }) => name === segment);
     this.points.push({ segment: Math.max(place, 0), at: new Vector3(...at) });
     return this.points.length - 1;
   }
 
   /** Sticks from each segment's origin to the joint centres that it carries; a root's centres hang together. */
   private connect(): void {
-    for (const { name, parent } of this.told.segments) {
-      const centres = this.told.centres.filter(({ segment }) => segment === name).map(({ xyz_m }) => this.point(name, xyz_m));
-      const isRoot = parent === null || !this.told.segments.some((one) => one.name === parent);
+    for (const { name, parent } of this.entry.segments) {
+      const centres = this.entry.centres.filter(({ segment }) => segment === name).map(({ xyz_m }) => this.point(name, xyz_m));
+      const isRoot = parent === null || !this.entry.segments.some((one) => one.name === parent);
       if (isRoot && centres.length > 1) {
         centres.slice(1).forEach((centre, k) => this.pairs.push([centres[k] ?? 0, centre]));
       } else if (centres.length > 0) {
@@ -132,7 +132,7 @@ export class Body {
         for (const centre of centres) this.pairs.push([origin, centre]);
       }
     }
-    for (const { segment, ends_m } of this.told.axes) this.pairs.push([this.point(segment, ends_m[0]), this.point(segment, ends_m[1])]);
+    for (const { segment, ends_m } of this.entry.axes) this.pairs.push([this.point(segment, ends_m[0]), this.point(segment, ends_m[1])]);
   }
 }
 

@@ -16,7 +16,7 @@ export class Player {
   readonly element: HTMLElement;
   private readonly slider: HTMLInputElement;
   private readonly button: HTMLButtonElement;
-  private readonly told = h("output", { class: "clock" });
+  private readonly clock = h("output", { class: "clock" });
   private readonly pace = h("span", { class: "quiet pace" });
   private position = 0;
   private speed = 1;
@@ -46,7 +46,7 @@ export class Player {
       h("button", { "aria-label": "One frame back", onclick: () => this.step(-1) }, "◀"),
       h("button", { "aria-label": "One frame on", onclick: () => this.step(1) }, "▶"),
       this.slider,
-      this.told,
+      this.clock,
       select("speed", SPEEDS.map((value) => ({ value, text: `${value} ×` })), "1", (value) => void (this.speed = Number(value))),
       this.pace,
     );
@@ -134,6 +134,6 @@ export class Player {
     const time = this.start_s + this.frame / this.rate_hz;
     this.slider.value = String(this.frame);
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(2)} s`);
-    this.told.textContent = `${time.toFixed(2)} s · ${this.frame + 1} / ${this.frames}`;
+    this.clock.textContent = `${time.toFixed(2)} s · ${this.frame + 1} / ${this.frames}`;
   }
 }

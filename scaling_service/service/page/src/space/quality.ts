@@ -60,8 +60,8 @@ export class Pace {
 /** Whether the browser draws without a graphics card. */
 export function isSoftware(): boolean {
   const context = document.createElement("canvas").getContext("webgl2");
-  const told = context?.getExtension("WEBGL_debug_renderer_info");
-  const name: unknown = told === null || told === undefined ? "" : context?.getParameter(told.UNMASKED_RENDERER_WEBGL);
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name: unknown = info === null || info === undefined ? "" : context?.getParameter(info.UNMASKED_RENDERER_WEBGL);
   context?.getExtension("WEBGL_lose_context")?.loseContext();
   return /swiftshader|llvmpipe|software|basic render/i.test(String(name));
 }

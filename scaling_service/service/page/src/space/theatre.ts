@@ -33,7 +33,7 @@ export interface Play {
   /** What a label is called where it is pointed at. */
   named?: (label: string) => string;
   /** Bodies with their poses, in the order of their drawing. */
-  bodies: readonly { told: BodyEntry; poses: ArrayEntry; placed: ArrayEntry | null; colour: string }[];
+  bodies: readonly { entry: BodyEntry; poses: ArrayEntry; placed: ArrayEntry | null; colour: string }[];
 }
 
 interface Actor {
@@ -78,9 +78,9 @@ export class Theatre {
     this.names = new Names(this.stage, play.labels.map((label) => play.named?.(label) ?? label), play.labels);
     const { force, centre_of_pressure } = play;
     this.forces = force === null || centre_of_pressure === null ? null : { push: frames(force), at: frames(centre_of_pressure) };
-    for (const { told, poses, placed, colour } of play.bodies) {
-      const body = new Body(told, colour, play.labels);
-      this.actors.set(told.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
+    for (const { entry, poses, placed, colour } of play.bodies) {
+      const body = new Body(entry, colour, play.labels);
+      this.actors.set(entry.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
     }
     this.stage.scene.add(this.dots.mesh, this.ground.group, this.lines.lines);
     onTheme(() => this.repaint(), signal);
@@ -117,7 +117,7 @@ export class Theatre {
     if (shown) {
       await Promise.all([actor.poses.begin(), actor.gliding?.begin()]);
       this.stage.scene.add(actor.body.group);
-      if (!actor.dressed && actor.body.told.bones !== null) await this.dress(actor, actor.body.told.bones);
+      if (!actor.dressed && actor.body.entry.bones !== null) await this.dress(actor, actor.body.entry.bones);
     }
     this.show(this.frame);
   }

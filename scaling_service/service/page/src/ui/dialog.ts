@@ -15,12 +15,12 @@ export function askForKeyOnScreen(refused: boolean): Promise<string> {
   return new Promise((resolve) => {
     const id = newId("key");
     const input = h("input", { id, type: "password", autocomplete: "off", required: true, spellcheck: "false" });
-    const told = refused
+    const reason = refused
       ? ["The service does not know this key."]
       : ["This service asks for an API key. Who runs it makes one with ", h("code", null, "scaling-service keys create NAME"), "."];
     const dialog = shown(
       "API key",
-      [h("p", null, ...told), h("label", { for: id }, "Key"), input,
+      [h("p", null, ...reason), h("label", { for: id }, "Key"), input,
         h("p", { class: "note" }, "It is kept in this tab only, and forgotten when the tab is closed.")],
       "Use it",
       null,

@@ -1,6 +1,6 @@
 /** Problems on screen: where, what, and what to do. */
 
-import { asProblem, isAbort, type Told } from "../api/problem.ts";
+import { asProblem, isAbort, type ProblemDetails } from "../api/problem.ts";
 import type { CorrectionEntry, ProblemEntry } from "../api/schema.ts";
 import { fill, h } from "./dom.ts";
 import { plural } from "./words.ts";
@@ -44,14 +44,14 @@ export function problemList(all: readonly ProblemEntry[], { correct, give }: Hel
     notes.length > 0 && h("details", null, h("summary", null, plural(notes.length, "note")), h("div", { class: "boxes" }, ...notes.map(box))));
 }
 
-export function problemBox(told: Told, severity: Severity = "error"): HTMLElement {
-  const where = [told.file, told.field === "subject" ? "" : told.field].filter((part) => part !== null && part !== undefined && part !== "");
+export function problemBox(problem: ProblemDetails, severity: Severity = "error"): HTMLElement {
+  const where = [problem.file, problem.field === "subject" ? "" : problem.field].filter((part) => part !== null && part !== undefined && part !== "");
   return h(
     "div",
     { class: `problem ${severity}`, role: severity === "error" ? "alert" : null },
     where.length > 0 && h("p", { class: "where" }, h("code", null, where.join(", "))),
-    h("p", { class: "what" }, sentence(told.problem)),
-    told.remedy && h("p", { class: "remedy" }, h("b", null, "What to do: "), sentence(told.remedy)),
+    h("p", { class: "what" }, sentence(problem.problem)),
+    problem.remedy && h("p", { class: "remedy" }, h("b", null, "What to do: "), sentence(problem.remedy)),
   );
 }
 

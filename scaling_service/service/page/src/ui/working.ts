@@ -15,20 +15,20 @@ export interface Working {
 export function working(title?: string): Working {
   const name = h("p");
   const bar = h("progress", { max: 1, "aria-label": "How far the job is" });
-  const told = h("p", { class: "quiet", role: "status" });
+  const status = h("p", { class: "quiet", role: "status" });
   let latest: JobDocument | null = null;
   const cancel: HTMLButtonElement = h("button", { class: "small", onclick: () => {
     cancel.disabled = true;
     if (latest !== null) void end(latest.id);
   } }, "Cancel");
-  const element = h("div", { class: "working" }, h("div", { class: "bar" }, name, h("span", { class: "push" }), cancel), bar, told);
+  const element = h("div", { class: "working" }, h("div", { class: "bar" }, name, h("span", { class: "push" }), cancel), bar, status);
   return {
     element,
     show(job) {
       latest = job;
       element.hidden = isOver(job);
       name.textContent = title ?? kindInWords(job.kind);
-      told.textContent = stateInWords(job);
+      status.textContent = stateInWords(job);
       if (isCounted(job)) bar.value = job.progress.share;
       else bar.removeAttribute("value");
     },

@@ -29,17 +29,17 @@ export const cohort: View = async ({ main, signal }) => {
   const [subjects, known, jobs] = await Promise.all([listSubjects(signal), vocabulary(), listJobs({ kind: "batch", limit: "20" }, signal)]);
   const picked: Picked = { subjects: new Set(), methods: new Set(known.methods.map(({ name }) => name)), groups: {} };
   const list = h("div");
-  const told = h("p", { class: "quiet", role: "status" });
+  const status = h("p", { class: "quiet", role: "status" });
   const failed = h("div");
   const take = (entries: Promise<Entry[]> | Entry[]): void =>
     void guarded(failed, async () => {
-      await bringAll(await entries, picked, told, failed);
+      await bringAll(await entries, picked, status, failed);
       fill(list, chooser(await listSubjects(signal), picked));
     });
   fill(list, chooser(subjects, picked));
   main.append(
     h("h1", null, "Cohort"),
-    dropBox(take, h("p", null, "Drop a folder with one subject file for each person beside their recordings; a table (CSV with a column “subject”) may add groups."), told),
+    dropBox(take, h("p", null, "Drop a folder with one subject file for each person beside their recordings; a table (CSV with a column “subject”) may add groups."), status),
     failed,
     list,
     ...starting(picked, known.methods.map(({ name }) => name)),
@@ -51,7 +51,7 @@ export const cohort: View = async ({ main, signal }) => {
 };
 
 /** Bring all members in; one that fails does not stop the others. */
-async function bringAll(entries: readonly Entry[], picked: Picked, told: HTMLElement, failed: HTMLElement): Promise<void> {
+async function bringAll(entries: readonly Entry[], picked: Picked, status: HTMLElement, failed: HTMLElement): Promise<void> {
   const { members, groups } = await cohortOf(entries);
   if (members.length === 0) {
     throw new Problem({ problem: "No subject file is among these files", remedy: "Put a subject.yaml beside the recordings of each person; the README shows one" });
@@ -61,14 +61,14 @@ async function bringAll(entries: readonly Entry[], picked: Picked, told: HTMLEle
   for (const [place, member] of members.entries()) {
     const id = member.document?.subject.id ?? "";
     try {
-      await bring(member, id, (text) => void (told.textContent = `Subject ${place + 1} of ${members.length}, ${id}. ${text}`));
+      await bring(member, id, (text) => void (status.textContent = `Subject ${place + 1} of ${members.length}, ${id}. ${text}`));
       picked.subjects.add(id);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
       problems.push(problemBox({ ...error, problem: error.problem, file: member.path }));
     }
   }
-  told.textContent = `${plural(picked.subjects.size, "subject")} brought in.`;
+  status.textContent = `${plural(picked.subjects.size, "subject")} brought in.`;
   fill(failed, ...problems);
 }
 

@@ -14,9 +14,9 @@ import { guarded } from "../ui/problem.ts";
  */
 export function dropZone(subject: string | null): HTMLElement {
   const failed = h("div");
-  const told = h("p", { class: "quiet", role: "status" });
+  const status = h("p", { class: "quiet", role: "status" });
   const more = h("div");
-  const tell = (text: string): void => void (told.textContent = text);
+  const tell = (text: string): void => void (status.textContent = text);
   const take = (entries: Promise<Entry[]> | Entry[]): void =>
     void guarded(failed, async () => {
       const found = await entries;
@@ -27,7 +27,7 @@ export function dropZone(subject: string | null): HTMLElement {
     h("p", null, subject === null
       ? "Drop a folder or files here: recordings (C3D, TRC), forces (MOT), a model (.osim), bones (STL, PLY, OBJ, VTP), a subject file."
       : `Drop more files of ${subject} here. One of the same name is replaced.`),
-    told,
+    status,
     more,
     failed,
   );

@@ -101,7 +101,7 @@ function shown(
       draft.correct(file, null);
       void saver.flush().then(again);
     }),
-    h("div", { class: "saving" }, steps.links, h("span", { class: "push" }), saver.told, h("a", { class: "button main", href: next }, "On to the analyses")),
+    h("div", { class: "saving" }, steps.links, h("span", { class: "push" }), saver.status, h("a", { class: "button main", href: next }, "On to the analyses")),
     saver.failed,
     ...steps.panels,
   );
@@ -110,8 +110,8 @@ function shown(
 /** What the subject's document corrects, with a way back. */
 function corrections({ corrections: all = {} }: SubjectDocument, undo: (file: string) => void): HTMLElement {
   const rows = Object.entries(all).map(([file, found]) => {
-    const told = found.map(({ labels, from_s, to_s }) => `${Object.keys(labels).join(" and ")} from ${from_s.toFixed(2)} to ${to_s.toFixed(2)} s`);
-    return h("li", null, `${file}: exchanged ${told.join("; ")} `, h("button", { class: "small", onclick: () => undo(file) }, "Undo"));
+    const exchanges = found.map(({ labels, from_s, to_s }) => `${Object.keys(labels).join(" and ")} from ${from_s.toFixed(2)} to ${to_s.toFixed(2)} s`);
+    return h("li", null, `${file}: exchanged ${exchanges.join("; ")} `, h("button", { class: "small", onclick: () => undo(file) }, "Undo"));
   });
   return h("section", { hidden: rows.length === 0 }, h("h2", null, "Labels put right"), h("ul", null, ...rows));
 }

@@ -19,7 +19,7 @@ export const jobs: View = async ({ main, place, signal }) => {
     if (value !== null) chosen[name] = value;
   }
   const change = (name: string, value: string): void => {
-    const query = Object.fromEntries([...place.query.entries(), [name, value]].filter(([, told]) => told !== ""));
+    const query = Object.fromEntries([...place.query.entries(), [name, value]].filter(([, given]) => given !== ""));
     location.hash = link(["jobs"], query as Record<string, string>);
   };
   const any = { value: "", text: "any" };

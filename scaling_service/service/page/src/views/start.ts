@@ -35,15 +35,15 @@ function bring(): HTMLElement {
 }
 
 function tryOut(): HTMLElement {
-  const told = h("div", { role: "status" });
+  const status = h("div", { role: "status" });
   const button = h("button", { class: "main", onclick: () => {
     button.disabled = true;
-    fill(told, h("progress", { "aria-label": "Making the example" }), h("p", { class: "quiet" }, "A virtual person is being made …"));
-    void guarded(told, loadExample).finally(() => {
+    fill(status, h("progress", { "aria-label": "Making the example" }), h("p", { class: "quiet" }, "A virtual person is being made …"));
+    void guarded(status, loadExample).finally(() => {
       button.disabled = false;
     });
   } }, "Load the example");
-  return h("div", null, h("div", { class: "actions" }, button, h("span", { class: "quiet" }, "A virtual person with bones, and two effects hidden in the recordings.")), told);
+  return h("div", null, h("div", { class: "actions" }, button, h("span", { class: "quiet" }, "A virtual person with bones, and two effects hidden in the recordings.")), status);
 }
 
 async function loadExample(): Promise<void> {

@@ -18,7 +18,7 @@ from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Ch
 from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate, Seen
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation, Profile, values_of
 from scaling_service.capabilities.discovery.laws.spots import Generators, Spot
-from scaling_service.capabilities.discovery.laws.steady_skin import steady_replicates
+from scaling_service.capabilities.discovery.laws.steady_skin import oscillations_of, steady_replicates
 from scaling_service.capabilities.discovery.observations.performed import performed
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.numerics.multibody.laws import Array
@@ -61,7 +61,7 @@ class Markers(Observation[TrackedTrial]):
             here = products.of_columns(layout.active_in(item.name), layout.rough)
             step = _step(item, items, layout, block_s)
             made = _Columns(item, generators, here, values_of(profiles, item), step)
-            strays = list(made.strays(profiles, _held(layout), layout.sizes)) if layout.sizes.any() else []
+            strays = list(made.strays(profiles, layout)) if layout.sizes.any() else []
             for stretch in made.stretches(item.blocks(block_s)):
                 block, *by_chance = (partial(one.blocks, stretch) for one in (made, *strays))
                 sources.append(BlockSource(item.name, item.role, block, by_chance))
@@ -100,16 +100,6 @@ class Markers(Observation[TrackedTrial]):
     def performed(self, fit: Fit, movement: str) -> TrackedTrial | None:
         """By the markers of the first trial."""
         return performed(fit.tracked[0], movement)
-
-
-def _held(layout: Layout) -> list[tuple[Oscillation, float]]:
-    """Each marker's oscillation once, and its share."""
-    return [
-        (profile, float(size))
-        for column, size in zip(layout.columns, layout.sizes, strict=True)
-        for profile in {p.profile for p in column.parts if isinstance(p.profile, Oscillation)}
-        if size and profile.axis == 0
-    ]
 
 
 def _same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
@@ -186,20 +176,20 @@ class _Columns:
     step: int  # every how many frames to look at
     sizes: Array | None = None  # (n_columns,): of which residuals are made, where they are not the trial's
 
-    def strays(
-        self, profiles: Sequence[Profile], held: Sequence[tuple[Oscillation, float]], sizes: Array
-    ) -> Iterator[_Columns]:
+    def strays(self, profiles: Sequence[Profile], layout: Layout) -> Iterator[_Columns]:
         """What noise makes of columns that oscillate with the motion, drawn a few times.
 
-        The trial's residuals were freed of such columns of these sizes, hence of their noise, too. Else the
+        The trial's residuals were freed of such columns of known sizes, hence of their noise, too. Else the
         pose leaves in them what has no part in itself, from which columns come. Without this what oscillates
         seems smaller and slower (corrected score of errors in variables: Nakamura 1990, Biometrika 77:127).
         """
         shaken = [k for k, profile in enumerate(profiles) if isinstance(profile, Oscillation)]
+        sized = zip(layout.columns, layout.sizes.tolist(), strict=True)
+        held = oscillations_of((column, size) for column, size in sized if size)
         for other in steady_replicates(self.item, held):
             stray = np.zeros_like(self.values)
             stray[shaken] = values_of([profiles[k] for k in shaken], other) - self.values[shaken]
-            yield replace(self, values=stray, sizes=sizes)
+            yield replace(self, values=stray, sizes=layout.sizes)
 
     @property
     def most(self) -> int:

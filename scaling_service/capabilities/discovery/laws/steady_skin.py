@@ -8,7 +8,7 @@ would grow near the resonance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import block_array, bsr_array, csc_array, csr_array, dia_array, diags_array, eye_array, kron
 from scipy.sparse.linalg import LinearOperator, SuperLU, gmres, splu
 
-from scaling_service.capabilities.discovery.laws.candidates import Estimate
+from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.oscillator import (
@@ -45,12 +45,15 @@ def oscillating_markers(trial: Trial, effects: Sequence[Estimate]) -> tuple[str,
 
 
 def _oscillations(trial: Trial, effects: Sequence[Estimate]) -> list[tuple[Oscillation, float]]:
-    """Each marker's oscillation once, and its share."""
+    present = (effect for effect in effects if effect.candidate.holds_in(trial.name))
+    return oscillations_of(column for effect in present for column in effect.columns)
+
+
+def oscillations_of(columns: Iterable[tuple[Column, float]]) -> list[tuple[Oscillation, float]]:
+    """Each marker's oscillation once, and its share, of columns with their sizes."""
     return [
         (profile, size)
-        for effect in effects
-        if effect.candidate.holds_in(trial.name)
-        for column, size in effect.columns
+        for column, size in columns
         for profile in {p.profile for p in column.parts if isinstance(p.profile, Oscillation)}
         if profile.axis == 0
     ]

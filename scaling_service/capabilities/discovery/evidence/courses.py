@@ -167,11 +167,12 @@ def _variance(item: TrackedTrial, coordinate: int) -> Array:
     """Of a coordinate in every frame by what the markers stray, (n,), rad2 or m2."""
     generators = Generators.of(item, ())
     at = int(np.flatnonzero(np.flatnonzero(item.task.free) == coordinate)[0])
-    found, square, freedom = np.empty(len(item.q)), 0.0, 0.0
-    for rows in item.chunks(_CHUNK):
+
+    def of(rows: slice) -> tuple[Array, float, float]:
         gap, pose, _ = generators.at(item, rows)
-        bend = pose @ pose.transpose(0, 2, 1)
-        found[rows] = np.linalg.pinv(bend, rcond=IDENTIFIABLE**2, hermitian=True)[:, at, at]
-        square += float((gap**2).sum())
-        freedom += 3.0 * float(item.seen[rows].sum()) - gap.shape[0] * pose.shape[1]
-    return found * square / max(freedom, 1.0)
+        inverse = np.linalg.pinv(pose @ pose.transpose(0, 2, 1), rcond=IDENTIFIABLE**2, hermitian=True)
+        freedom = 3.0 * float(item.seen[rows].sum()) - gap.shape[0] * pose.shape[1]
+        return np.asarray(inverse[:, at, at], dtype=float), float((gap**2).sum()), float(freedom)
+
+    found, square, freedom = zip(*map_parallel(of, item.chunks(_CHUNK)), strict=True)
+    return np.asarray(np.concatenate(found) * sum(square) / max(sum(freedom), 1.0))

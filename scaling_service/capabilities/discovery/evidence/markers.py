@@ -21,6 +21,7 @@ from scaling_service.capabilities.discovery.laws.spots import Generators, Spot
 from scaling_service.capabilities.discovery.laws.steady_skin import oscillations_of, steady_replicates
 from scaling_service.capabilities.discovery.observations.performed import performed
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
+from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
 _CHUNK = 5e5  # numbers of all columns at once (chosen: 4 MB)
@@ -244,12 +245,14 @@ class _Columns:
 
 def _left(item: TrackedTrial) -> Array:
     """How many of a marker's three numbers the pose leaves free, (n, n_markers)."""
-    generators, left = Generators.of(item, ()), np.empty((len(item.q), len(item.markers)))
-    for rows in item.chunks(_AT_ONCE):
+    generators = Generators.of(item, ())
+
+    def of(rows: slice) -> Array:
         basis = span(generators.at(item, rows)[1])
         taken = np.square(basis).sum(axis=1).reshape(len(basis), -1, 3).sum(axis=2)
-        left[rows] = np.maximum(3.0 - taken, _LEAST_LEFT)
-    return left
+        return np.asarray(np.maximum(3.0 - taken, _LEAST_LEFT))
+
+    return np.concatenate(map_parallel(of, item.chunks(_AT_ONCE)))
 
 
 MARKERS = Markers()

@@ -111,6 +111,7 @@ def test_long_recording(visit: Visit, url: str, tmp_path: Path) -> None:
         f"open in {seconds:.2f} s; scrubbing {middle:.0f} ms, worst {worst:.0f} ms; "
         f"over the chart {hover:.0f} ms, worst {longest:.0f} ms"
     )
+    print(f"\n{figures}")  # noqa: T201
     assert seconds < 3.0, figures
     assert max(middle, hover) < 100, figures
     assert max(worst, longest) < 500, figures

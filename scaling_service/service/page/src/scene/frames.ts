@@ -9,6 +9,8 @@ import type { ArrayEntry } from "../api/schema.ts";
 const BLOCK_BYTES = 1 << 20;
 /** Of one array: enough for a minute around the cursor, little enough for many arrays. */
 const MOST_BLOCKS = 48;
+/** A cursor that is dragged passes many blocks; only where it stays this long are they fetched. */
+const STAYS_MS = 50;
 
 export class Frames {
   readonly count: number;
@@ -18,6 +20,8 @@ export class Frames {
   readonly block: number;
   private readonly blocks = new Map<number, Float32Array | null>();
   private overview: Float32Array | null = null;
+  /** The block where the cursor is, until it is fetched. */
+  private awaited: { place: number; timer: number } | null = null;
 
   /**
    * @param path from the name of a file to where it is fetched.
@@ -59,9 +63,16 @@ export class Frames {
     return { values: floats(await getBytes(this.path(overview?.file ?? file), { signal: this.signal })), step: overview?.step ?? 1 };
   }
 
-  /** Have a frame and those that follow ready. */
-  want(frame: number): void {
+  /** Have a frame and those that follow ready, if the cursor stays. */
+  private want(frame: number): void {
     const place = Math.floor(frame / this.block);
+    if (place === this.awaited?.place) return;
+    clearTimeout(this.awaited?.timer);
+    this.awaited = { place, timer: window.setTimeout(() => this.fetchFrom(place), STAYS_MS) };
+  }
+
+  private fetchFrom(place: number): void {
+    this.awaited = null;
     for (const wanted of [place, place + 1]) {
       if (wanted * this.block < this.count && !this.blocks.has(wanted)) void this.load(wanted);
     }

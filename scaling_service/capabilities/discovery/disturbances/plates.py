@@ -1,16 +1,34 @@
-"""Disturbances of the plates: belts that give way, gains that depend on the load, clocks that drift."""
+"""Disturbances of the plates: belts that give way, crossed channels, curved gains, clocks that drift."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from scaling_service.capabilities.discovery.disturbances.disturbance import DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column
-from scaling_service.capabilities.discovery.laws.loads import CurvedGain, Drifting, Late, PlateGain, Shear
+from scaling_service.capabilities.discovery.laws.loads import (
+    Crossed,
+    CurvedGain,
+    Drifting,
+    Late,
+    PlateGain,
+    Shear,
+)
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 
 _HORIZONTAL = {"x": 0, "z": 2}
+_WIRED = {
+    "these two channels were exchanged": (1.0, -1.0, -1.0, 1.0),
+    "fx had the wrong sign": (2.0, 0.0, 0.0, 0.0),
+    "fz had the wrong sign": (0.0, 0.0, 0.0, 2.0),
+}
+"""What a wrong plug does to fx, fx, fz and fz, as shares of fx, fz, fx and fz."""
+
+_LIKE = 0.2  # chosen: of these shares
 
 
 def dragging(fit: Fit) -> Iterator[Candidate]:
@@ -29,6 +47,30 @@ def _dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
         f"+ {share:.3g} x that force + {added:.3g} N while it is loaded"
     )
     return (plate, f"f{axis}"), law.replace("+ -", "- ")
+
+
+def crossing(fit: Fit) -> Iterator[Candidate]:
+    """Every loaded plate: its horizontal channels stand for each other, or for what is not theirs.
+
+    A program that takes the centre of pressure from them is wrong about the vertical moment, too.
+    """
+    for plate in fit.scene.plates:
+        pairs = [(component, axis) for component in (0, 2, 4) for axis in _HORIZONTAL.values()]
+        columns = tuple(Column(COMPONENTS[c], 1.0, load=Crossed(plate, c, axis)) for c, axis in pairs)
+        yield Candidate("crossing", (plate,), columns)
+
+
+def _crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+    (plate,) = found.candidate.where
+    (xx, xz), (zx, zz) = found.fitted.size[:4].reshape(2, 2).tolist()
+    law = (
+        f"the horizontal forces of {plate} are off by {xx:.2g} fx + {xz:.2g} fz along x "
+        f"and by {zx:.2g} fx + {zz:.2g} fz along z".replace("+ -", "- ")
+    )
+    for fault, pattern in _WIRED.items():
+        if np.abs(found.fitted.size[:4] - pattern).max() < _LIKE:
+            law += f", as if {fault}"
+    return (plate, "fx", "fz"), law
 
 
 def curving(fit: Fit) -> Iterator[Candidate]:
@@ -61,6 +103,7 @@ def _drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
 
 LAWS = (
     DisturbanceLaw(dragging, _dragged),
+    DisturbanceLaw(crossing, _crossed),
     DisturbanceLaw(curving, _curved),
     DisturbanceLaw(drifting_clock, _drifted),
 )

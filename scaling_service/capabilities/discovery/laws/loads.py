@@ -188,6 +188,23 @@ class Shear:
 
 
 @dataclass(frozen=True, slots=True)
+class Crossed:
+    """A component of a plate's wrench takes part of the force along an axis: share, or m for a moment."""
+
+    plate: str
+    component: int  # of the wrench
+    axis: int
+
+    def column(self, fit: WrenchFit) -> Array:
+        """A force where the plate is pressed, or a moment, (n, 6)."""
+        read = fit.plate(self.plate)[:, self.axis]
+        if self.component >= 3:
+            return np.outer(read, np.eye(6)[self.component])
+        force = np.outer(read, _UNIT[self.component])
+        return np.concatenate([force, np.cross(fit.pressed(self.plate), force)], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
 class Inertial:
     """A segment's inertial parameters change along a direction (10,), ordered as ``Inertias.parameters``."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,7 +121,7 @@ def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
 
 
 def _p_of_level(fit: Fit, tally: Tally, k: int) -> float:
-    """How likely noise alone stands so high in any of the trials in which the cameras' noise shows."""
+    """How likely noise alone stands so high in one or all of the trials in which the cameras' noise shows."""
     telling = {item.name for item in fit.tracked if item.shows_noise}
     high = [
         trial
@@ -129,7 +129,19 @@ def _p_of_level(fit: Fit, tally: Tally, k: int) -> float:
         if trial in telling and rms > fit.settings.unexplained_ratio * floor
     ]
     chances = [p_above_floor(tally, k, trial) for trial in high]
-    return min(1.0, len(telling) * min(chances, default=1.0))
+    in_one = len(telling) * min(chances, default=1.0)
+    return min(1.0, 2.0 * min(in_one, _p_of_size(tally, k, telling))) if high else 1.0
+
+
+def _p_of_size(tally: Tally, k: int, trials: Collection[str]) -> float:
+    """How likely noise alone is so large in some trials, if each block has but one independent number of it.
+
+    The floor is taken to be known from as many. What comes and goes differs so much from block to block that
+    nothing else shows it.
+    """
+    here = np.array([name in trials for name in tally.trials]) & (tally.frames[:, k] > 0)
+    ratio = float(tally.square[here, k].sum() / max(tally.floor[here, k].sum(), 1e-300))
+    return float(scipy.stats.f.sf(ratio, here.sum(), here.sum()))
 
 
 def _strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:

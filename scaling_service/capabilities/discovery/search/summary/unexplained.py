@@ -100,15 +100,11 @@ def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
     """
     rows = places_of(fit, floors)
     strength = [_strength(fit, floors[o.name], k) for o, _, k in rows]
-    predicted = _chances(strength)
-    p = holm(
-        np.array(
-            [
-                min(1.0, 2.0 * min(q, _p_of_level(fit, *row[1:])))
-                for q, row in zip(predicted, rows, strict=True)
-            ]
-        )
-    )
+    pairs = zip(_chances(strength), rows, strict=True)
+    p = np.array([min(1.0, 2.0 * min(q, _p_of_level(fit, *row[1:]))) for q, row in pairs])
+    for one in OBSERVATIONS:  # a component does not pay for the many markers
+        here = [row[0] is one for row in rows]
+        p[here] = np.minimum(1.0, len(OBSERVATIONS) * holm(p[here]))
     found = []
     for (observation, tally, k), chance in zip(rows, p.tolist(), strict=True):
         if chance <= fit.settings.unexplained_level and tally.frames[:, k].any():

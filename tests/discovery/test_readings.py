@@ -65,10 +65,13 @@ def test_right_plates_are_predicted_no_better_than_by_chance(laboratory: SearchC
     assert found.p > 0.05
 
 
-def exchanged(ground: GroundForces) -> GroundForces:
-    """The first plate's horizontal channels stand for each other; its moments are right."""
+def exchanged(ground: GroundForces, sign: float = 1.0) -> GroundForces:
+    """The first plate's horizontal channels stand for each other; its moments are right.
+
+    ``sign``: minus one for a plate whose axes lie across those of the ground.
+    """
     force = ground.force.copy()
-    force[:, 0] = force[:, 0][:, [2, 1, 0]]
+    force[:, 0] = force[:, 0][:, [2, 1, 0]] * np.array([sign, 1.0, sign])
     return replace(ground, force=force)
 
 
@@ -83,6 +86,7 @@ def reversed_channel(ground: GroundForces) -> GroundForces:
     ("fault", "size", "said"),
     [
         (exchanged, (1, -1, -1, 1), "were exchanged"),
+        (partial(exchanged, sign=-1.0), (1, 1, 1, 1), "were exchanged"),
         (reversed_channel, (0, 0, 0, 2), "fz had the wrong sign"),
     ],
 )

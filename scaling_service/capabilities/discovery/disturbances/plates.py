@@ -21,12 +21,13 @@ from scaling_service.capabilities.discovery.laws.loads import (
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 
 _HORIZONTAL = {"x": 0, "z": 2}
-_WIRED = {
-    "these two channels were exchanged": (1.0, -1.0, -1.0, 1.0),
-    "fx had the wrong sign": (2.0, 0.0, 0.0, 0.0),
-    "fz had the wrong sign": (0.0, 0.0, 0.0, 2.0),
-}
-"""What a wrong plug does to fx, fx, fz and fz, as shares of fx, fz, fx and fz."""
+_WIRED = (
+    ((1.0, -1.0, -1.0, 1.0), "these two channels were exchanged"),
+    ((1.0, 1.0, 1.0, 1.0), "these two channels were exchanged"),  # the plate's axes lie across the ground's
+    ((2.0, 0.0, 0.0, 0.0), "fx had the wrong sign"),
+    ((0.0, 0.0, 0.0, 2.0), "fz had the wrong sign"),
+)
+"""By how much wrong plugs put fx, fx, fz and fz off, as shares of fx, fz, fx and fz; and what they are."""
 
 _LIKE = 0.2  # chosen: of these shares
 
@@ -67,8 +68,8 @@ def _crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
         f"the horizontal forces of {plate} are off by {xx:.2g} fx + {xz:.2g} fz along x "
         f"and by {zx:.2g} fx + {zz:.2g} fz along z".replace("+ -", "- ")
     )
-    for fault, pattern in _WIRED.items():
-        if np.abs(found.fitted.size[:4] - pattern).max() < _LIKE:
+    for shares, fault in _WIRED:
+        if np.abs(found.fitted.size[:4] - shares).max() < _LIKE:
             law += f", as if {fault}"
     return (plate, "fx", "fz"), law
 

@@ -73,6 +73,7 @@ export class Frames {
 
   private fetchFrom(place: number): void {
     this.awaited = null;
+    if (this.signal.aborted) return;
     for (const wanted of [place, place + 1]) {
       if (wanted * this.block < this.count && !this.blocks.has(wanted)) void this.load(wanted);
     }

@@ -97,7 +97,8 @@ class Visitor:
         self.page.locator("input[type=file]").first.set_input_files([str(file) for file in files])
 
     def barriers(self, axe: str) -> list[str]:
-        """What axe finds in what is shown, be it only minor."""
+        """What axe finds in what is shown, be it only minor, once there is something shown."""
+        self.page.locator("h1").first.wait_for(timeout=LONG_MS)
         self.page.evaluate(axe)
         found = self.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
         return [

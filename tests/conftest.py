@@ -17,6 +17,11 @@ use_one_thread()  # numpy is not imported yet
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One more than there are cores: a third of the time is waiting for services and browsers."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of the real recordings: ``SCALING_SERVICE_DATA``, else ``../shared/data``."""

@@ -1,13 +1,11 @@
-"""What all reports share: one colour and one kind of line for each method, numbers and names as text.
-
-Colours: Okabe & Ito 2008, "Color Universal Design", safe for colour-blind readers. Lines differ in their
-dashes too, so that no reader depends on colours.
-"""
+"""What all reports share: one colour and one kind of line for each method, numbers and names as text."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 
 from scaling_service.report.blocks import Cell, Legend
 
@@ -29,14 +27,9 @@ class Style:
     dash: str
 
 
-_KNOWN = {
-    "MB": Style("#E69F00", "dot"),
-    "MB_lam": Style("#CC79A7", "dash"),
-    "MB_am": Style("#0072B2", "solid"),
-    "EB": Style("#009E73", "dashdot"),
-    "EB_am": Style("#D55E00", "solid"),
-}
-_OTHERS = (Style("#56B4E9", "dash"), Style("#000000", "dot"), Style("#F0E442", "dashdot"))
+_STYLES = json.loads(files("scaling_service.report").joinpath("assets", "methods.json").read_text("utf-8"))
+_KNOWN = {name: Style(**style) for name, style in _STYLES["known"].items()}
+_OTHERS = [Style(**style) for style in _STYLES["others"]]
 
 
 def styles(methods: Sequence[str]) -> dict[str, Style]:

@@ -102,7 +102,7 @@ def test_long_recording(visit: Visit, url: str, tmp_path: Path) -> None:
     )
     hover, longest = stalls(
         visitor,
-        """const plot = document.querySelector('figure .plot canvas');
+        """const plot = document.querySelector('figure .plot .nsewdrag');
           const box = plot.getBoundingClientRect();
           const at = {clientX: box.left + 90 + 4 * k, clientY: box.top + 20 + k, bubbles: true};
           plot.dispatchEvent(new MouseEvent('mousemove', at));""",

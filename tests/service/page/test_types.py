@@ -15,12 +15,14 @@ from tests.service.page.node import WEB, node
 def test_types(npm: Path | None, tmp_path: Path) -> None:
     if npm is None:
         pytest.skip("TypeScript cannot be fetched from the npm registry")
-    shutil.copytree(WEB / "src", tmp_path / "src")
-    shutil.copy(WEB / "tsconfig.json", tmp_path)
-    (tmp_path / "node_modules").symlink_to(npm)
+    web = tmp_path / "service" / "page"
+    shutil.copytree(WEB / "src", web / "src")
+    shutil.copy(WEB / "tsconfig.json", web)
+    shutil.copytree(WEB.parents[1] / "report" / "assets", tmp_path / "report" / "assets")
+    (web / "node_modules").symlink_to(npm)
     program, _ = node()
     command = [str(program), str(npm / "typescript" / "bin" / "tsc"), "--noEmit"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=web, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
 
 

@@ -1,9 +1,7 @@
 /** Ranked bars, one for each name, with a mark on each such as its floor. */
 
 import { figures } from "../ui/words.ts";
-import { base, nameAxis, valueAxis } from "./base.ts";
-import type { Option } from "./engine.ts";
-import { tip } from "./figure.ts";
+import { base, describe, nameAxis, valueAxis, type Drawing } from "./base.ts";
 import type { Ink } from "./ink.ts";
 
 const LEFT = 110;
@@ -24,43 +22,37 @@ export interface Bars {
   left?: number;
 }
 
-export function barsOption(ink: Ink, { bars, axis, unit, marks, left }: Bars): Option {
-  const common = base(ink, { left: left ?? LEFT });
+export function drawBars(ink: Ink, { bars, axis, unit, marks, left = LEFT }: Bars): Drawing {
+  const marked = bars.map(({ mark }) => mark ?? null);
   return {
-    ...common,
-    tooltip: {
-      ...(common.tooltip as object),
-      trigger: "axis",
-      axisPointer: { type: "none" },
-      formatter: (found: unknown) => describe(bars, unit, marks, found),
-    },
-    xAxis: valueAxis(ink, { name: axis, min: 0 }, "x"),
-    yAxis: nameAxis(ink, bars.map((bar) => bar.name), (left ?? LEFT) - 10),
-    series: [
+    data: [
       {
         type: "bar",
-        barMaxWidth: 16,
-        data: bars.map((bar) => ({ value: bar.value, itemStyle: { color: bar.colour } })),
+        orientation: "h",
+        width: 0.7,
+        x: bars.map(({ value }) => value),
+        y: bars.map((_, k) => k),
+        marker: { color: bars.map(({ colour }) => colour) },
+        hovertext: bars.map(({ name, value, mark }) => describe(name, `${figures(value)} ${unit}`,
+          ...(marks !== undefined && typeof mark === "number" ? [`${marks}: ${figures(mark)} ${unit}`] : []))),
+        hoverinfo: "text",
       },
       {
         type: "scatter",
-        symbol: "rect",
-        symbolSize: [3, 14],
-        itemStyle: { color: ink.text },
-        data: bars.flatMap((bar, place) => (bar.mark === null || bar.mark === undefined ? [] : [[bar.mark, place]])),
+        mode: "markers",
+        x: marked,
+        y: marked.map((_, k) => k),
+        marker: { symbol: "line-ns", size: 14, line: { color: ink.text, width: 3 } },
+        hoverinfo: "skip",
       },
     ],
+    layout: {
+      ...base(ink, { left }),
+      xaxis: valueAxis(ink, { name: axis, fromZero: true }, "x"),
+      yaxis: nameAxis(ink, bars.map(({ name }) => name), left - 10),
+      hovermode: "y",
+    },
   };
 }
 
 export const barsHeight = (count: number): number => Math.max(150, 70 + 20 * count);
-
-function describe(bars: readonly Bar[], unit: string, marks: string | undefined, found: unknown): HTMLElement {
-  const bar = bars[(found as { dataIndex: number }[])[0]?.dataIndex ?? 0];
-  if (bar === undefined) return tip("", []);
-  const rows = [{ colour: bar.colour, text: `${figures(bar.value)} ${unit}` }];
-  if (marks !== undefined && typeof bar.mark === "number") {
-    rows.push({ colour: "currentColor", text: `${marks}: ${figures(bar.mark)} ${unit}` });
-  }
-  return tip(bar.name, rows);
-}

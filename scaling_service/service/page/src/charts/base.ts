@@ -1,54 +1,87 @@
 /** What all figures have in common. */
 
-import type { Option } from "./engine.ts";
-import { minus } from "../ui/words.ts";
+import type { Layout, Trace } from "plotly.js-cartesian-dist-min";
 import { FONT, type Ink } from "./ink.ts";
+
+export type { Layout, Trace };
+export interface Drawing {
+  data: Trace[];
+  layout: Layout;
+}
 
 export interface Axis {
   name: string;
-  min?: number | "dataMin";
-  max?: number | "dataMax";
+  /** Both ends; without them, where the values end. */
+  range?: [number, number];
+  /** From zero to where the values end. */
+  fromZero?: boolean;
 }
 
-/** Room around the drawing, letters, no movement, a quiet tooltip. */
-export function base(ink: Ink, margins: { left?: number; right?: number; top?: number; bottom?: number } = {}): Option {
+export interface Margins {
+  left?: number;
+  right?: number;
+  top?: number;
+  bottom?: number;
+}
+
+/** Room around the drawing, letters, nothing that catches a finger which scrolls the page, a quiet tooltip. */
+export function base(ink: Ink, { left = 52, right = 14, top = 12, bottom = 40 }: Margins = {}): Layout {
   return {
-    animation: false,
-    textStyle: { fontFamily: FONT, color: ink.text, fontSize: 12 },
-    grid: { left: 52, right: 14, top: 12, bottom: 40, containLabel: false, ...margins },
-    tooltip: {
-      confine: true,
-      backgroundColor: ink.paper,
-      borderColor: ink.line,
-      textStyle: { color: ink.text, fontFamily: FONT, fontSize: 12 },
-      axisPointer: { lineStyle: { color: ink.quiet }, label: { show: false } },
-    },
+    font: { family: FONT, color: ink.text, size: 12 },
+    margin: { l: left, r: right, t: top, b: bottom },
+    paper_bgcolor: ink.paper,
+    plot_bgcolor: ink.paper,
+    showlegend: false,
+    dragmode: false,
+    hovermode: "closest",
+    hoverlabel: { bgcolor: ink.paper, bordercolor: ink.quiet, align: "left", font: { family: FONT, color: ink.text, size: 12 } },
   };
 }
 
-export function valueAxis(ink: Ink, { name, min, max }: Axis, where: "x" | "y"): Option {
+export function valueAxis(ink: Ink, { name, range, fromZero }: Axis, where: "x" | "y"): Layout {
   return {
-    type: "value",
-    name,
-    nameLocation: "middle",
-    nameGap: where === "x" ? 24 : 38,
-    nameTextStyle: { color: ink.quiet },
-    axisLabel: { color: ink.quiet, hideOverlap: true, formatter: (value: number) => minus(String(Number(value.toPrecision(12)))) },
-    axisLine: { show: where === "x", lineStyle: { color: ink.quiet } },
-    splitLine: { show: where === "y", lineStyle: { color: ink.line } },
-    scale: min === undefined,
-    ...(min === undefined ? {} : { min }),
-    ...(max === undefined ? {} : { max }),
+    title: { text: plain(name), font: { color: ink.quiet }, standoff: 6 },
+    tickfont: { color: ink.quiet },
+    fixedrange: true,
+    showgrid: where === "y",
+    gridcolor: ink.line,
+    zeroline: false,
+    showline: where === "x",
+    linecolor: ink.quiet,
+    ...(range === undefined ? {} : { range }),
+    ...(fromZero === true ? { rangemode: "tozero" } : {}),
   };
 }
 
-export function nameAxis(ink: Ink, names: readonly string[], width: number): Option {
+/** Names down the side, the first at the top: number `k` lies at `k`. */
+export function nameAxis(ink: Ink, names: readonly string[], width: number): Layout {
+  const each = names.length > MOST_NAMES ? 2 : 1;
+  const named = names.map((_, k) => k).filter((k) => k % each === 0);
   return {
-    type: "category",
-    data: names.map((value) => ({ value })),
-    inverse: true,
-    axisLabel: { color: ink.text, fontSize: 11, width, overflow: "truncate", interval: names.length > 45 ? "auto" : 0 },
-    axisLine: { lineStyle: { color: ink.quiet } },
-    axisTick: { show: false },
+    tickvals: named,
+    ticktext: named.map((k) => plain(shortened(names[k] ?? "", width))),
+    tickfont: { color: ink.text, size: 11 },
+    range: [names.length - 0.5, -0.5],
+    fixedrange: true,
+    showgrid: false,
+    zeroline: false,
+    showline: true,
+    linecolor: ink.quiet,
   };
 }
+
+/** Chosen: more names than these would touch one another. */
+const MOST_NAMES = 45;
+/** Width of a letter of 11 px on average, px. */
+const LETTER = 6.2;
+
+function shortened(name: string, width: number): string {
+  const most = Math.floor(width / LETTER);
+  return name.length > most ? `${name.slice(0, most - 1)}…` : name;
+}
+
+/** Text for plotly, which takes some HTML in titles and labels: shown as it is. */
+export const plain = (text: string): string => text.replaceAll("&", "&amp;").replaceAll("<", "&lt;").replaceAll(">", "&gt;");
+
+/** What a pointer at a point is shown. */
+export const describe = (name: string, ...lines: string[]): string => [name, ...lines].map(plain).join("<br>");

@@ -1,9 +1,7 @@
 /** A dot for each subject and a line for the mean, method beside method. */
 
 import { figures } from "../ui/words.ts";
-import { base, valueAxis } from "./base.ts";
-import type { Option } from "./engine.ts";
-import { tip } from "./figure.ts";
+import { base, describe, plain, valueAxis, type Drawing } from "./base.ts";
 import type { Ink } from "./ink.ts";
 
 export interface DotGroup {
@@ -14,44 +12,44 @@ export interface DotGroup {
   mean: number | undefined;
 }
 
-export function dotsOption(ink: Ink, groups: readonly DotGroup[], unit: string): Option {
-  const common = base(ink);
+export function drawDots(ink: Ink, groups: readonly DotGroup[], unit: string): Drawing {
   const values = groups.flatMap((group) => group.values.map(({ value }) => value));
   const low = Math.min(...values);
   const fromZero = low >= 0 && low < Math.max(...values) / 2; // else what differs would be too small to see
+  const places = groups.map((_, k) => k);
   return {
-    ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "item", formatter: (found: unknown) => describe(groups, unit, found) },
-    xAxis: {
-      type: "category",
-      data: groups.map(({ name }) => name),
-      axisLabel: { color: ink.text, interval: 0 },
-      axisLine: { lineStyle: { color: ink.quiet } },
-      axisTick: { show: false },
-    },
-    yAxis: valueAxis(ink, fromZero ? { name: unit, min: 0 } : { name: unit }, "y"),
-    series: [
+    data: [
+      ...groups.map(({ name, colour, values: all }, k) => ({
+        type: "scatter",
+        mode: "markers",
+        x: all.map(() => k),
+        y: all.map(({ value }) => value),
+        marker: { size: 7, color: colour, opacity: 0.75 },
+        hovertext: all.map(({ subject, value }) => describe(subject, `${name}: ${figures(value)} ${unit}`)),
+        hoverinfo: "text",
+      })),
       {
         type: "scatter",
-        symbolSize: 7,
-        data: groups.flatMap(({ values, colour }, place) =>
-          values.map(({ value }) => ({ value: [place, value], itemStyle: { color: colour, opacity: 0.75 } }))),
-      },
-      {
-        type: "scatter",
-        symbol: "rect",
-        symbolSize: [34, 3],
-        silent: true,
-        itemStyle: { color: ink.text },
-        data: groups.flatMap(({ mean }, place) => (mean === undefined ? [] : [[place, mean]])),
+        mode: "markers",
+        x: places,
+        y: groups.map(({ mean }) => mean ?? null),
+        marker: { symbol: "line-ew", size: 34, line: { color: ink.text, width: 3 } },
+        hoverinfo: "skip",
       },
     ],
+    layout: {
+      ...base(ink),
+      xaxis: {
+        tickvals: places,
+        ticktext: groups.map(({ name }) => plain(name)),
+        range: [-0.5, groups.length - 0.5],
+        fixedrange: true,
+        showgrid: false,
+        zeroline: false,
+        showline: true,
+        linecolor: ink.quiet,
+      },
+      yaxis: valueAxis(ink, { name: unit, fromZero }, "y"),
+    },
   };
-}
-
-function describe(groups: readonly DotGroup[], unit: string, found: unknown): HTMLElement {
-  const { value, color } = found as { value: [number, number]; color: string };
-  const group = groups[value[0]];
-  const subject = group?.values.find((one) => one.value === value[1])?.subject ?? "";
-  return tip(subject, [{ colour: color, text: `${group?.name ?? ""}: ${figures(value[1])} ${unit}` }]);
 }

@@ -1,53 +1,25 @@
-/** The parts of ECharts that the page uses, and nothing else, so that the bundle stays small.
- *
- * ECharts draws one and the same description to a canvas, which is fast, and to SVG, which is what a figure
- * is saved as; libraries that only know a canvas cannot give the latter.
- */
+/** Plotly, which the reports draw with, too: its parts for axes in the plane. */
 
-import { BarChart, CustomChart, HeatmapChart, LineChart, ScatterChart } from "echarts/charts";
-import {
-  DataZoomInsideComponent,
-  DataZoomSliderComponent,
-  GridComponent,
-  MarkAreaComponent,
-  MarkLineComponent,
-  TooltipComponent,
-  VisualMapComponent,
-} from "echarts/components";
-import { init, use, type ECharts, type EChartsCoreOption } from "echarts/core";
-import { CanvasRenderer, SVGRenderer } from "echarts/renderers";
+import plotly from "plotly.js-cartesian-dist-min";
+import type { Drawing } from "./base.ts";
 
-use([
-  BarChart,
-  CanvasRenderer,
-  CustomChart,
-  DataZoomInsideComponent,
-  DataZoomSliderComponent,
-  GridComponent,
-  HeatmapChart,
-  LineChart,
-  MarkAreaComponent,
-  MarkLineComponent,
-  ScatterChart,
-  SVGRenderer,
-  TooltipComponent,
-  VisualMapComponent,
-]);
+const CONFIG = { displayModeBar: false, doubleClick: "reset", showTips: false };
 
-export type Chart = ECharts;
-export type Option = EChartsCoreOption;
+/** Draw into a place, or draw anew what is in it. */
+export async function draw(place: HTMLElement, { data, layout }: Drawing): Promise<void> {
+  await plotly.react(place, data, layout, CONFIG);
+}
 
-export const onCanvas = (place: HTMLElement, option: Option): Chart => {
-  const chart = init(place, null, { renderer: "canvas" });
-  chart.setOption(option);
-  return chart;
-};
+export const resize = (place: HTMLElement): void => void plotly.Plots.resize(place);
+
+export const purge = (place: HTMLElement): void => plotly.purge(place);
 
 /** The text of an SVG document. */
-export function asSvg(option: Option, width: number, height: number): string {
-  const chart = init(null, null, { renderer: "svg", ssr: true, width, height });
-  chart.setOption(option);
-  const text = chart.renderToSVGString();
-  chart.dispose();
-  return text;
-}
+export const asSvg = (drawing: Drawing, width: number, height: number): Promise<string> =>
+  plotly.toImage(drawing, { format: "svg", width, height, imageDataOnly: true });
+
+const PNG_SCALE = 3;
+
+/** A PNG in base 64. */
+export const asPng = (drawing: Drawing, width: number, height: number): Promise<string> =>
+  plotly.toImage(drawing, { format: "png", width, height, scale: PNG_SCALE, imageDataOnly: true });

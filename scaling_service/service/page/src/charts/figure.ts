@@ -1,11 +1,19 @@
 /** A figure: its title, its drawing, and its being saved as SVG, PNG and, where it has rows, CSV. */
 
+import type { Clicked } from "plotly.js-cartesian-dist-min";
 import { part } from "../api/connection.ts";
-import { fill, h } from "../ui/dom.ts";
+import { h } from "../ui/dom.ts";
 import { csv, save, saveText } from "../ui/save.ts";
 import { onTheme, theme } from "../ui/theme.ts";
-import type { Chart, Option } from "./engine.ts";
+import type { Drawing } from "./base.ts";
 import { inkOf, type Ink } from "./ink.ts";
+
+type Engine = typeof import("./engine.ts");
+
+/** A place once it was drawn into. */
+interface PlotElement {
+  on: (event: "plotly_click", listener: (clicked: Clicked) => void) => void;
+}
 
 export type Row = (string | number | null | undefined)[];
 
@@ -16,12 +24,13 @@ export interface FigureOptions {
   /** What it shows, for those who do not see it. */
   alt: string;
   height: number;
-  option: (ink: Ink) => Option;
+  drawing: (ink: Ink) => Drawing;
   rows?: () => Row[];
   note?: string;
   /** Whether it can be made larger, to look at a stretch of its x axis. */
   zoom?: boolean;
-  drawn?: (chart: Chart) => void;
+  /** What a click at a place of a drawing in rows and columns does. */
+  clicked?: (row: number, column: number) => void;
 }
 
 export interface Drawn {
@@ -34,11 +43,13 @@ export interface Drawn {
 export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   const plot = h("div", { class: "plot", role: "img", "aria-label": options.alt });
   plot.style.height = `${options.height}px`;
-  let chart: Chart | null = null;
+  let engine: Engine | null = null;
   let large = false;
 
-  const option = (): Option => (large ? zoomed(options.option(inkOf(theme())), inkOf(theme())) : options.option(inkOf(theme())));
-  const redraw = (): void => chart?.setOption(option(), { notMerge: true });
+  const redraw = (): void => {
+    const drawing = options.drawing(inkOf(theme()));
+    void engine?.draw(plot, large ? zoomed(drawing) : drawing);
+  };
   const enlarge = (): void => {
     large = !large;
     element.classList.toggle("large", large);
@@ -47,20 +58,23 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
     redraw();
   };
   const larger = h("button", { class: "small", "aria-pressed": "false", "aria-label": `Larger: ${options.title}`, onclick: enlarge }, "Larger");
-  const draw = async (): Promise<void> => {
-    const { onCanvas } = await part(() => import("./engine.ts"));
-    if (signal.aborted || chart !== null) return;
-    chart = onCanvas(plot, option());
-    options.drawn?.(chart);
+  const begin = async (): Promise<void> => {
+    if (engine !== null) return;
+    const found = await part(() => import("./engine.ts"));
+    if (signal.aborted || engine !== null) return;
+    engine = found;
+    await found.draw(plot, options.drawing(inkOf(theme())));
+    if (signal.aborted) return found.purge(plot);
+    listen(plot, options.clicked);
     onTheme(redraw, signal);
-    const resizing = new ResizeObserver(() => chart?.resize());
+    const resizing = new ResizeObserver(() => found.resize(plot));
     resizing.observe(plot);
     signal.addEventListener("abort", () => {
       resizing.disconnect();
-      chart?.dispose();
+      found.purge(plot);
     });
   };
-  whenNear(plot, () => void draw(), signal);
+  whenNear(plot, () => void begin(), signal);
   const element = h(
     "figure",
     null,
@@ -105,10 +119,21 @@ function next(): void {
   });
 }
 
-/** With a slider for the stretch of x that is shown; a pinch, or the wheel with Ctrl, does the same. */
-function zoomed(option: Option, ink: Ink): Option {
-  const slider = { type: "slider", height: 22, bottom: 6, borderColor: ink.line, textStyle: { color: ink.quiet }, labelFormatter: "" };
-  return { ...option, grid: { ...(option["grid"] as object), bottom: 78 }, dataZoom: [slider, { type: "inside", zoomOnMouseWheel: "ctrl" }] };
+/** With a slider for the stretch of x that is shown; a drag across the drawing does the same, a double click undoes it. */
+const zoomed = ({ data, layout }: Drawing): Drawing => ({
+  data,
+  layout: {
+    ...layout,
+    dragmode: "zoom",
+    xaxis: { ...(layout["xaxis"] as object), fixedrange: false, rangeslider: { thickness: 0.12 } },
+  },
+});
+
+function listen(plot: HTMLElement, clicked: FigureOptions["clicked"]): void {
+  (plot as unknown as PlotElement).on("plotly_click", ({ points }) => {
+    const [row, column] = [points[0]?.pointNumber ?? []].flat();
+    if (row !== undefined && column !== undefined) clicked?.(row, column);
+  });
 }
 
 /** One menu of all that a figure can be saved as. */
@@ -121,7 +146,7 @@ function saving(options: FigureOptions, width: () => number): HTMLElement {
     } }, format);
   const found = [
     button("SVG", () => void asSvgText(options, width()).then((text) => saveText(`${options.name}.svg`, text, "image/svg+xml"))),
-    button("PNG", () => void asPng(options, width()).then((content) => save(`${options.name}.png`, content))),
+    button("PNG", () => void asPngBlob(options, width()).then((content) => save(`${options.name}.png`, content))),
   ];
   if (rows !== undefined) found.push(button("CSV", () => saveText(`${options.name}.csv`, csv(rows()))));
   const menu: HTMLDetailsElement = h("details", { class: "menu", onfocusout: ({ relatedTarget }) => {
@@ -131,47 +156,13 @@ function saving(options: FigureOptions, width: () => number): HTMLElement {
 }
 
 /** Saved figures are light, whatever the page is: they go into papers. */
-async function asSvgText(options: FigureOptions, width: number): Promise<string> {
+async function asSvgText({ drawing, height }: FigureOptions, width: number): Promise<string> {
   const { asSvg } = await part(() => import("./engine.ts"));
-  const ink = inkOf("light");
-  return asSvg({ ...options.option(ink), backgroundColor: ink.paper }, width, options.height);
+  return asSvg(drawing(inkOf("light")), width, height);
 }
 
-const PNG_SCALE = 3;
-
-async function asPng(options: FigureOptions, width: number): Promise<Blob> {
-  const place = h("div", { class: "sr" });
-  place.style.width = `${width}px`;
-  place.style.height = `${options.height}px`;
-  document.body.append(place);
-  try {
-    const { onCanvas } = await part(() => import("./engine.ts"));
-    const ink = inkOf("light");
-    const chart = onCanvas(place, options.option(ink));
-    const address = chart.getDataURL({ type: "png", pixelRatio: PNG_SCALE, backgroundColor: ink.paper });
-    chart.dispose();
-    return blobOf(address);
-  } finally {
-    place.remove();
-  }
-}
-
-function blobOf(address: string): Blob {
-  const bytes = Uint8Array.from(atob(address.slice(address.indexOf(",") + 1)), (one) => one.charCodeAt(0));
+async function asPngBlob({ drawing, height }: FigureOptions, width: number): Promise<Blob> {
+  const { asPng } = await part(() => import("./engine.ts"));
+  const bytes = Uint8Array.from(atob(await asPng(drawing(inkOf("light")), width, height)), (one) => one.charCodeAt(0));
   return new Blob([bytes], { type: "image/png" });
-}
-
-/** Lines of what a pointer is at; names only ever go in as text. */
-export function tip(title: string, lines: readonly { colour: string; text: string }[]): HTMLElement {
-  const content = h("div", { class: "tip" });
-  fill(
-    content,
-    h("b", null, title),
-    ...lines.map(({ colour, text }) => {
-      const chip = h("span", { class: "chip" });
-      chip.style.background = colour;
-      return h("div", null, chip, text);
-    }),
-  );
-  return content;
 }

@@ -1,10 +1,7 @@
 /** Curves: one for each method over time or per cent of a cycle, with bands and marked stretches. */
 
 import type { Style } from "../ui/palette.ts";
-import { number } from "../ui/words.ts";
-import { base, valueAxis, type Axis } from "./base.ts";
-import type { Option } from "./engine.ts";
-import { tip } from "./figure.ts";
+import { base, plain, valueAxis, type Axis, type Drawing, type Layout, type Trace } from "./base.ts";
 import type { Ink } from "./ink.ts";
 
 export interface Curve {
@@ -27,77 +24,60 @@ export interface Lines {
   unit: string;
 }
 
-export function linesOption(ink: Ink, lines: Lines): Option {
-  const common = base(ink);
+export function drawLines(ink: Ink, { x, curves, xAxis, yAxis, marked = [], levels = [], unit }: Lines): Drawing {
   return {
-    ...common,
-    tooltip: { ...(common.tooltip as object), trigger: "axis", formatter: (found: unknown) => describe(lines, found) },
-    xAxis: valueAxis(ink, { min: "dataMin", max: "dataMax", ...lines.xAxis }, "x"),
-    yAxis: valueAxis(ink, lines.yAxis, "y"),
-    series: [
-      ...lines.curves.flatMap((curve) => band(lines.x, curve)),
-      ...lines.curves.map((curve, place) => series(ink, lines, curve, place === 0)),
-    ],
+    data: [...curves.flatMap((curve) => band(x, curve)), ...curves.map((curve) => line(x, curve, unit))],
+    layout: {
+      ...base(ink),
+      xaxis: { range: [x[0] ?? 0, x[x.length - 1] ?? 1], ...valueAxis(ink, xAxis, "x"), unifiedhovertitle: { text: `${plain(xAxis.name)}: %{x:.6~r}` } },
+      yaxis: valueAxis(ink, yAxis, "y"),
+      hovermode: "x unified",
+      shapes: [...marked.map((span) => area(ink, span)), ...levels.map(({ y }) => level(ink, y))],
+      annotations: levels.filter(({ name }) => name !== "").map(({ y, name }) => (
+        { text: plain(name), x: 1, xref: "paper", xanchor: "right", y, yanchor: "bottom", showarrow: false })),
+    },
   };
 }
 
-function series(ink: Ink, { x, marked, levels }: Lines, curve: Curve, first: boolean): Option {
-  return {
-    type: "line",
-    name: curve.name,
-    showSymbol: false,
-    sampling: "minmax",
-    color: curve.style.colour,
-    lineStyle: { color: curve.style.colour, type: curve.style.dash, width: 2 },
-    data: points(x, curve.y),
-    ...(first && marked !== undefined ? { markArea: markedArea(ink, marked) } : {}),
-    ...(first && levels !== undefined ? { markLine: levelLines(ink, levels) } : {}),
-  };
-}
+const line = (x: ArrayLike<number>, { name, style, y }: Curve, unit: string): Trace => ({
+  type: "scatter",
+  mode: "lines",
+  name: plain(name),
+  x,
+  y,
+  line: { color: style.colour, dash: style.dash, width: 2 },
+  hovertemplate: `%{y:.1f} ${plain(unit)}`,
+});
 
-/** A band is two hidden curves, one stacked on the other, with the area between them filled. */
-function band(x: ArrayLike<number>, { name, style, y, half }: Curve): Option[] {
+/** One outline around each stretch in which the curve is known. */
+function band(x: ArrayLike<number>, { style, y, half }: Curve): Trace[] {
   if (half === undefined) return [];
-  const edge = { type: "line", stack: `band ${name}`, stackStrategy: "all", showSymbol: false, silent: true,
-    lineStyle: { width: 0, opacity: 0 }, tooltip: { show: false } };
-  const low = Array.from(y, (value, k) => value - (half[k] ?? NaN));
-  const width = Array.from(y, (_, k) => 2 * (half[k] ?? NaN));
-  return [
-    { ...edge, name: "", data: points(x, low) },
-    { ...edge, name: "", data: points(x, width), areaStyle: { color: style.colour, opacity: 0.15 } },
-  ];
-}
-
-function points(x: ArrayLike<number>, y: ArrayLike<number>): (number | null)[][] {
-  return Array.from(y, (value, k) => [x[k] ?? k, Number.isFinite(value) ? value : null]);
-}
-
-function markedArea(ink: Ink, marked: readonly (readonly [number, number])[]): Option {
-  return {
-    silent: true,
-    itemStyle: { color: ink.quiet, opacity: 0.16 },
-    data: marked.map(([from, to]) => [{ xAxis: from }, { xAxis: to }]),
+  const outline: [number | null, number | null][] = [];
+  const close = (from: number, to: number): void => {
+    for (let k = from; k < to; k += 1) outline.push([x[k] ?? NaN, (y[k] ?? NaN) + (half[k] ?? NaN)]);
+    for (let k = to - 1; k >= from; k -= 1) outline.push([x[k] ?? NaN, (y[k] ?? NaN) - (half[k] ?? NaN)]);
+    outline.push([null, null]);
   };
+  let from = 0;
+  for (let k = 0; k <= y.length; k += 1) {
+    if (k < y.length && Number.isFinite(y[k]) && Number.isFinite(half[k])) continue;
+    if (k > from) close(from, k);
+    from = k + 1;
+  }
+  return [{
+    type: "scatter",
+    mode: "lines",
+    x: outline.map(([at]) => at),
+    y: outline.map(([, value]) => value),
+    line: { width: 0 },
+    fill: "toself",
+    fillcolor: `${style.colour}26`, // 15 %
+    hoverinfo: "skip",
+  }];
 }
 
-function levelLines(ink: Ink, levels: readonly { y: number; name: string }[]): Option {
-  return {
-    silent: true,
-    symbol: "none",
-    lineStyle: { color: ink.text, type: "dashed" },
-    label: { color: ink.text, position: "insideEndTop", formatter: ({ name }: { name: string }) => name },
-    data: levels.map(({ y, name }) => ({ yAxis: y, name })),
-  };
-}
+const area = (ink: Ink, [x0, x1]: readonly [number, number]): Layout => (
+  { type: "rect", x0, x1, yref: "paper", y0: 0, y1: 1, fillcolor: ink.quiet, opacity: 0.16, line: { width: 0 }, layer: "below" });
 
-interface At {
-  seriesName: string;
-  color: string;
-  value: [number, number | null];
-}
-
-function describe({ xAxis, unit }: Lines, found: unknown): HTMLElement {
-  const all = (found as At[]).filter((one) => one.seriesName !== "");
-  const rows = all.map((one) => ({ colour: one.color, text: `${one.seriesName}: ${number(one.value[1], 1)} ${unit}` }));
-  return tip(`${xAxis.name}: ${number(all[0]?.value[0], 2)}`, rows);
-}
+const level = (ink: Ink, y: number): Layout => (
+  { type: "line", xref: "paper", x0: 0, x1: 1, y0: y, y1: y, line: { color: ink.text, dash: "dash", width: 1 } });

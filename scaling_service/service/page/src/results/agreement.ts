@@ -2,7 +2,7 @@
 
 import type { AgreementEntry, StatisticsDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { intervalsOption } from "../charts/intervals.ts";
+import { drawIntervals } from "../charts/intervals.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
@@ -33,7 +33,7 @@ function picture(entries: readonly AgreementEntry[], signal: AbortSignal): HTMLE
     name: "agreement_mm",
     alt: intervals.map(({ name, low, middle, high }) => `${name} ${number(middle)} (${number(low)} to ${number(high)})`).join("; "),
     height: Math.max(150, 70 + 18 * intervals.length),
-    option: (ink) => intervalsOption(ink, intervals, "method minus reference, mm"),
+    drawing: (ink) => drawIntervals(ink, intervals, "method minus reference, mm"),
     rows: () => [["quantity", "low_mm", "bias_mm", "high_mm"], ...intervals.map((one) => [one.name, one.low, one.middle, one.high])],
   }, signal).element;
 }

@@ -3,7 +3,7 @@
 import { vocabulary } from "../api/vocabulary.ts";
 import type { ClinicalDocument, ComparisonDocument, CycleScene, GaitScene, SceneDocument, SceneTrial } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { linesOption, type Curve } from "../charts/lines.ts";
+import { drawLines, type Curve } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { Frames } from "../scene/frames.ts";
 import { pathIn, sceneOf } from "../scene/scene.ts";
@@ -80,8 +80,8 @@ function cycles(gait: GaitScene, methods: readonly string[], signal: AbortSignal
       alt: `${words(name)} over the gait cycle, mean and standard deviation of ${cycle.cycles} cycles by ${methods.join(", ")}. ${whereInWords(cycle)}`,
       zoom: true,
       height: HEIGHT,
-      option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
-        xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
+      drawing: (ink) => drawLines(ink, { x, curves, unit: "deg", marked: cycle.differ_percent,
+        xAxis: { name: "gait cycle, %", range: [0, 100] }, yAxis: { name: "deg" } }),
       rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
         ...x.map((percent) => [percent, ...curves.flatMap((one) => [one.y[percent], one.half?.[percent]])])],
     }, signal).element;
@@ -172,7 +172,7 @@ function timeFigure(trial: SceneTrial, coordinate: string, found: readonly Value
     alt: `${words(coordinate)} over time in ${trial.name} by ${curves.map((one) => one.name).join(", ")}, ${unit}.`,
     zoom: true,
     height: HEIGHT,
-    option: (ink) => linesOption(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
+    drawing: (ink) => drawLines(ink, { x, curves, unit, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => `${one.name}_${unit}`)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],
   }, signal).element;
 }

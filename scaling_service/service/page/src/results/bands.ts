@@ -4,7 +4,7 @@ import { receive } from "../api/http.ts";
 import { filePath } from "../api/jobs.ts";
 import type { MotionDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { linesOption } from "../charts/lines.ts";
+import { drawLines } from "../charts/lines.ts";
 import { link } from "../routes.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
@@ -66,7 +66,7 @@ function drawn(trial: string, x: number[], { title, name, unit, y, sd }: Known, 
     alt: `${title} over time in ${trial}, ${unit}, with its 95 % band.`,
     zoom: true,
     height: HEIGHT,
-    option: (ink) => linesOption(ink, { x, unit, xAxis: { name: "time, s" }, yAxis: { name: unit }, curves: [{ name: title, style: styleOf("MB_am"), y, half }] }),
+    drawing: (ink) => drawLines(ink, { x, unit, xAxis: { name: "time, s" }, yAxis: { name: unit }, curves: [{ name: title, style: styleOf("MB_am"), y, half }] }),
     rows: () => [["time_s", unit, `sd_${unit}`], ...x.map((time, k) => [time, y[k], sd[k]])],
   }, signal).element;
 }

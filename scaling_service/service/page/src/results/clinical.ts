@@ -2,7 +2,7 @@
 
 import type { ClinicalDocument, ClinicalSide, GaitAngleWord } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { linesOption, type Curve } from "../charts/lines.ts";
+import { drawLines, type Curve } from "../charts/lines.ts";
 import { bullets } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { FLOOR, type Style } from "../ui/palette.ts";
@@ -10,7 +10,7 @@ import { number, plural } from "../ui/words.ts";
 
 /** As gait laboratories draw them, left in red; colours of Okabe & Ito 2008. */
 const SIDES: Record<string, { side: string; style: Style }> = {
-  l: { side: "left", style: { colour: "#D55E00", dash: "dashed" } },
+  l: { side: "left", style: { colour: "#D55E00", dash: "dash" } },
   r: { side: "right", style: { colour: "#0072B2", dash: "solid" } },
 };
 const USUAL: Style = { colour: FLOOR, dash: "solid" };
@@ -54,7 +54,7 @@ function drawing({ name, title, negative, positive }: GaitAngleWord, curves: Cur
     alt: `${title} over the gait cycle, ${positive} positive, by ${curves.map((one) => one.name).join(", ")}.`,
     zoom: true,
     height,
-    option: (ink) => linesOption(ink, { x: X, curves, unit: "deg", xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
+    drawing: (ink) => drawLines(ink, { x: X, curves, unit: "deg", xAxis: { name: "gait cycle, %", range: [0, 100] }, yAxis: { name: "deg" } }),
     rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
       ...X.map((percent) => [percent, ...curves.flatMap((one) => [one.y[percent], one.half?.[percent]])])],
   }, signal).element;

@@ -2,7 +2,7 @@
 
 import type { CurveEntry, CurveTestEntry } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { linesOption, type Curve } from "../charts/lines.ts";
+import { drawLines, type Curve } from "../charts/lines.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table } from "../ui/table.ts";
@@ -34,7 +34,7 @@ function picture(entry: CurveEntry, signal: AbortSignal): HTMLElement {
     alt: `${words(entry.coordinate)} over the gait cycle, mean over ${plural(entry.compared.subjects.length, "subject")}, by ${entry.compared.methods.join(", ")}.`,
     zoom: true,
     height: 230,
-    option: (ink) => linesOption(ink, { x, curves, unit: "deg", marked: clusters, xAxis: { name: "gait cycle, %", min: 0, max: 100 }, yAxis: { name: "deg" } }),
+    drawing: (ink) => drawLines(ink, { x, curves, unit: "deg", marked: clusters, xAxis: { name: "gait cycle, %", range: [0, 100] }, yAxis: { name: "deg" } }),
     rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
       ...x.map((percent) => [percent, ...curves.flatMap((one) => [one.y[percent], one.half?.[percent]])])],
     ...(entry.note === "" ? {} : { note: entry.note }),

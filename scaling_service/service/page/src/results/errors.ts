@@ -1,7 +1,7 @@
 /** How closely each method's model follows the markers: by trial and by marker. */
 
 import type { ComparisonDocument, MethodResult } from "../api/schema.ts";
-import { barsHeight, barsOption } from "../charts/bars.ts";
+import { barsHeight, drawBars } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
@@ -62,7 +62,7 @@ function byMarker(document: ComparisonDocument, trial: string, method: string, s
     name: `errors_${trial}_${method}`,
     alt: `Bars of ${bars.length} markers; the largest: ${bars.slice(0, 3).map((bar) => `${bar.name} ${number(bar.value)} mm`).join(", ")}.`,
     height: barsHeight(bars.length),
-    option: (ink) => barsOption(ink, { bars, axis: "mean distance, mm", unit: "mm" }),
+    drawing: (ink) => drawBars(ink, { bars, axis: "mean distance, mm", unit: "mm" }),
     rows: () => [["marker", "mean_mm"], ...bars.map((bar) => [bar.name, bar.value])],
   }, signal).element;
 }

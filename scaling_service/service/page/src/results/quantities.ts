@@ -1,7 +1,7 @@
 /** One number for each subject and method: means, tests, and a picture of all. */
 
 import type { QuantityEntry, StatisticsDocument } from "../api/schema.ts";
-import { dotsOption } from "../charts/dots.ts";
+import { drawDots } from "../charts/dots.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
@@ -73,7 +73,7 @@ function picture(entry: QuantityEntry, title: string, unit: string, signal: Abor
     name: `${entry.quantity}_${unit}`,
     alt: `A dot for each subject: ${groups.map(({ name, mean }) => `${name} ${number(mean)} ${unit} on average`).join(", ")}.`,
     height: 240,
-    option: (ink) => dotsOption(ink, groups, unit),
+    drawing: (ink) => drawDots(ink, groups, unit),
     rows: () => [["subject", ...entry.compared.methods], ...Object.entries(entry.values).map(([subject, all]) => [subject, ...entry.compared.methods.map((name) => all[name])])],
   }, signal).element;
 }

@@ -1,7 +1,7 @@
 /** Residual forces and moments over time, against the limit on their peaks. */
 
 import { figure } from "../charts/figure.ts";
-import { linesOption, type Curve } from "../charts/lines.ts";
+import { drawLines, type Curve } from "../charts/lines.ts";
 import { getJson } from "../api/http.ts";
 import { filePath } from "../api/jobs.ts";
 import { Problem } from "../api/problem.ts";
@@ -14,8 +14,8 @@ import { number } from "../ui/words.ts";
 
 const AXES: [string, Style][] = [
   ["x, forward", { colour: "#D55E00", dash: "solid" }],
-  ["y, up", { colour: "#009E73", dash: "dashed" }],
-  ["z, right", { colour: "#0072B2", dash: "dotted" }],
+  ["y, up", { colour: "#009E73", dash: "dash" }],
+  ["z, right", { colour: "#0072B2", dash: "dot" }],
 ];
 const PARTS = [
   { what: "force", unit: "N", first: 0 },
@@ -54,7 +54,7 @@ function drawing(
     alt: `Residual ${what} of ${name} over time. Largest: ${peaks} ${unit}.${limit === undefined ? "" : ` Limit on the peak: ${number(limit, 0)}.`}`,
     zoom: true,
     height: 240,
-    option: (ink) => linesOption(ink, { x, curves, unit, levels, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
+    drawing: (ink) => drawLines(ink, { x, curves, unit, levels, xAxis: { name: "time, s" }, yAxis: { name: unit } }),
     rows: () => [["time_s", ...curves.map((one) => one.name)], ...Array.from(x, (time, k) => [time, ...curves.map((one) => one.y[k])])],
     note: "Solid: forward; dashed: up; dotted: right.",
   }, signal).element;

@@ -1,5 +1,6 @@
 /** The models of all methods overlaid on bones and markers, played back. */
 
+import { part } from "../api/connection.ts";
 import { link } from "../routes.ts";
 import { sceneOf, pathIn } from "../scene/scene.ts";
 import { Playback } from "../scene/playback.ts";
@@ -11,7 +12,8 @@ import type { Finished } from "./result.ts";
 const AT_FIRST = 2;
 
 export async function space({ job, place: at, signal }: Finished, place: HTMLElement, preferred: readonly string[] = []): Promise<void> {
-  const scene = await sceneOf(job.id);
+  // The drawing of figures takes a moment to start: now, and not while somebody drags the cursor.
+  const [scene] = await Promise.all([sceneOf(job.id), part(() => import("../charts/engine.ts"))]);
   if (signal.aborted) return;
   const named = at.query.get("trial");
   const trial = scene.trials.find(({ name }) => name === named) ?? scene.trials.find(({ role }) => role === "evaluation") ?? scene.trials[0];

@@ -1,7 +1,7 @@
 /** The gap before and after, between what noise leaves and what a black box reaches: fitted, and unseen. */
 
 import type { DiscoveryDocument, GapDocument, LevelDocument } from "../api/schema.ts";
-import { barsHeight, barsOption, type Bar } from "../charts/bars.ts";
+import { barsHeight, drawBars, type Bar } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { AFTER, BEFORE, CEILING, FLOOR } from "../ui/palette.ts";
@@ -37,7 +37,7 @@ function drawn(title: string, unit: string, level: LevelDocument, signal: AbortS
     name: `gap_${title.replaceAll(" ", "_")}`,
     alt: bars.map(({ name, value }) => `${name} ${figures(value)}`).join(", "),
     height: barsHeight(bars.length),
-    option: (ink) => barsOption(ink, { bars, axis: `RMS, ${unit}`, unit, left: 110 }),
+    drawing: (ink) => drawBars(ink, { bars, axis: `RMS, ${unit}`, unit, left: 110 }),
     rows: () => [["level", `rms_${unit}`], ...bars.map(({ name, value }) => [name, value])],
   }, signal).element;
 }

@@ -3,7 +3,7 @@
 import { part } from "../api/connection.ts";
 import type { ComparisonDocument, VerdictDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
-import { intervalsOption } from "../charts/intervals.ts";
+import { drawIntervals } from "../charts/intervals.ts";
 import { toJob, toSubject } from "../routes.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
@@ -85,7 +85,7 @@ function bars({ methods }: ComparisonDocument, { signal }: Finished): HTMLElemen
     name: "verdict_errors_mm",
     alt: intervals.map(({ name, middle, high }) => `${name} ${number(middle)} ± ${number(high - middle)} mm`).join("; "),
     height: 66 + 24 * intervals.length,
-    option: (ink) => intervalsOption(ink, intervals, "mean distance, mm", 70, 0),
+    drawing: (ink) => drawIntervals(ink, intervals, "mean distance, mm", 70, true),
     rows: () => [["method", "mean_mm", "sd_mm"], ...intervals.map((one) => [one.name, one.middle, one.high - one.middle])],
   }, signal).element;
 }

@@ -1,7 +1,7 @@
 /** Which effects explain it, how large they are, what cannot be told from them, and what else was tried. */
 
 import type { DiscoveryDocument, EffectDocument, PlacedEffect, QuantityDocument } from "../api/schema.ts";
-import { barsHeight, barsOption } from "../charts/bars.ts";
+import { barsHeight, drawBars } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { bullets, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
@@ -78,7 +78,7 @@ function candidates({ effects, tried }: DiscoveryDocument, signal: AbortSignal):
     name: "candidates",
     alt: `Bars of ${bars.length} candidates; named: ${named.map(({ name, value }) => `${name} ${figures(value)} %`).join(", ") || "none"}.`,
     height: barsHeight(bars.length),
-    option: (ink) => barsOption(ink, { bars, axis: "share taken off what did not fit it, %", unit: "%", left: namesWidth() }),
+    drawing: (ink) => drawBars(ink, { bars, axis: "share taken off what did not fit it, %", unit: "%", left: namesWidth() }),
     rows: () => [["candidate", "gain_percent", "named"], ...[...named, ...others].map((one, k) => [one.name, one.value, k < named.length ? 1 : 0])],
     note: "Each is judged when it was tried: later ones on what earlier ones left.",
   }, signal).element;

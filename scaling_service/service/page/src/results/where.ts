@@ -1,7 +1,7 @@
 /** Where model and recordings disagree, against what noise alone would leave. */
 
 import type { DisagreementDocument, DiscoveryDocument } from "../api/schema.ts";
-import { barsHeight, barsOption } from "../charts/bars.ts";
+import { barsHeight, drawBars } from "../charts/bars.ts";
 import { figure } from "../charts/figure.ts";
 import { h } from "../ui/dom.ts";
 import { BEFORE } from "../ui/palette.ts";
@@ -36,7 +36,7 @@ function ranked(places: readonly DisagreementDocument[], title: string, unit: st
     name: `disagreements_${unit.replace(" ", "")}`,
     alt: `Bars of ${bars.length} places, the largest first: ${order.slice(0, 3).map((one) => `${one.where} ${figures(one.rms)}`).join(", ")} ${unit}.`,
     height: barsHeight(bars.length),
-    option: (ink) => barsOption(ink, { bars, axis: `RMS of what is left over, ${unit}`, unit, marks: "noise floor" }),
+    drawing: (ink) => drawBars(ink, { bars, axis: `RMS of what is left over, ${unit}`, unit, marks: "noise floor" }),
     rows: () => [["place", `rms_${unit}`, `floor_${unit}`], ...order.map((one) => [one.where, one.rms, one.floor])],
   }, signal).element;
 }

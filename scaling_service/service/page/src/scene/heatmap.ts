@@ -1,7 +1,7 @@
 /** Marker × time of the error of one model in one recording; a click goes to that frame. */
 
 import type { SceneTrial } from "../api/schema.ts";
-import { darkest, HEAT_ABOVE, HEAT_BELOW, HEAT_SIDES, heatHeight, heatOption, type Heat } from "../charts/heat.ts";
+import { darkest, drawHeat, HEAT_ABOVE, HEAT_BELOW, HEAT_SIDES, heatHeight, type Heat } from "../charts/heat.ts";
 import { figure } from "../charts/figure.ts";
 import { h, vary } from "../ui/dom.ts";
 import { number } from "../ui/words.ts";
@@ -36,15 +36,10 @@ export async function errorMap(
     name: `error_${trial.name}_${method}_mm`,
     alt: `${heat.names.length} markers over time; the most is ${number(most?.value)} mm at ${most?.name ?? "none"}, ${number(most?.time, 2)} s.`,
     height: heatHeight(heat.names.length),
-    option: (ink) => heatOption(ink, heat),
+    drawing: (ink) => drawHeat(ink, heat),
     rows: () => rowsOf(heat),
     note: `A click shows the marker at that time. Empty: not seen. The strongest colour stands for ${number(heat.top, 0)} mm and more, up to ${number(most?.value)} mm.`,
-    drawn: (chart) => {
-      chart.on("click", (event) => {
-        const [column, row] = event.value as [number, number];
-        go(heat.frames[column * heat.names.length + row] ?? 0, heat.names[row] ?? "");
-      });
-    },
+    clicked: (row, column) => go(heat.frames[column * heat.names.length + row] ?? 0, heat.names[row] ?? ""),
   }, signal);
   const cursor = h("div", { class: "cursor", "aria-hidden": "true" });
   vary(cursor, { "--high": `${heatHeight(heat.names.length) - HEAT_ABOVE - HEAT_BELOW}px` });
@@ -82,7 +77,8 @@ function binned(trial: SceneTrial, values: Float32Array, step: number): Binned {
     }
   }
   const times = Array.from({ length: columns }, (_, k) => trial.start_s + (Math.ceil((k * rows) / columns) * step) / trial.rate_hz);
-  return { names, times, values: found, frames, top: darkest(found), unit: "mm" };
+  const span = [trial.start_s, trial.start_s + trial.frames / trial.rate_hz] as const;
+  return { names, span, times, values: found, frames, top: darkest(found), unit: "mm" };
 }
 
 interface Moment {

@@ -1,29 +1,14 @@
-/** One colour and one kind of line for each method, as in the HTML reports.
- *
- * Colours: Okabe & Ito 2008, "Color Universal Design". Lines differ in their dashes, too, so that no reader
- * depends on colours.
- */
+/** Colours: of each method one and one kind of line, the reports' own; and those of the page. */
+
+import methods from "../../../../report/assets/methods.json";
 
 export interface Style {
   colour: string;
-  dash: "solid" | "dashed" | "dotted" | number[];
+  dash: "solid" | "dash" | "dot" | "dashdot";
 }
 
-const KNOWN: Record<string, Style> = {
-  MB: { colour: "#E69F00", dash: "dotted" },
-  MB_lam: { colour: "#CC79A7", dash: "dashed" },
-  MB_am: { colour: "#0072B2", dash: "solid" },
-  EB: { colour: "#009E73", dash: [8, 3, 2, 3] },
-  EB_am: { colour: "#D55E00", dash: "solid" },
-  "as given": { colour: "#E69F00", dash: "dashed" },
-  "with what was named": { colour: "#0072B2", dash: "solid" },
-};
-
-const OTHERS: Style[] = [
-  { colour: "#56B4E9", dash: "dashed" },
-  { colour: "#999999", dash: "dotted" },
-  { colour: "#F0E442", dash: [8, 3, 2, 3] },
-];
+const KNOWN = methods.known as Record<string, Style>;
+const OTHERS = methods.others as Style[];
 
 /** The style of each name; those that are not known take what colours are left, in turn. */
 export function styles(names: readonly string[]): Map<string, Style> {

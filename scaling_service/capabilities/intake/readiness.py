@@ -40,7 +40,7 @@ def judge_readiness(
     pushed = [r.file for r in recordings if r.file in moving and (r.plates or r.force is not None)]
     errors = [problem.problem for problem in problems if problem.severity == "error"]
     usable = Need(
-        name="recordings",
+        name="every problem solved" if errors else "recordings",
         there=proposed is not None and not errors,
         text=errors[0]
         if errors

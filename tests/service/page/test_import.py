@@ -61,6 +61,24 @@ def test_exchanged_labels_are_put_right_by_one_click(visit: Visit, url: str, tmp
     assert "corrections" not in document(url, "exchanged")
 
 
+def test_another_model_has_other_markers(visit: Visit, url: str, tmp_path: Path) -> None:
+    """What was chosen for the markers of one model is not asked of another; what hinders is told where it hinders."""
+    with Client(url) as client:
+        put_walker(client, "changed", tmp_path)
+        document_ = client.subject("changed").document
+        nowhere = {"extra_markers": {"V:RKNE": "calcn_r"}}  # a segment of models with feet
+        client.put_subject({**document_, **nowhere})
+    visitor = visit(url)
+    visitor.go("subjects/changed/run")
+    visitor.sees("has no segment 'calcn_r'")
+    visitor.follow("Back to the recordings")
+    visitor.sees(CHECKED)
+    visitor.page.get_by_label("model", exact=True).select_option("lower_limb_feet_18dof")
+    visitor.press("2 Markers")
+    visitor.page.locator("tr", has_text="RHEE").first.wait_for()
+    assert "extra_markers" not in document(url, "changed")
+
+
 def test_what_cannot_run_says_what_it_needs(visit: Visit, url: str, tmp_path: Path) -> None:
     """Without forces the check of forces cannot be started; with a click one is where they are given."""
     with Client(url) as client:

@@ -7,6 +7,7 @@ export type Role = string;
 
 export class Draft {
   private readonly roles = new Map<string, Set<Role>>();
+  private lastModel: string;
 
   /** @param changed called after each change. */
   constructor(
@@ -20,6 +21,14 @@ export class Draft {
     for (const [trial, name] of Object.entries(forces ?? {})) this.give(name, `forces.${trial}`);
     for (const [bone, name] of Object.entries(bones ?? {})) if (bone !== "units") this.give(name, `bones.${bone}`);
     for (const field of ["model", "marker_set", "scale_setup", "image_markers"] as const) this.give(document[field], field);
+    this.lastModel = this.chosenModel();
+  }
+
+  /** A built-in model or a file; empty where none is chosen. */
+  chosenModel(): string {
+    const file = [...this.roles].find(([, roles]) => roles.has("model"))?.[0];
+    const { model } = this.document;
+    return file ?? (/\.osim$/i.test(model ?? "") ? "" : model ?? "");
   }
 
   /** The role of a file; `static+calibration` where a recording has both. */
@@ -85,10 +94,10 @@ export class Draft {
       Object.fromEntries([...this.roles].flatMap(([file, roles]) =>
         [...roles].filter((role) => role.startsWith(`${stem}.`)).map((role) => [role.slice(stem.length + 1), file])));
     const bones = below("bones");
-    const { model, bones: before } = this.document;
+    const { bones: before } = this.document;
     const found: Record<string, unknown> = {
       subject: this.document.subject,
-      model: with_("model")[0] ?? (/\.osim$/i.test(model ?? "") ? "" : model),
+      model: this.chosenModel(),
       marker_set: with_("marker_set")[0],
       scale_setup: with_("scale_setup")[0],
       markers: this.document.markers,
@@ -109,6 +118,12 @@ export class Draft {
   }
 
   private change(): void {
+    const model = this.chosenModel();
+    if (model !== this.lastModel) {
+      this.document.markers = {}; // they name markers and segments of the model before
+      this.document.extra_markers = {};
+      this.lastModel = model;
+    }
     this.changed();
   }
 }

@@ -23,13 +23,30 @@ export class MarkerMap {
   private readonly status = h("p", { role: "status", class: "status" });
   private readonly failed = h("div");
   private readonly labels: string[];
+  /** Whose markers are shown. */
+  private model: string;
 
   constructor(
-    private readonly proof: ProofDocument,
+    private proof: ProofDocument,
     private readonly draft: Draft,
     private readonly laboratory: MarkerMapDocument,
   ) {
     this.labels = [...new Set(proof.recordings.flatMap(({ labels }) => labels.map(({ label }) => label)))].sort();
+    this.model = draft.chosenModel();
+    this.draw();
+  }
+
+  /** The draft has changed: markers of another model are not known before the files were looked at again. */
+  follow(): void {
+    if (this.draft.chosenModel() === this.model) return;
+    fill(this.element, h("h2", null, "Markers"), h("p", { class: "quiet" }, "Another model: its markers are being looked for …"));
+  }
+
+  /** The files were looked at again. */
+  take(proof: ProofDocument): void {
+    this.proof = proof;
+    if (this.draft.chosenModel() === this.model) return; // nothing is redrawn under somebody's hands
+    this.model = this.draft.chosenModel();
     this.draw();
   }
 

@@ -63,9 +63,14 @@ function shown(
   const summary = h("section", { class: "summary" });
   const saver = new Saver(() => draft.finished(), async () => {
     const { result } = await proofOf(subject.id, place, laboratory, () => undefined, signal);
-    if (!signal.aborted) summarise(result);
+    if (signal.aborted) return;
+    markers.take(result);
+    summarise(result);
   }, signal);
-  const draft = new Draft(given, () => saver.touch());
+  const draft = new Draft(given, () => {
+    saver.touch();
+    markers.follow();
+  });
   const markers = new MarkerMap(proof, draft, laboratory);
   const space = inSpace(proof, job, place, markers, signal);
 

@@ -10,7 +10,7 @@ import { needList } from "../imports/readiness.ts";
 import { link, toJob } from "../routes.ts";
 import { box, group, select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
-import { guarded } from "../ui/problem.ts";
+import { guarded, problemBox } from "../ui/problem.ts";
 import { styleOf } from "../ui/palette.ts";
 import { chipOf } from "../ui/table.ts";
 import { working } from "../ui/working.ts";
@@ -49,6 +49,7 @@ async function chooser({ main, place, signal }: Context, subject: SubjectDetail,
   const methods = known.methods.filter((method) => subject.document.bones !== undefined || !method.needs_images);
   const needsOf = (route: string): Readiness | undefined => proof.readiness.find(({ analysis }) => analysis === route);
   main.append(
+    unsolved(proof, id),
     comparing(subject, methods, chosen, begin, needsOf("comparisons")),
     h("div", { class: "cards" }, ...others(subject, known.methods, chosen, begin, needsOf)),
     chosen.element,
@@ -58,6 +59,13 @@ async function chooser({ main, place, signal }: Context, subject: SubjectDetail,
   const jobs = await listJobs({ subject: id, limit: "20" }, signal);
   const analyses = jobs.items.filter(({ kind }) => kind !== "proof");
   history.append(analyses.length === 0 ? h("p", { class: "quiet" }, "Nothing yet.") : jobList(analyses, signal));
+}
+
+/** What keeps every analysis from running, and the way to put it right. */
+function unsolved({ problems }: ProofDocument, id: string): HTMLElement {
+  const errors = problems.filter(({ severity }) => severity === "error");
+  return h("section", { hidden: errors.length === 0 }, ...errors.map((error) => problemBox(error)),
+    h("p", { class: "actions" }, h("a", { class: "button", href: link(["subjects", id, "import"]) }, "Back to the recordings")));
 }
 
 /** What an analysis needs; what lacks is given on the first page. */

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones
-from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones, without_undetermined
+from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.motion.bones import Posed, estimate_bones, learn_skin_sizes
@@ -137,6 +141,27 @@ def test_a_model_keeps_what_is_known_of_its_bones_on_paper() -> None:
     assert from_document(to_document(kept)) == kept != model
     assert known.added_to(kept) == kept
     assert BoneKnowledge().added_to(kept) == model
+
+
+def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
+    """A marker's offset that cannot be told from skin is believed only where nothing else is left."""
+    model = _leg(pins=False)
+    task, _ = _recorded(model)
+    trial = Trial("t", np.arange(300) / 100.0, task.markers, task.measured, 100.0)
+    fit = fit_recordings(SearchContext(model, [Recording(trial, "fit")]))
+    kinds = ("marker_offset", "soft_tissue_artefact")
+    offset, skin = (
+        next(c for c in candidates(fit.scene, [k]) if c.where == ("skin_0",) and not c.trials) for k in kinds
+    )
+    fit = replace(fit, effects=(Estimate(offset, np.full(3, 0.005)),))
+    for equivalents, left_mm, kept in (({skin: 0.3}, 5.0, False), ({skin: 0.3}, 1.1, True), ({}, 5.0, True)):
+        levels = {"skin_0": SimpleNamespace(after=left_mm / 1e3, floor=1e-3)}
+        gap = SimpleNamespace(places=levels)
+        named = (SimpleNamespace(key=offset.key, equivalents=equivalents),)
+        found: Any = SimpleNamespace(named=named, fit=gap, held_out=gap)
+        lasting, left_out = without_undetermined(fit, found)
+        assert (len(lasting.effects) == 1) is kept
+        assert left_out == (() if kept else (offset.name,))
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.bones import Posed, is_revealed, learn_skin_sizes, revealed_share
@@ -53,22 +53,25 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
 
     A law of skin or a joint set free moves the bones by what markers of a segment do alike, and that is what
     they do not show. It is believed where what was named explains those markers down to their noise; where
-    more is left, skin moves there in ways that have no name, and a common part with them.
+    more is left, skin moves there in ways that have no name, and a common part with them. The same holds of
+    what cannot be told from such a movement.
     """
+    alike = {named.key: tuple(named.equivalents) for named in findings.named}
     left_out = {
         effect.candidate.key: effect.candidate.name
         for effect in fit.effects
-        if _moves(effect) and _left_over(_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
+        if any(_moves(one) for one in (effect.candidate, *alike.get(effect.candidate.key, ())))
+        and _left_over(_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
     }
     reduced = fit.without(left_out)
     return reduced, tuple(left_out.values())
 
 
-def _moves(effect: Estimate) -> bool:
+def _moves(candidate: Candidate) -> bool:
     """Whether it moves markers or joints from frame to frame."""
-    parts = [part for column in effect.candidate.columns for part in column.parts]
+    parts = [part for column in candidate.columns for part in column.parts]
     follows = any(isinstance(part.profile, Following) for part in parts)
-    return follows or isinstance(effect.candidate.change, FreeMotion)
+    return follows or isinstance(candidate.change, FreeMotion)
 
 
 def _segments(effect: Estimate, model: BodyModel) -> set[str]:

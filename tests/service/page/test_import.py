@@ -62,7 +62,7 @@ def test_exchanged_labels_are_put_right_by_one_click(visit: Visit, url: str, tmp
 
 
 def test_another_model_has_other_markers(visit: Visit, url: str, tmp_path: Path) -> None:
-    """What was chosen for the markers of one model is not asked of another; what hinders is told where it hinders."""
+    """What was chosen for the markers of one model is not asked of another; what hinders is told there."""
     with Client(url) as client:
         put_walker(client, "changed", tmp_path)
         document_ = client.subject("changed").document

@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import explain, try_held_out
 from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import Passing, Standing, stands
+from scaling_service.capabilities.discovery.laws.profiles import Passing, Quick, Standing, stands
 from scaling_service.capabilities.discovery.laws.spots import (
     LETTERS,
     BentSpot,
@@ -30,6 +30,7 @@ from scaling_service.numerics.multibody.laws import Array
 
 _UNIT = np.eye(3)
 _SMOOTHED = 2.0  # acceleration over half the square of a delay; chosen: 0.5 is a delay alone
+_SMOOTHED_HZ = (0.7, 1.4, 2.8)  # cut-offs; chosen: octaves below what smoothing of movements should leave
 _EVERY = 50  # of places looked at for a size that is reported (chosen: thousands are left)
 _SLOWEST_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
 _FASTEST = 0.45  # of the frame rate
@@ -122,6 +123,22 @@ def _late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return markers, f"{said} {verb} {abs(1e3 * speed):.2g} ms {way}: off along the own path"
 
 
+def smoothed_markers(fit: Fit) -> Iterator[Candidate]:
+    """Markers that lack what is fast in their own paths: filtered unlike the others, or filled over gaps."""
+    for segment in fit.scene.bearing:
+        for group in fit.scene.groups_on(segment.name):
+            for frequency in _SMOOTHED_HZ:
+                parts = tuple(Part(MarkerSpot(m, k), Quick(m, frequency, k)) for m in group for k in range(3))
+                yield Candidate("smoothed_marker", group, (Column("share", 1.0, parts),), note=str(frequency))
+
+
+def _smoothed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+    markers, (share,) = found.candidate.where, found.fitted.size.tolist()
+    verb = ("lack" if share < 0.0 else "exaggerate") + ("s" if len(markers) == 1 else "")
+    fast = f"{abs(share):.0%} of what is faster than {found.candidate.note} Hz in the own path"
+    return markers, f"{', '.join(markers)} {verb} {fast}"
+
+
 def slipping(fit: Fit) -> Iterator[Candidate]:
     """Markers of every segment that comes to stand again and again: they creep while it does, in a shoe."""
     for segment in fit.scene.jointed:
@@ -192,6 +209,7 @@ LAWS = (
     DisturbanceLaw(bent_volume, _bent),
     DisturbanceLaw(warped_volume, judge=_warped),
     DisturbanceLaw(late_markers, _late),
+    DisturbanceLaw(smoothed_markers, _smoothed),
     DisturbanceLaw(slipping, _slipped),
     DisturbanceLaw(search=trembling),
 )

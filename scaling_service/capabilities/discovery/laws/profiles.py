@@ -13,6 +13,7 @@ from scaling_service.capabilities.discovery.observations.tracked import TrackedT
 from scaling_service.model.body import Term
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import positions
+from scaling_service.numerics.signals.filters import butterworth
 
 _LOW = 0.05  # quantile of heights at which a segment stands
 _NEAR_M = 0.015  # m; chosen: a foot that rolls over the floor keeps its middle so near its lowest
@@ -81,6 +82,21 @@ class Passing:
 
 
 @dataclass(frozen=True, slots=True)
+class Quick:
+    """What is faster than a frequency in a marker's own path (m), along an axis of its segment."""
+
+    marker: str
+    frequency_hz: float
+    axis: int
+
+    def values(self, item: TrackedTrial, skin: Skin) -> Array:
+        """In every frame, (n,); zero without the marker."""
+        if self.marker not in item.markers:
+            return np.zeros(len(item.q))
+        return np.asarray(skin.quick(self.frequency_hz)[:, item.markers.index(self.marker), self.axis])
+
+
+@dataclass(frozen=True, slots=True)
 class Standing:
     """The time since the segment with these markers came to stand on the floor, zero off it (s)."""
 
@@ -95,7 +111,7 @@ class Standing:
         return np.where(down, (frames - last_up) * item.step, 0.0)
 
 
-Profile = Constant | Following | Oscillation | Passing | Standing
+Profile = Constant | Following | Oscillation | Passing | Quick | Standing
 ALWAYS = Constant()
 
 
@@ -106,13 +122,19 @@ class Skin:
         self._item = item
         self._moved: dict[tuple[float, float], Array] = {}
         self._passing: dict[int, Array] = {}
+        self._quick: dict[float, Array] = {}
+
+    @cached_property
+    def _places_and_axes(self) -> tuple[Array, Array]:
+        """Of every marker, (n, n_markers, 3), ground; its segment's axes."""
+        tree, poses = self._item.task.tree, self._item.poses
+        return np.moveaxis(positions(tree, poses), -1, 0), poses.axes[tree.marker_link]
 
     @cached_property
     def _rates_and_axes(self) -> tuple[Array, Array, Array]:
         """Velocity and acceleration under every marker, (n, n_markers, 3), ground; its segment's axes."""
-        tree, poses = self._item.task.tree, self._item.poses
-        places = np.moveaxis(positions(tree, poses), -1, 0)
-        return *rates_of(places, self._item.step), poses.axes[tree.marker_link]
+        places, axes = self._places_and_axes
+        return *rates_of(places, self._item.step), axes
 
     def passing(self, order: int) -> Array:
         """Rates of this order under every marker, (n, n_markers, 3), in the axes of its segment."""
@@ -120,6 +142,20 @@ class Skin:
             *rates, axes = self._rates_and_axes
             self._passing[order] = np.asarray(np.einsum("majn,nmj->nma", axes, rates[order - 1]))
         return self._passing[order]
+
+    def quick(self, frequency_hz: float) -> Array:
+        """What is faster than a frequency in every marker's path, (n, n_markers, 3), m, as ``passing``."""
+        if frequency_hz not in self._quick:
+            places, axes = self._places_and_axes
+            slow = butterworth(
+                places.reshape(len(places), -1),
+                rate_hz=1.0 / self._item.step,
+                cutoff_hz=frequency_hz,
+                order=4,
+            ).values
+            left = places - slow.reshape(places.shape)
+            self._quick[frequency_hz] = np.asarray(np.einsum("majn,nmj->nma", axes, left))
+        return self._quick[frequency_hz]
 
     def local(self, frequency_hz: float, damping: float) -> Array:
         """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import locale
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -59,6 +60,7 @@ def in_biorbd(model: BodyModel, values: np.ndarray) -> tuple[np.ndarray, np.ndar
         file.write(write_biomod(model).text)
         file.flush()
         loaded = biorbd.Model(file.name)
+    locale.setlocale(locale.LC_ALL, "")  # biorbd leaves C's, in which no text of other programs can be read
     assert loaded.nbQ() == values.shape[1]
     names = [segment.name().to_string() for segment in loaded.segments()]
     rows = [names.index(s.name) for s in model.segments]

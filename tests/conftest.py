@@ -18,8 +18,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Two more than there are cores: half of the time is waiting for services and browsers."""
-    return len(os.sched_getaffinity(0)) + 2
+    """One more than there are cores: a third of the time is waiting for services and browsers."""
+    return len(os.sched_getaffinity(0)) + 1
 
 
 @pytest.fixture(scope="session")

@@ -37,7 +37,6 @@ class SegmentMeasurement:
     ``shape_m``: standard deviation of such a distance between persons in whom the segment has one size, in
         the model.
     ``instead``: taken where more of these than of ``pairs`` can be.
-    ``instead_shape_m``: that of these; as the others unless given.
     ``besides``: what a weighted estimate takes in addition.
     """
 
@@ -46,25 +45,15 @@ class SegmentMeasurement:
     source: str
     shape_m: float = 0.0
     instead: tuple[Pair, ...] = ()
-    instead_shape_m: float | None = None
     besides: tuple[Pair, ...] = ()
-
-    def shape_of(self, pair: Pair) -> float:
-        """Standard deviation of one of its distances between persons, m."""
-        other = pair in self.instead and pair not in self.pairs and self.instead_shape_m is not None
-        return self.instead_shape_m if other and self.instead_shape_m is not None else self.shape_m
 
 
 _PUCHAUD = "Puchaud 2019, section 2.2.2"
 _CHOSEN = "chosen: the landmarks at the segment's ends"
 
-_PELVIS_SHAPE, _LIMB_SHAPE = 0.012, 0.007
+_PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
 """m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
-2.5 % of the distance between the hips; a limb's ends over skin against its joints' centres 3 %."""
-
-_TRUNK_SHAPE, _BREADTH_SHAPE = 0.008, 0.050
-"""m, chosen. A trunk's length is the way from the pelvis to C7, up to how its joints lie in it. Its breadth
-says little of that: six children are broader than long against an adult, by 6 to 28 %."""
+2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
 
 
 def _side(side: str) -> tuple[SegmentMeasurement, ...]:
@@ -118,11 +107,10 @@ MEASUREMENTS: tuple[SegmentMeasurement, ...] = (
     ),
     SegmentMeasurement(
         ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax"),
-        ((("C7",), ("RASIS", "LASIS", "SACR", "SACR")),),
+        ((("RSHO",), ("LSHO",)), (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))),
         _CHOSEN,
         _TRUNK_SHAPE,
-        ((("RSHO",), ("LSHO",)),),
-        _BREADTH_SHAPE,
+        ((("RSHO",), ("LSHO",)), (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))),
     ),
     *_side("r"),
     *_side("l"),

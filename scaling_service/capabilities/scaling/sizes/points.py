@@ -29,8 +29,6 @@ from scaling_service.numerics.multibody.laws import Array
 _MIDDLES: Mapping[str, tuple[str, str]] = MappingProxyType({"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")})
 """Joints whose centre is measured at the middle of two landmarks, on the model as on the person."""
 
-SACRUM = "SACR"
-
 UNKNOWN_SIZES = BodySizes()
 """Nothing but markers."""
 
@@ -74,14 +72,7 @@ def name_points(landmarks: Points, centres: Mapping[str, Centre]) -> Points:
         for name, c in centres.items()
         if name.startswith("ankle") and "chord" not in name
     }
-    return {**_with_sacrum_between(with_mirrored_psis(landmarks)), **named, **kinds}
-
-
-def _with_sacrum_between(points: Points) -> Points:
-    """Landmarks, the sacrum half-way between both PSIS where it is not marked itself."""
-    if SACRUM in points or not {"RPSIS", "LPSIS"} <= points.keys():
-        return points
-    return {**points, SACRUM: (points["RPSIS"] + points["LPSIS"]) / 2.0}
+    return {**with_mirrored_psis(landmarks), **named, **kinds}
 
 
 def person_points(
@@ -168,7 +159,8 @@ def model_points(model: BodyModel) -> Points:
     for marker in model.markers:
         rotation, origin = frames[marker.segment]
         points.setdefault(_name(marker.name), (origin + rotation @ np.array(marker.nominal))[None])
-    points = dict(_with_sacrum_between(points))
+    if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
+        points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
     own = joint_centres(model)
     for side in "rl":
         femur = segment_of(model, "femur", side)
@@ -204,6 +196,8 @@ def _ankle_kinds(points: Points, side: str) -> Points:
 
 _OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
 """Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
+
+SACRUM = "SACR"
 
 
 def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:

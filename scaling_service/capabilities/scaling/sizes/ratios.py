@@ -92,7 +92,7 @@ def measure_ratios(
         found = errors[id(person)]
         shifts = found.of_distance(pair)
         moving = 0.0 if person.standing else float(np.nanstd(seen) / np.nanmean(seen))
-        own[row] = (measurement.shape_of(pair) / ours) ** 2 + moving**2
+        own[row] = (measurement.shape_m / ours) ** 2 + moving**2
         if np.isfinite(shifts).all():
             spread[row, [column[key] for key in found.inputs]] = shifts
         else:

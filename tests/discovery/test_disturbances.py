@@ -20,6 +20,7 @@ from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.signals.filters import butterworth
 from tests.discovery.hidden import hide, person, recorded
 
 
@@ -74,6 +75,26 @@ def test_a_marker_that_comes_late_is_reported_with_its_delay() -> None:
     assert found.unexplained[0].where == ("RFH",)
     assert "RFH comes 4" in found.unexplained[0].law
     assert "ms late" in found.unexplained[0].law
+
+
+def test_markers_that_were_smoothed_are_reported_with_what_they_lack() -> None:
+    """Smoothed so much that an acceleration, the first thing that is lost, says little of it."""
+
+    def smoothed(trial: Trial) -> Array:
+        markers = trial.markers.copy()
+        at = [k for k, label in enumerate(trial.labels) if label in ("RFH", "RLM", "RMM")]
+        rate = trial.rate_hz
+        flat = markers[:, at].reshape(len(markers), -1)
+        markers[:, at] = butterworth(flat, rate_hz=rate, cutoff_hz=1.2, order=2).values.reshape(
+            -1, len(at), 3
+        )
+        return markers
+
+    found = changed(smoothed)
+    assert not found.named
+    assert set(found.unexplained[0].where) <= {"RFH", "RLM", "RMM"}
+    assert "of what is faster than" in found.unexplained[0].law
+    assert "lack" in found.unexplained[0].law
 
 
 def test_a_volume_warped_to_one_side_is_reported() -> None:

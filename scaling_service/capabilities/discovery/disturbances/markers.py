@@ -15,7 +15,7 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import explain, try_held_out
 from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import Passing, Quick, Standing, stands
+from scaling_service.capabilities.discovery.laws.profiles import HighPassed, Passing, Standing, stands
 from scaling_service.capabilities.discovery.laws.spots import (
     LETTERS,
     BentSpot,
@@ -128,7 +128,9 @@ def smoothed_markers(fit: Fit) -> Iterator[Candidate]:
     for segment in fit.scene.bearing:
         for group in fit.scene.groups_on(segment.name):
             for frequency in _SMOOTHED_HZ:
-                parts = tuple(Part(MarkerSpot(m, k), Quick(m, frequency, k)) for m in group for k in range(3))
+                parts = tuple(
+                    Part(MarkerSpot(m, k), HighPassed(m, frequency, k)) for m in group for k in range(3)
+                )
                 yield Candidate("smoothed_marker", group, (Column("share", 1.0, parts),), note=str(frequency))
 
 

@@ -60,10 +60,7 @@ class Oscillation:
 
     def values(self, item: TrackedTrial, skin: Skin) -> Array:
         """In every frame, (n,); zero without the marker."""
-        if self.marker not in item.markers:
-            return np.zeros(len(item.q))
-        moved = skin.local(self.frequency_hz, self.damping)
-        return np.asarray(moved[:, item.markers.index(self.marker), self.axis])
+        return _of_marker(self.marker, self.axis, item, skin.local(self.frequency_hz, self.damping))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +73,11 @@ class Passing:
 
     def values(self, item: TrackedTrial, skin: Skin) -> Array:
         """In every frame, (n,); zero without the marker."""
-        if self.marker not in item.markers:
-            return np.zeros(len(item.q))
-        return np.asarray(skin.passing(self.order)[:, item.markers.index(self.marker), self.axis])
+        return _of_marker(self.marker, self.axis, item, skin.passing(self.order))
 
 
 @dataclass(frozen=True, slots=True)
-class Quick:
+class HighPassed:
     """What is faster than a frequency in a marker's own path (m), along an axis of its segment."""
 
     marker: str
@@ -91,9 +86,7 @@ class Quick:
 
     def values(self, item: TrackedTrial, skin: Skin) -> Array:
         """In every frame, (n,); zero without the marker."""
-        if self.marker not in item.markers:
-            return np.zeros(len(item.q))
-        return np.asarray(skin.quick(self.frequency_hz)[:, item.markers.index(self.marker), self.axis])
+        return _of_marker(self.marker, self.axis, item, skin.high_passed(self.frequency_hz))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +104,15 @@ class Standing:
         return np.where(down, (frames - last_up) * item.step, 0.0)
 
 
-Profile = Constant | Following | Oscillation | Passing | Quick | Standing
+Profile = Constant | Following | Oscillation | Passing | HighPassed | Standing
 ALWAYS = Constant()
+
+
+def _of_marker(marker: str, axis: int, item: TrackedTrial, moved: Array) -> Array:
+    """What one of all markers (n, n_markers, 3) does along an axis, (n,); zero where it is not tracked."""
+    if marker not in item.markers:
+        return np.zeros(len(item.q))
+    return np.asarray(moved[:, item.markers.index(marker), axis])
 
 
 class Skin:
@@ -122,7 +122,7 @@ class Skin:
         self._item = item
         self._moved: dict[tuple[float, float], Array] = {}
         self._passing: dict[int, Array] = {}
-        self._quick: dict[float, Array] = {}
+        self._high_passed: dict[float, Array] = {}
 
     @cached_property
     def _places_and_axes(self) -> tuple[Array, Array]:
@@ -143,9 +143,9 @@ class Skin:
             self._passing[order] = np.asarray(np.einsum("majn,nmj->nma", axes, rates[order - 1]))
         return self._passing[order]
 
-    def quick(self, frequency_hz: float) -> Array:
+    def high_passed(self, frequency_hz: float) -> Array:
         """What is faster than a frequency in every marker's path, (n, n_markers, 3), m, as ``passing``."""
-        if frequency_hz not in self._quick:
+        if frequency_hz not in self._high_passed:
             places, axes = self._places_and_axes
             slow = butterworth(
                 places.reshape(len(places), -1),
@@ -154,8 +154,8 @@ class Skin:
                 order=4,
             ).values
             left = places - slow.reshape(places.shape)
-            self._quick[frequency_hz] = np.asarray(np.einsum("majn,nmj->nma", axes, left))
-        return self._quick[frequency_hz]
+            self._high_passed[frequency_hz] = np.asarray(np.einsum("majn,nmj->nma", axes, left))
+        return self._high_passed[frequency_hz]
 
     def local(self, frequency_hz: float, damping: float) -> Array:
         """How far every marker moves, steady at first, (n, n_markers, 3), m, in the axes of its segment."""

@@ -46,10 +46,8 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
   let engine: Engine | null = null;
   let large = false;
 
-  const redraw = (): void => {
-    const drawing = options.drawing(inkOf(theme()));
-    void engine?.draw(plot, large ? zoomed(drawing) : drawing);
-  };
+  const present = (): Drawing => (large ? zoomed(options.drawing(inkOf(theme()))) : options.drawing(inkOf(theme())));
+  const redraw = (): void => void engine?.draw(plot, present());
   const enlarge = (): void => {
     large = !large;
     element.classList.toggle("large", large);
@@ -63,7 +61,7 @@ export function figure(options: FigureOptions, signal: AbortSignal): Drawn {
     const found = await part(() => import("./engine.ts"));
     if (signal.aborted || engine !== null) return;
     engine = found;
-    await found.draw(plot, options.drawing(inkOf(theme())));
+    await found.draw(plot, present());
     if (signal.aborted) return found.purge(plot);
     listen(plot, options.clicked);
     onTheme(redraw, signal);

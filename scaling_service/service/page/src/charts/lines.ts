@@ -24,7 +24,11 @@ export interface Lines {
   unit: string;
 }
 
-export function drawLines(ink: Ink, { x, curves, xAxis, yAxis, marked = [], levels = [], unit }: Lines): Drawing {
+export function drawLines(ink: Ink, { x: every, curves: whole, xAxis, yAxis, marked = [], levels = [], unit }: Lines): Drawing {
+  const kept = outstanding(whole, every.length);
+  const some = (values: ArrayLike<number>): Float64Array => Float64Array.from(kept, (k) => values[k] ?? NaN);
+  const x = some(every);
+  const curves = whole.map((curve): Curve => ({ ...curve, y: some(curve.y), half: curve.half && some(curve.half) }));
   return {
     data: [...curves.flatMap((curve) => band(x, curve)), ...curves.map((curve) => line(x, curve, unit))],
     layout: {
@@ -37,6 +41,27 @@ export function drawLines(ink: Ink, { x, curves, xAxis, yAxis, marked = [], leve
         { text: plain(name), x: 1, xref: "paper", xanchor: "right", y, yanchor: "bottom", showarrow: false })),
     },
   };
+}
+
+/** Chosen: more stretches than these lie within a pixel of one another. */
+const STRETCHES = 1000;
+
+/** Of a long recording the least and the largest of each curve in short stretches; of a short one all. */
+function outstanding(curves: readonly Curve[], count: number): number[] {
+  if (count <= 2 * STRETCHES) return Array.from({ length: count }, (_, k) => k);
+  const kept = new Set([0, count - 1]);
+  for (const { y } of curves) {
+    for (let stretch = 0; stretch < STRETCHES; stretch += 1) {
+      const [from, to] = [stretch, stretch + 1].map((edge) => Math.floor((edge * count) / STRETCHES)) as [number, number];
+      let [low, high] = [from, from];
+      for (let k = from; k < to; k += 1) {
+        if ((y[k] ?? NaN) < (y[low] ?? NaN) || !Number.isFinite(y[low])) low = k;
+        if ((y[k] ?? NaN) > (y[high] ?? NaN) || !Number.isFinite(y[high])) high = k;
+      }
+      kept.add(low).add(high);
+    }
+  }
+  return [...kept].sort((a, b) => a - b);
 }
 
 const line = (x: ArrayLike<number>, { name, style, y }: Curve, unit: string): Trace => ({

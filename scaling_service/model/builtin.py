@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -56,6 +56,49 @@ def builtin(name: str) -> BodyModel:
 def generic_person(name: str) -> GenericPerson:
     """The stature, mass and sex that a built-in model's numbers belong to; errors as :func:`builtin`."""
     return _load(name)[1]
+
+
+def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyModel, tuple[str, ...]]:
+    """A built-in model without the freedoms that only a marker on some segment would show.
+
+    What then moves as one with its parent is less rigid than a segment: its markers count less.
+
+    ``placed``: every marker that a recording shows to its segment.
+    Returns ``notes``: what was locked and why. Other models are left as they are.
+    """
+    needs = _freedoms_to_mark(model.name) if model.name in BUILTIN_NAMES else {}
+    locked = {name: need for name, need in needs.items() if need.marked not in placed.values()}
+    stiff = {need.moved for need in locked.values()}
+    coordinates = tuple(replace(c, locked=c.locked or c.name in locked) for c in model.coordinates)
+    markers = tuple(replace(m, weight=_STIFF * m.weight) if m.segment in stiff else m for m in model.markers)
+    notes = (
+        f"{name} is locked: no recording shows a marker on the {need.marked}" for name, need in locked.items()
+    )
+    return replace(model, coordinates=coordinates, markers=markers), tuple(notes)
+
+
+_STIFF = 0.1
+"""Weight of markers on what is taken as one rigid part with its neighbour. Chosen: a trunk bends by three
+times what skin slides on the pelvis."""
+
+
+class _Need(NamedTuple):
+    """What a freedom needs to be seen: its segment moves against one that must bear a marker."""
+
+    moved: str
+    marked: str
+
+
+@lru_cache(maxsize=16)
+def _freedoms_to_mark(name: str) -> Mapping[str, _Need]:
+    """Coordinate to its need."""
+    document = read_reference(reference_folder() / f"{name}.yaml")
+    return {
+        move["coordinate"]: _Need(segment["name"], move["free_if_marked"])
+        for segment in document["segments"]
+        for move in segment.get("moves", ())
+        if "free_if_marked" in move
+    }
 
 
 @lru_cache(maxsize=16)
@@ -106,6 +149,7 @@ class _Move(_Entry):
     default_m: float = 0.0
     range_deg: tuple[float, float] = (-math.inf, math.inf)
     angle_deg: float | None = None
+    free_if_marked: str | None = None  # the segment
     source: str | None = None
 
 

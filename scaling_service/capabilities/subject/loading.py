@@ -28,10 +28,11 @@ from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, body_of
 from scaling_service.model.anatomy.markers import canonical, match_labels
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.builtin import BUILTIN_NAMES, builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, check_axes, decide
@@ -101,6 +102,7 @@ def load(
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
+    model, of_freedoms = lock_unmarked(model, _placed(model, subject, ready.values()))
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
@@ -113,6 +115,7 @@ def load(
         (
             *of_sizes,
             *of_tracking,
+            *of_freedoms,
             *of_setup,
             *of_bodies,
             *of_images,
@@ -123,6 +126,18 @@ def load(
     used = labels.labels_used([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
     return Loaded(session, used, axes.description, axes, plates)
+
+
+def _placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
+    """Every marker that a recording shows, to its segment."""
+    segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
+    shown = {
+        label
+        for trial in trials
+        for label, once in zip(trial.labels, ever(seen(trial.markers)), strict=True)
+        if once
+    }
+    return {name: segment for name, segment in segments.items() if name in shown}
 
 
 def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:

@@ -55,6 +55,10 @@ _PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
 """m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
 2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
 
+_TRUNK_HEIGHT_SHAPE = 0.008
+"""m, chosen: from pelvis to C7, up to how the joints lie in the trunk. Its breadth says little of its height:
+six children are broader than long against an adult, by 6 to 28 %."""
+
 
 def _side(side: str) -> tuple[SegmentMeasurement, ...]:
     s = side.upper()
@@ -92,29 +96,36 @@ def _side(side: str) -> tuple[SegmentMeasurement, ...]:
     )
 
 
-MEASUREMENTS: tuple[SegmentMeasurement, ...] = (
-    SegmentMeasurement(
-        ("pelvis",),
-        (
-            (("RASIS",), ("LASIS",)),
-            (("RPSIS",), ("LPSIS",)),
-            (("RASIS",), ("RPSIS",)),
-            (("LASIS",), ("LPSIS",)),
-        ),
-        _PUCHAUD,
-        _PELVIS_SHAPE,
-        ((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
+_PELVIS = SegmentMeasurement(
+    ("pelvis",),
+    (
+        (("RASIS",), ("LASIS",)),
+        (("RPSIS",), ("LPSIS",)),
+        (("RASIS",), ("RPSIS",)),
+        (("LASIS",), ("LPSIS",)),
     ),
-    SegmentMeasurement(
-        ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax"),
-        ((("RSHO",), ("LSHO",)), (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))),
-        _CHOSEN,
-        _TRUNK_SHAPE,
-        ((("RSHO",), ("LSHO",)), (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))),
-    ),
-    *_side("r"),
-    *_side("l"),
+    _PUCHAUD,
+    _PELVIS_SHAPE,
+    ((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
 )
+_LIMBS = (*_side("r"), *_side("l"))
+
+_TRUNK = ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax")
+_BREADTH: Pair = (("RSHO",), ("LSHO",))
+_HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
+_HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
+
+_RIGID_TRUNK = SegmentMeasurement(
+    _TRUNK, (_BREADTH, _HEIGHT), _CHOSEN, _TRUNK_SHAPE, (_BREADTH, _HEIGHT_FROM_SACRUM)
+)
+_JOINTED_TRUNK = SegmentMeasurement(_TRUNK, (_HEIGHT,), _CHOSEN, _TRUNK_HEIGHT_SHAPE, (_HEIGHT_FROM_SACRUM,))
+"""With a joint in its middle, where a trunk that is too long folds."""
+
+
+def measurements_of(segments: Sequence[str]) -> tuple[SegmentMeasurement, ...]:
+    """What can be measured of a model with these segments."""
+    trunk = _JOINTED_TRUNK if "abdomen" in segments else _RIGID_TRUNK
+    return tuple(m for m in (_PELVIS, trunk, *_LIMBS) if set(m.segments) & set(segments))
 
 
 def available(

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.capabilities.scaling.sizes.measurements import (
-    MEASUREMENTS,
     Pair,
     SegmentMeasurement,
     available,
     distances,
+    measurements_of,
 )
 from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
 from scaling_service.model.anatomy.centres import (
@@ -70,9 +70,7 @@ def measure_ratios(
     ``besides``: whether to take what only a weighted estimate can use.
     """
     taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
-    for measurement in MEASUREMENTS:
-        if not set(measurement.segments) & set(segments):
-            continue
+    for measurement in measurements_of(segments):
         done: set[Pair] = set()
         for person in people:
             pairs = available(measurement, person.points, model, besides=besides)

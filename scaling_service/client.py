@@ -97,7 +97,7 @@ class Client:
     def upload(self, subject: str, path: str | Path, name: str | None = None) -> FileEntry:
         """Upload a file of a subject, under its own name unless another is given."""
         file = Path(path)
-        place = f"{_subject_path(subject)}/files/{quote(name or file.name, safe='')}"
+        place = f"{_make_subject_path(subject)}/files/{quote(name or file.name, safe='')}"
         with file.open("rb") as content:
             return _parse(FileEntry, self._call("PUT", place, data=content))
 
@@ -108,14 +108,14 @@ class Client:
         check_document(document, file=file)
         assert isinstance(document, Mapping)  # or it would have been refused
         subject = self.put_subject(document).id
-        for name in sorted(set(_possible_file_names(document))):
+        for name in sorted(set(_list_possible_file_names(document))):
             if (file.parent / name).is_file():
                 self.upload(subject, file.parent / name)
         return self.subject(subject)
 
     def subject(self, subject: str) -> SubjectDetail:
         """One subject."""
-        return _parse(SubjectDetail, self._call("GET", _subject_path(subject)))
+        return _parse(SubjectDetail, self._call("GET", _make_subject_path(subject)))
 
     def subjects(self) -> Iterator[SubjectSummary]:
         """All subjects, newest first."""
@@ -124,7 +124,7 @@ class Client:
 
     def delete_subject(self, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
-        self._call("DELETE", _subject_path(subject))
+        self._call("DELETE", _make_subject_path(subject))
 
     # The laboratory
 
@@ -156,7 +156,7 @@ class Client:
 
     def job(self, job: JobDocument | str) -> JobDocument:
         """A job as it is now."""
-        return _parse(JobDocument, self._call("GET", _job_path(job)))
+        return _parse(JobDocument, self._call("GET", _make_job_path(job)))
 
     def jobs(self, **chosen: str) -> Iterator[JobDocument]:
         """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
@@ -186,7 +186,7 @@ class Client:
         seen = -1
         while True:
             answer = self._answer(
-                "GET", f"{_job_path(job)}/events", stream=True, headers={"Last-Event-ID": str(seen)}
+                "GET", f"{_make_job_path(job)}/events", stream=True, headers={"Last-Event-ID": str(seen)}
             )
             with answer:
                 for found in _parse_events(answer):
@@ -200,21 +200,21 @@ class Client:
 
     def result(self, job: JobDocument | str) -> dict[str, Any]:
         """What a job found."""
-        found: dict[str, Any] = self._call("GET", f"{_job_path(job)}/result").json()
+        found: dict[str, Any] = self._call("GET", f"{_make_job_path(job)}/result").json()
         return found
 
     def files(self, job: JobDocument | str) -> list[FileEntry]:
         """What a job made."""
-        return _parse(FileList, self._call("GET", f"{_job_path(job)}/files")).items
+        return _parse(FileList, self._call("GET", f"{_make_job_path(job)}/files")).items
 
     def download(self, job: JobDocument | str, folder: str | Path) -> list[Path]:
         """Download all that a job made into a folder."""
         written = []
         for file in self.files(job):
-            target = _inside(Path(folder), file.name)
+            target = _require_inside(Path(folder), file.name)
             target.parent.mkdir(parents=True, exist_ok=True)
             with (
-                self._answer("GET", f"{_job_path(job)}/files/{quote(file.name)}", stream=True) as answer,
+                self._answer("GET", f"{_make_job_path(job)}/files/{quote(file.name)}", stream=True) as answer,
                 target.open("wb") as content,
             ):
                 for chunk in answer.iter_content(_CHUNK_BYTES):
@@ -225,7 +225,9 @@ class Client:
     def cancel(self, job: JobDocument | str) -> JobDocument:
         """Wish that a job ends; one that is over is left as it is."""
         found = self.job(job)
-        return found if found.state.is_over else _parse(JobDocument, self._call("DELETE", _job_path(job)))
+        return (
+            found if found.state.is_over else _parse(JobDocument, self._call("DELETE", _make_job_path(job)))
+        )
 
     def delete(self, job: JobDocument | str) -> None:
         """Delete a job that is over, with all that it made."""
@@ -233,7 +235,7 @@ class Client:
             raise InputError(
                 "the job is not over", field="job", remedy="Cancel it and wait for its end first"
             )
-        self._call("DELETE", _job_path(job))
+        self._call("DELETE", _make_job_path(job))
 
     def _read_pages(
         self, model: type[PageModel], path: str, chosen: Mapping[str, str]
@@ -264,14 +266,14 @@ class Client:
                 if answer.status_code < 400:
                     return answer
                 if answer.status_code not in _BUSY or time.monotonic() > end:
-                    raise _refusal(answer)
+                    raise _make_refusal(answer)
                 wait_s = float(answer.headers.get("Retry-After", 1))
             if "data" in options:
                 options["data"].seek(0)
             time.sleep(min(wait_s, _MOST_WAIT_S))
 
 
-def _refusal(answer: requests.Response) -> ServiceRefused:
+def _make_refusal(answer: requests.Response) -> ServiceRefused:
     try:
         problem = Problem.model_validate_json(answer.content)
     except ValidationError:
@@ -286,11 +288,11 @@ def _parse(model: type[Model], answer: requests.Response) -> Model:
     return model.model_validate_json(answer.content)
 
 
-def _subject_path(name: str) -> str:
+def _make_subject_path(name: str) -> str:
     return f"/v1/subjects/{quote(name, safe='')}"
 
 
-def _job_path(job: JobDocument | str) -> str:
+def _make_job_path(job: JobDocument | str) -> str:
     return f"/v1/jobs/{job.id if isinstance(job, JobDocument) else quote(job, safe='')}"
 
 
@@ -315,18 +317,18 @@ def _require_done(job: JobDocument) -> JobDocument:
     raise JobEnded(failure.problem, file=failure.file, field=failure.field, remedy=failure.remedy)
 
 
-def _inside(folder: Path, name: str) -> Path:
+def _require_inside(folder: Path, name: str) -> Path:
     target = (folder / name).resolve()
     if not target.is_relative_to(folder.resolve()):
         raise InputError(f"the service names a file '{name}' outside the folder", remedy="Do not trust it")
     return target
 
 
-def _possible_file_names(content: Any) -> Iterator[str]:
+def _list_possible_file_names(content: Any) -> Iterator[str]:
     """All texts among the values of a document that could be names of files."""
     if isinstance(content, str):
         if content and "/" not in content and "\\" not in content and len(content) <= 255:
             yield content
     elif isinstance(content, Mapping | list):
         for value in content.values() if isinstance(content, Mapping) else content:
-            yield from _possible_file_names(value)
+            yield from _list_possible_file_names(value)

@@ -213,8 +213,8 @@ def _weigh_vertices(
     facing = np.einsum("ij,ij->i", offset, normals) / distance
     weight[half] = (
         np.where(np.abs(gap) < 1.0, (1.0 - gap**2) ** 2, 0.0)
-        * _ramp(facing, _FACING)
-        * _ramp(-np.abs(normals @ frame.z), (-ridge - _LEAN, -ridge + _LEAN))
+        * _rise_smoothly(facing, _FACING)
+        * _rise_smoothly(-np.abs(normals @ frame.z), (-ridge - _LEAN, -ridge + _LEAN))
         * _weigh_arc(offset, frame)
     )
     return weight
@@ -224,12 +224,12 @@ def _weigh_arc(offset: Array, frame: _Frame) -> Array:
     up = np.cross(frame.z, frame.x)
     angle = np.rad2deg(np.arctan2(offset @ up, -(offset @ frame.x)))
     low, high = ARC_DEG
-    return _ramp(angle, (low - _BLUR_DEG, low + _BLUR_DEG)) * _ramp(
+    return _rise_smoothly(angle, (low - _BLUR_DEG, low + _BLUR_DEG)) * _rise_smoothly(
         -angle, (-high - _BLUR_DEG, -high + _BLUR_DEG)
     )
 
 
-def _ramp(value: Array, limits: tuple[float, float]) -> Array:
+def _rise_smoothly(value: Array, limits: tuple[float, float]) -> Array:
     """0 below, 1 above, smooth between."""
     share = np.clip((value - limits[0]) / (limits[1] - limits[0]), 0.0, 1.0)
     smooth: Array = share * share * (3.0 - 2.0 * share)

@@ -15,7 +15,7 @@ from scaling_service.bones.results import (
     Quality,
     Side,
     Sphere,
-    confidence,
+    rate_confidence,
 )
 from scaling_service.bones.surface import Surface, prepare
 
@@ -50,7 +50,7 @@ def find_femur_landmarks(
     knee, reason = _find_knee_end(surface, head)
     if knee is None:
         refused["knee_centre"] = reason
-    elif head is None and _flares(surface, knee):
+    elif head is None and _widens_distally(surface, knee):
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
     if head is None and knee is None:
@@ -94,7 +94,7 @@ def _find_knee_end(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | 
     return None, next(reason for reason in tried if isinstance(reason, str))
 
 
-def _flares(surface: Surface, knee: Knee) -> bool:
+def _widens_distally(surface: Surface, knee: Knee) -> bool:
     """Whether the far end is wider than the shaft: a femur without its head is cut through the shaft."""
     height = knee.frame.height / float(knee.frame.height.max())
     widths = []
@@ -179,7 +179,9 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     if found is None:
         return ["no cylinder fits both condyles"]
     axis = found.direction * np.sign(found.direction @ knee.axis)
-    quality = Quality(found.rms, found.covered, confidence(found.rms / found.radius, poor=0.08, good=0.03))
+    quality = Quality(
+        found.rms, found.covered, rate_confidence(found.rms / found.radius, poor=0.08, good=0.03)
+    )
     cylinders["condyles"] = Cylinder(
         surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
         surface.turned(axis),

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.results import Quality, Sphere, confidence
-from scaling_service.bones.shapes import across, fit_cylinder, fit_sphere
+from scaling_service.bones.results import Quality, Sphere, rate_confidence
+from scaling_service.bones.shapes import fit_cylinder, fit_sphere, span_plane
 from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
@@ -44,8 +44,8 @@ class SphereOnBone:
 def place_sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cover: float) -> Sphere:
     """The sphere in the image, trusted by how much of it is covered and how well it fits."""
     trust = min(
-        confidence(ball.covered, poor=poor_cover, good=good_cover),
-        confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
+        rate_confidence(ball.covered, poor=poor_cover, good=good_cover),
+        rate_confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
     )
     return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
 
@@ -95,7 +95,7 @@ def refine_sphere(
         if not fit.converged or moved > 0.5 * radius:
             return None
         centre, radius = fit.centre, fit.radius
-        scatter = 1.4826 * _weighted_median(np.abs(gap[near]), about.areas[near])
+        scatter = 1.4826 * _take_weighted_median(np.abs(gap[near]), about.areas[near])
         # A vote finds the centre to a few mm and the radius less well: the limit closes in from wide.
         widest = max(_WIDEST, _START * _CLOSING ** (step + 1)) * radius
         limit = float(np.clip(_SPREAD * scatter, _NARROWEST * radius, widest))
@@ -182,7 +182,7 @@ def _add_neighbours(votes: Array) -> Array:
     return votes
 
 
-def _weighted_median(values: Array, weights: Array) -> float:
+def _take_weighted_median(values: Array, weights: Array) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
@@ -248,7 +248,7 @@ def refine_cylinder(
         limit = _BAND * radius
         if moved < _SETTLED_M:
             break
-    first, second = across(direction)
+    first, second = span_plane(direction)
     angle = np.arctan2(radial[near] @ second, radial[near] @ first)
     sectors = np.unique(((angle + np.pi) * (_SECTORS / (2 * np.pi))).astype(int) % _SECTORS)
     whole = np.zeros(len(surface.points))

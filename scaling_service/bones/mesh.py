@@ -50,7 +50,7 @@ def label_pieces(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
 
 def measure_openness(faces: Faces) -> float:
     """Share of edges that have one face only."""
-    _, counts = np.unique(_edge_keys(faces), return_counts=True)
+    _, counts = np.unique(_number_edges(faces), return_counts=True)
     return float((counts == 1).mean())
 
 
@@ -90,7 +90,7 @@ def wind_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
     return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
 
 
-def _edge_keys(faces: Faces) -> NDArray[np.intp]:
+def _number_edges(faces: Faces) -> NDArray[np.intp]:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     keys: NDArray[np.intp] = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
     return keys
@@ -105,15 +105,15 @@ QUIET_M = 4e-4
 smoothing takes off meshes of 3,000 faces (0.1-0.36 mm)."""
 
 
-def vertex_areas(points: Array, faces: Faces) -> Array:
+def compute_vertex_areas(points: Array, faces: Faces) -> Array:
     """A third of the area of the faces around each vertex, shape (n,)."""
-    areas = 0.5 * np.linalg.norm(_doubled_areas(points, faces), axis=1)
+    areas = 0.5 * np.linalg.norm(_compute_doubled_areas(points, faces), axis=1)
     return np.bincount(faces.ravel(), np.repeat(areas / 3.0, 3), len(points)).astype(float)
 
 
-def vertex_normals(points: Array, faces: Faces) -> Array:
+def compute_vertex_normals(points: Array, faces: Faces) -> Array:
     """Unit normals, the sum of the vector areas around each vertex, shape (n, 3)."""
-    vectors = np.repeat(_doubled_areas(points, faces), 3, axis=0)
+    vectors = np.repeat(_compute_doubled_areas(points, faces), 3, axis=0)
     corner = faces.ravel()
     total = np.column_stack([np.bincount(corner, vectors[:, k], len(points)) for k in range(3)])
     normals: Array = total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
@@ -143,7 +143,7 @@ class Smoother:
         makes edges longer, so that too few steps would be taken.
         """
         # One half step spreads a point by a quarter of the squared edge along each direction.
-        edge = _median_edge(self._points if edges_of is None else edges_of, self._faces)
+        edge = _measure_median_edge(self._points if edges_of is None else edges_of, self._faces)
         steps = min(round(4.0 * (sigma / edge) ** 2), _MOST_STEPS)
         moved = self._points
         for _ in range(steps):
@@ -162,19 +162,19 @@ def remove_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, floa
     """
     smoother = Smoother(points, faces)
     smooth = smoother.smoothed(sigma)
-    off = np.einsum("ij,ij->i", points - smooth, vertex_normals(smooth, faces))
+    off = np.einsum("ij,ij->i", points - smooth, compute_vertex_normals(smooth, faces))
     noise = 1.4826 * float(np.median(np.abs(off)))  # standard deviation of a normal scatter
     if noise <= QUIET_M:
         return points, 0.0
     return smoother.smoothed(sigma, edges_of=smooth), noise
 
 
-def _median_edge(points: Array, faces: Faces) -> float:
+def _measure_median_edge(points: Array, faces: Faces) -> float:
     edges = points[faces] - points[np.roll(faces, -1, axis=1)]
     return float(np.median(np.linalg.norm(edges, axis=2))) or 1.0
 
 
-def _doubled_areas(points: Array, faces: Faces) -> Array:
+def _compute_doubled_areas(points: Array, faces: Faces) -> Array:
     """Vector areas of the faces, doubled."""
     a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
     crossed: Array = np.cross(b - a, c - a)
@@ -201,7 +201,7 @@ def refine_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces]
 
 
 def _halve_edges(points: Array, faces: Faces) -> tuple[Array, Faces]:
-    normals = vertex_normals(points, faces)
+    normals = compute_vertex_normals(points, faces)
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)
     _, first, inverse = np.unique(low * len(points) + high, return_index=True, return_inverse=True)

@@ -31,7 +31,7 @@ _OUTLIER = 3.0  # chosen: times the median distance beyond which a place has no 
 
 def measure_distances(bone: Bone, points: Array) -> Array:
     """Distance of points, (n, 3), from a bone's surface, (n,), m."""
-    _, nearest = _find_nearest(_surface(bone), points)
+    _, nearest = _find_nearest(_make_surface(bone), points)
     distances: Array = np.linalg.norm(points - nearest, axis=1)
     return distances
 
@@ -66,15 +66,15 @@ def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> 
         centres of the model's bone, and where the person's are.
     Raises MeshRefused: the surfaces are not of one kind of bone.
     """
-    ours, theirs = _surface(model), _surface(person)
+    ours, theirs = _make_surface(model), _make_surface(person)
     if ours.n_cells > _MOST_FACES:
-        ours = _oriented(ours.decimate(1.0 - _MOST_FACES / ours.n_cells))
+        ours = _orient_surface(ours.decimate(1.0 - _MOST_FACES / ours.n_cells))
     own, wanted = (_spread(np.asarray(surface.points), _PLACES) for surface in (ours, theirs))
     moved = ours
     for smoothing, rounds in _STAGES:
         for _ in range(rounds):
-            _, nearest, kept, gap = _counterparts(moved, own, theirs)
-            cells, back, met, _ = _counterparts(theirs, wanted, moved)
+            _, nearest, kept, gap = _find_counterparts(moved, own, theirs)
+            cells, back, met, _ = _find_counterparts(theirs, wanted, moved)
             if min(kept.sum(), met.sum()) < _FEWEST:
                 raise MeshRefused(
                     "hardly a place of it has its like on the model's bone",
@@ -87,11 +87,11 @@ def map_surface(model: Bone, person: Bone, ours_at: Array, theirs_at: Array) -> 
             soft = np.full(len(end), smoothing)
             soft[len(end) - len(ours_at) :] /= _HELD
             spline = RBFInterpolator(start, end, kernel="linear", degree=1, smoothing=soft)
-            moved = _facing(spline(ours.points), ours.regular_faces)
+            moved = _face_outwards(spline(ours.points), ours.regular_faces)
     return SurfaceMap(spline, float(np.sqrt(np.mean(gap[kept] ** 2))))
 
 
-def _counterparts(
+def _find_counterparts(
     start: pv.PolyData, chosen: NDArray[np.intp], end: pv.PolyData
 ) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_], Array]:
     """Nearest cells of another surface, the places there, whether they are counterparts, and how far."""
@@ -123,22 +123,22 @@ def _carry(start: pv.PolyData, end: pv.PolyData, cells: NDArray[np.intp], points
     return carried
 
 
-def _surface(bone: Bone) -> pv.PolyData:
+def _make_surface(bone: Bone) -> pv.PolyData:
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
     mesh.merge_vertices()
     mesh.update_faces(mesh.nondegenerate_faces())
     mesh.remove_unreferenced_vertices()
-    return _facing(mesh.vertices, mesh.faces)
+    return _face_outwards(mesh.vertices, mesh.faces)
 
 
-def _facing(points: Array, faces: NDArray[Any]) -> pv.PolyData:
+def _face_outwards(points: Array, faces: NDArray[Any]) -> pv.PolyData:
     """A surface with outward normals at its places and cells."""
     import pyvista  # only here: it takes half a second, and only maps of surfaces need it
 
-    return _oriented(pyvista.PolyData.from_regular_faces(points, np.asarray(faces, dtype=int)))
+    return _orient_surface(pyvista.PolyData.from_regular_faces(points, np.asarray(faces, dtype=int)))
 
 
-def _oriented(mesh: pv.PolyData) -> pv.PolyData:
+def _orient_surface(mesh: pv.PolyData) -> pv.PolyData:
     facing: pv.PolyData = mesh.compute_normals(auto_orient_normals=True, split_vertices=False)
     return facing
 

@@ -21,7 +21,7 @@ class Quality:
     """How well a shape sits on the bone.
 
     ``confidence``: 0 (about to be refused) to 1, from the two others and what is usual; see
-    :func:`confidence`.
+    :func:`rate_confidence`.
     """
 
     rms: float  # m; of the distances between surface and shape, over what was fitted
@@ -29,14 +29,14 @@ class Quality:
     confidence: float
 
 
-def confidence(value: float, poor: float, good: float) -> float:
+def rate_confidence(value: float, poor: float, good: float) -> float:
     """Where a measure lies between what is refused (0) and what is usual on a clean bone (1).
 
     Examples
     --------
-    >>> confidence(0.5, poor=0.4, good=0.6)
+    >>> rate_confidence(0.5, poor=0.4, good=0.6)
     0.5
-    >>> confidence(0.01, poor=0.06, good=0.02)
+    >>> rate_confidence(0.01, poor=0.06, good=0.02)
     1.0
     """
     return round(float(np.clip((value - poor) / (good - poor), 0.0, 1.0)), 3)

@@ -140,13 +140,13 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     """
     points, w = _check(points, weights, least=5)
     centroid = w @ points
-    a = _unit(np.asarray(direction, dtype=float))
-    radial = _across(points - point, a)
+    a = _normalise(np.asarray(direction, dtype=float))
+    radial = _span_plane_of(points - point, a)
     x = np.concatenate([point, a, [w @ np.linalg.norm(radial, axis=1)]]).astype(float)
 
     def linearised(x: Array) -> tuple[Array, Array]:
         a = x[3:6]
-        first, second = across(a)
+        first, second = span_plane(a)
         offset = points - x[:3]
         along = offset @ a
         radial = offset - along[:, None] * a
@@ -155,9 +155,9 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
         return distance - x[6], np.column_stack([-u1, -u2, -along * u1, -along * u2, -np.ones(len(points))])
 
     def moved(x: Array, step: Array) -> Array:
-        first, second = across(x[3:6])
+        first, second = span_plane(x[3:6])
         point = x[:3] + step[0] * first + step[1] * second
-        a = _unit(x[3:6] + step[2] * first + step[3] * second)
+        a = _normalise(x[3:6] + step[2] * first + step[3] * second)
         # Turning about a far point would couple direction and position: the point stays near the data.
         return np.concatenate([point + a * ((centroid - point) @ a), a, [x[6] + step[4]]])
 
@@ -167,11 +167,11 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     )
 
 
-def across(direction: Array) -> tuple[Array, Array]:
+def span_plane(direction: Array) -> tuple[Array, Array]:
     """Two unit vectors that make a right-handed orthogonal frame with a unit vector (3,)."""
     helper = np.zeros(3)
     helper[int(np.argmin(np.abs(direction)))] = 1.0
-    first = _unit(np.cross(direction, helper))
+    first = _normalise(np.cross(direction, helper))
     return first, np.cross(direction, first)
 
 
@@ -228,11 +228,11 @@ def _check(points: Array, weights: Array | None, least: int) -> tuple[Array, Arr
     return points[kept], w[kept] / w.sum()
 
 
-def _across(offset: Array, a: Array) -> Array:
+def _span_plane_of(offset: Array, a: Array) -> Array:
     radial: Array = offset - (offset @ a)[:, None] * a
     return radial
 
 
-def _unit(v: Array) -> Array:
+def _normalise(v: Array) -> Array:
     unit: Array = v / np.linalg.norm(v)
     return unit

@@ -72,7 +72,7 @@ class Surface:
         local = self.smooth[chosen] - self.middle(chosen)
         if across is not None:
             local = local - (local @ across)[:, None] * across
-        return principal_axes(local, self.areas[chosen])[:, 2]
+        return find_principal_axes(local, self.areas[chosen])[:, 2]
 
     def part(self, kept: NDArray[np.bool_]) -> Surface:
         """Only some vertices; faces go."""
@@ -87,7 +87,7 @@ class Surface:
         )
 
 
-def principal_axes(local: Array, areas: Array) -> Array:
+def find_principal_axes(local: Array, areas: Array) -> Array:
     """Principal directions of points about their centroid (n, 3) in columns, the least spread first."""
     axes: Array = np.linalg.eigh(local.T @ ((areas / areas.sum())[:, None] * local))[1]
     return axes
@@ -124,8 +124,8 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     return Surface(
         points=points,
         smooth=smooth,
-        normals=mesh.vertex_normals(smooth, triangles),
-        areas=mesh.vertex_areas(smooth, triangles),
+        normals=mesh.compute_vertex_normals(smooth, triangles),
+        areas=mesh.compute_vertex_areas(smooth, triangles),
         shell=label,
         faces=triangles,
         origin=origin,
@@ -158,7 +158,7 @@ def _check(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:
 
 def _drop_strays(points: Array, triangles: Faces, notes: list[str]) -> tuple[Array, Faces, NDArray[np.intp]]:
     label = _number_shells(points, triangles)
-    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
+    areas = np.bincount(label, weights=mesh.compute_vertex_areas(points, triangles))
     large = areas >= STRAY_SHARE * areas[0]
     strays = int((~large & (areas > 0)).sum())
     if strays:
@@ -173,7 +173,7 @@ def _drop_strays(points: Array, triangles: Faces, notes: list[str]) -> tuple[Arr
 def _number_shells(points: Array, triangles: Faces) -> NDArray[np.intp]:
     """Number of the connected piece of each vertex, the largest area first."""
     label = mesh.label_pieces(len(points), triangles)
-    areas = np.bincount(label, weights=mesh.vertex_areas(points, triangles))
+    areas = np.bincount(label, weights=mesh.compute_vertex_areas(points, triangles))
     rank = np.empty(len(areas), dtype=np.intp)
     rank[np.argsort(-areas, kind="stable")] = np.arange(len(areas))
     numbers: NDArray[np.intp] = rank[label]
@@ -204,11 +204,11 @@ def _find_principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array
 
     Signs follow the third moments, which no rotation of the image changes.
     """
-    areas = mesh.vertex_areas(points, triangles)
+    areas = mesh.compute_vertex_areas(points, triangles)
     w = areas / areas.sum()
     origin = w @ points
     local = points - origin
-    axes = principal_axes(local, areas)[:, ::-1].copy()
+    axes = find_principal_axes(local, areas)[:, ::-1].copy()
     skewness = w @ (local @ axes) ** 3
     axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])

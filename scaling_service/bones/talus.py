@@ -13,8 +13,8 @@ from scaling_service.bones.fits import (
     refine_cylinder,
 )
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, confidence
-from scaling_service.bones.shapes import across
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, rate_confidence
+from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
 
@@ -70,9 +70,9 @@ def find_talus_landmarks(
     along = (surface.points[supported] - found.point) @ axis
     centre = found.point + axis * 0.5 * float(np.quantile(along, 0.02) + np.quantile(along, 0.98))
     trust = min(
-        confidence(found.rms / found.radius, poor=0.08, good=0.03),
-        confidence(found.covered, poor=ARC, good=0.28),
-        confidence(found.area / found.radius**2, poor=AREA, good=1.2),
+        rate_confidence(found.rms / found.radius, poor=0.08, good=0.03),
+        rate_confidence(found.covered, poor=ARC, good=0.28),
+        rate_confidence(found.area / found.radius**2, poor=AREA, good=1.2),
     )
     head, facet = _find_subtalar_spheres(surface, centre, axis, up)
     spheres = {
@@ -167,7 +167,7 @@ def _vote_for_circle(
 ) -> tuple[float, Array, Array, float]:
     """Votes for the best circle seen along a direction: share of it, a point on its axis, radius."""
     chosen = facing & (np.abs(surface.normals @ direction) < _RIDGE)
-    first, second = across(direction)
+    first, second = span_plane(direction)
     plane = np.stack([first, second])
     points, normals = surface.smooth[chosen] @ plane.T, surface.normals[chosen] @ plane.T
     areas = surface.areas[chosen]

@@ -204,7 +204,7 @@ def _build_frame(
                 remedy="Name it tibia_r or tibia_l",
             )
         return TibiaFrame(ahead, up, wide), named, "name"
-    head = _middle_of_end(fibula, up, 1.0)
+    head = _find_middle_of_end(fibula, up, 1.0)
     side: Side = "r" if float((head - middle) @ wide) > 0 else "l"
     return TibiaFrame(ahead, up, wide), side, "shape"
 
@@ -212,7 +212,7 @@ def _build_frame(
 def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:
     """How far what lies behind the plateau's middle stands along ``ahead``, m: negative if it is ahead."""
     if fibula is not None:
-        return float((_middle_of_end(fibula, up, 1.0) - middle) @ ahead)
+        return float((_find_middle_of_end(fibula, up, 1.0) - middle) @ ahead)
     height = tibia.smooth @ up
     level = height.max() - height
     # The tuberosity stands out in front between 25 and 60 mm below the plateau.
@@ -221,7 +221,7 @@ def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: A
     return -float(along.max() + along.min())
 
 
-def _middle_of_end(bone: Surface, up: Array, sign: float) -> Array:
+def _find_middle_of_end(bone: Surface, up: Array, sign: float) -> Array:
     height = sign * (bone.smooth @ up)
     return bone.middle(height > height.max() - PLATEAU_M)
 

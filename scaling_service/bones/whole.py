@@ -170,7 +170,7 @@ def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
     if pelvis is None or femur is None or "hip_centre" not in femur.points:
         return
     warnings = list(femur.warnings)
-    apart = _hip_gap(found, side) or 0.0
+    apart = _measure_hip_gap(found, side) or 0.0
     if apart > _JOINT_GAP_M:
         warnings.append(
             f"its head lies {1e3 * apart:.0f} mm from the socket of the pelvis: other poses or images"
@@ -186,7 +186,7 @@ def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
     found[f"femur_{side}"] = replace(femur, warnings=tuple(warnings))
 
 
-def _hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
+def _measure_hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
     """From the socket to the femur's head, m; None where not both were found."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     socket = None if pelvis is None else pelvis.points.get(f"acetabulum_{side}")
@@ -194,7 +194,7 @@ def _hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
     return None if socket is None or head is None else float(np.linalg.norm(head - socket))
 
 
-def _knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[float, float] | None:
+def _measure_knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[float, float] | None:
     """From the middle of the condyles to that of the plateaus, m, and over the condyles' radius."""
     femur, tibia = found.get(f"femur_{side}"), found.get(f"tibia_{side}")
     if femur is None or tibia is None or "knee_centre" not in femur.points:
@@ -237,11 +237,11 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     remedy = "Export all bones in the frame of one image of one person, not each in its own"
     for side in "rl":
         notes += _compare_widths(found, side)
-        gap = _hip_gap(found, side)
+        gap = _measure_hip_gap(found, side)
         if gap is not None and gap > _OTHER_FRAME_M:
             problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"
             raise MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
-        knee = _knee_gap(found, side)
+        knee = _measure_knee_gap(found, side)
         if knee is None:
             continue
         narrow, wide, apart = _KNEE_GAP
@@ -266,7 +266,7 @@ _LANDMARKS = {
 """Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
 
 
-def evidence_of(
+def collect_evidence(
     found: Mapping[str, BoneLandmarks], markers: Mapping[str, tuple[str, Vector]], bones: Mapping[str, Bone]
 ) -> ImageEvidence:
     """Landmarks under the names of a built-in leg model's joints and markers.
@@ -276,40 +276,40 @@ def evidence_of(
     themselves.
     """
     return ImageEvidence(
-        dict(_centres(found)),
+        dict(_list_centres(found)),
         {
-            f"{joint}_{b.side}": _vector(b.axes[joint])
+            f"{joint}_{b.side}": _to_vector(b.axes[joint])
             for b in found.values()
             for joint in ("knee", "ankle", "subtalar")
             if joint in b.axes
         },
-        dict(_marker_landmarks(found)),
+        dict(_list_marker_landmarks(found)),
         dict(markers),
         "landmarks of bone meshes",
         dict(bones),
     )
 
 
-def _centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
+def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
     """Joint centres; a hip whose femur is not there is the centre of its socket."""
     pelvis = found.get("pelvis")
     for side in "rl" if pelvis is not None else "":
         if pelvis is not None and f"acetabulum_{side}" in pelvis.points:
-            yield f"hip_{side}", _vector(pelvis.points[f"acetabulum_{side}"])
+            yield f"hip_{side}", _to_vector(pelvis.points[f"acetabulum_{side}"])
     for bone in found.values():
         for point, joint in _CENTRES.get(bone.bone, {}).items():
             if point in bone.points:
-                yield f"{joint}_{bone.side}", _vector(bone.points[point])
+                yield f"{joint}_{bone.side}", _to_vector(bone.points[point])
 
 
-def _marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
+def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
     for bone in found.values():
         letter = (bone.side or "").upper()
         for point, marker in _LANDMARKS.get(bone.bone, {}).items():
             if point in bone.points:
-                yield f"{letter}{marker}", _vector(bone.points[point])
+                yield f"{letter}{marker}", _to_vector(bone.points[point])
 
 
-def _vector(point: Array) -> Vector:
+def _to_vector(point: Array) -> Vector:
     x, y, z = point.tolist()
     return (x, y, z)

@@ -9,7 +9,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 
-def modules_named(name: str) -> Iterator[ModuleType]:
+def import_modules_named(name: str) -> Iterator[ModuleType]:
     """The module of that name in each capability's folder that has one."""
     for folder in iter_modules(__path__, f"{__name__}."):
         if find_spec(f"{folder.name}.{name}") is not None:

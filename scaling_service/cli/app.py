@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities import modules_named
+from scaling_service.capabilities import import_modules_named
 from scaling_service.capabilities.cohort.command import Interrupted
 from scaling_service.cli import demo, guide, service
 from scaling_service.core.errors import InputError
@@ -41,7 +41,7 @@ _FIRST = [
 """In the order in which a newcomer needs them; others follow."""
 
 
-def _program_of_all() -> typer.Typer:
+def _build_program() -> typer.Typer:
     program = typer.Typer(
         name="scaling-service",
         no_args_is_help=True,
@@ -50,7 +50,7 @@ def _program_of_all() -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    modules = [*modules_named("command"), demo, guide, studies, service]
+    modules = [*import_modules_named("command"), demo, guide, studies, service]
     commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
     names = (*_FIRST, *(command.__name__ for command in commands))
     for command in sorted(commands, key=lambda command: names.index(command.__name__)):
@@ -61,7 +61,7 @@ def _program_of_all() -> typer.Typer:
     return program
 
 
-app = _program_of_all()
+app = _build_program()
 
 
 def _print_version(wanted: bool) -> None:

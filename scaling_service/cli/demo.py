@@ -70,7 +70,7 @@ def example(
     scaling-service example --plates --out plates
     """
     with running(out) as progress:
-        from scaling_service.capabilities.shared.screen import console_of_results
+        from scaling_service.capabilities.shared.screen import make_console
         from scaling_service.virtual.example import write_example
         from scaling_service.virtual.plates import write_plates_example
 
@@ -85,7 +85,7 @@ def example(
                 name = "example" if alone else folder.name
                 write_example(folder, name, seed=k, imaged=alone, strides=strides)
     for folder in folders:
-        console_of_results().print(f"Written: {folder / 'subject.json'}", highlight=False, soft_wrap=True)
+        make_console().print(f"Written: {folder / 'subject.json'}", highlight=False, soft_wrap=True)
 
 
 COMMANDS = (demo, example)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.flags import folder
+from scaling_service.capabilities.shared.flags import make_folder_parser
 
 
 def guide(
@@ -24,7 +24,7 @@ def guide(
             "-o",
             metavar="DIR",
             help="Write it as web pages: open index.html.",
-            parser=folder("--out"),
+            parser=make_folder_parser("--out"),
         ),
     ] = None,
 ) -> None:
@@ -55,7 +55,7 @@ def guide(
         for part, inside in pages.PARTS.items():
             console.print(f"[bold]{part}[/bold]", highlight=False)
             for name in inside:
-                console.print(f"  {name:<16}{pages.title_of(name)}", highlight=False, soft_wrap=True)
+                console.print(f"  {name:<16}{pages.read_title(name)}", highlight=False, soft_wrap=True)
 
 
 COMMANDS = (guide,)

@@ -70,7 +70,7 @@ def create_key(
     """Make a key. It is shown once; the service keeps only its digest."""
     from scaling_service.service.store import keys as store
 
-    with _service(settings) as service:
+    with _open_service(settings) as service:
         row, secret = store.create(service.store.database, owner, label)
     typer.echo(f"Key {row.id} of {row.owner}; it is not shown again:", err=True)
     typer.echo(secret)
@@ -81,11 +81,13 @@ def list_keys(settings: SettingsFile = None) -> None:
     """List all keys, without their secrets."""
     from scaling_service.service.store import keys as store
 
-    with _service(settings) as service:
-        rows = store.every(service.store.database)
+    with _open_service(settings) as service:
+        rows = store.list_all(service.store.database)
     for row in rows:
-        state = "valid" if row.revoked_us is None else f"revoked {_day(row.revoked_us)}"
-        typer.echo(f"{row.id}  {row.owner}  made {_day(row.created_us)}  {state}  {row.label}".rstrip())
+        state = "valid" if row.revoked_us is None else f"revoked {_format_day(row.revoked_us)}"
+        typer.echo(
+            f"{row.id}  {row.owner}  made {_format_day(row.created_us)}  {state}  {row.label}".rstrip()
+        )
     if not rows:
         typer.echo("There is no key.", err=True)
 
@@ -98,19 +100,19 @@ def revoke_key(
     """Let a key open nothing any more; what its owner has stays."""
     from scaling_service.service.store import keys as store
 
-    with _service(settings) as service:
+    with _open_service(settings) as service:
         store.revoke(service.store.database, key)
     typer.echo(f"Key {key} opens nothing any more.")
 
 
-def _service(settings: SettingsFile) -> closing[Service]:
+def _open_service(settings: SettingsFile) -> closing[Service]:
     from scaling_service.service.jobs.service import Service
     from scaling_service.service.jobs.settings import load_settings
 
     return closing(Service.open(load_settings(settings)))
 
 
-def _day(microseconds: int) -> str:
+def _format_day(microseconds: int) -> str:
     return datetime.fromtimestamp(microseconds / 1e6, UTC).date().isoformat()
 
 
@@ -125,7 +127,7 @@ def delete(
     settings: SettingsFile = None,
 ) -> None:
     """Delete a subject, its files, and all jobs on them: rows, contents and traces."""
-    with _service(settings) as service:
+    with _open_service(settings) as service:
         service.delete_subject(owner, subject)
         service.store.tidy()
     typer.echo(f"Subject {subject} of {owner} and all that rests on it is deleted.")
@@ -139,7 +141,7 @@ def expire(
     """Delete jobs and subjects that are older than so many days, now and once."""
     from scaling_service.service.store import deletion
 
-    with _service(settings) as service:
+    with _open_service(settings) as service:
         jobs, subjects = deletion.expire(service.store.database, service.store.blobs, days)
         service.store.tidy()
     typer.echo(f"Deleted for good: {jobs} jobs and {subjects} subjects older than {days:g} days.")

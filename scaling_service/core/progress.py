@@ -10,20 +10,20 @@ Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
 
-def silent(what: str, share: float = 0.0) -> None:
+def show_nothing(what: str, share: float = 0.0) -> None:
     """No progress is shown, whether with a share or by names alone."""
 
 
-def idle() -> None:
+def report_nothing() -> None:
     """No steps are reported."""
 
 
-def part_of(progress: Progress, start: float, length: float) -> Progress:
+def report_part(progress: Progress, start: float, length: float) -> Progress:
     """Progress of a part of the whole, reported as shares of that part.
 
     Examples
     --------
-    >>> second_half = part_of(lambda what, share: print(what, share), 0.5, 0.5)
+    >>> second_half = report_part(lambda what, share: print(what, share), 0.5, 0.5)
     >>> second_half("fitting", 0.5)
     fitting 0.75
     """

@@ -37,13 +37,13 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     """
     if seed < 0:
         raise ValueError(f"a seed is not negative, and {seed} is")
-    text = b"".join(_encoded(name) for name in names)
+    text = b"".join(_encode_name(name) for name in names)
     digest = hashlib.sha256(text).digest()
     key = tuple(int.from_bytes(digest[4 * k : 4 * k + 4], "little") for k in range(_WORDS))
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
 
 
-def _encoded(name: str | int) -> bytes:
+def _encode_name(name: str | int) -> bytes:
     """A name with its kind and length, so that no two paths read alike."""
     content = str(name).encode()
     return f"{type(name).__name__}:{len(content)}:".encode() + content

@@ -8,36 +8,36 @@ from collections.abc import Iterable, Sequence
 _SHOWN = 6  # chosen: as many names as fit one line
 
 
-def few(names: Sequence[str]) -> str:
+def list_few(names: Sequence[str]) -> str:
     """Some names, and how many more there are.
 
     Examples
     --------
-    >>> few(["a", "b"])
+    >>> list_few(["a", "b"])
     'a, b'
     """
     more = len(names) - _SHOWN
     return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
-def did_you_mean(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str:
+def suggest_name(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str:
     """A question with the name that comes closest, and a space; empty where none is close.
 
     Examples
     --------
-    >>> did_you_mean("full_bdoy", ["full_body", "squat"])
+    >>> suggest_name("full_bdoy", ["full_body", "squat"])
     "Did you mean 'full_body'? "
     """
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"Did you mean '{close[0]}'? " if close else ""
 
 
-def p_words(p: float) -> str:
+def format_p(p: float) -> str:
     """A probability as papers give it.
 
     Examples
     --------
-    >>> p_words(0.0004), p_words(0.0321)
+    >>> format_p(0.0004), format_p(0.0321)
     ('< 0.001', '0.032')
     """
     return "< 0.001" if p < 0.001 else f"{p:.3f}"

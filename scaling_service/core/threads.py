@@ -20,7 +20,7 @@ def use_one_thread() -> None:
         os.environ.setdefault(name, "1")
 
 
-def cores() -> int:
+def count_cores() -> int:
     """The processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -36,7 +36,7 @@ def map_parallel(work: Callable[[S], T], items: Iterable[S]) -> list[T]:
     Array work leaves the interpreter free for others.
     """
     given = list(items)
-    count = min(len(given), cores())
+    count = min(len(given), count_cores())
     if count < 2:
         return [work(item) for item in given]
     with ThreadPoolExecutor(count) as pool:

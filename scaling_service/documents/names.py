@@ -15,14 +15,14 @@ _PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
 _MOST_BYTES = 255  # of a name, on the usual file systems
 
 
-def plain_name(name: str, field: str = "name") -> str:
+def require_plain_name(name: str, field: str = "name") -> str:
     """The name, if it is one that an uploaded file can have.
 
     Raises InputError: it has a folder or a special character in it, is too long, or is reserved.
 
     Examples
     --------
-    >>> plain_name("Walking01.c3d")
+    >>> require_plain_name("Walking01.c3d")
     'Walking01.c3d'
     """
     good = _PLAIN.fullmatch(name) is not None and not name.endswith((" ", "."))

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from scaling_service.core.errors import FileUnreadable, SubjectInvalid
-from scaling_service.core.text import did_you_mean
+from scaling_service.core.text import suggest_name
 from scaling_service.documents.subject import SubjectDocument
 
 MAX_BYTES = 1_000_000  # chosen: a subject document has a few kB; beyond this it is some other file
@@ -51,7 +51,7 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
     """
     if not isinstance(content, Mapping):
         raise SubjectInvalid(
-            f"a subject document is a mapping of keys, not {_kind(content)}",
+            f"a subject document is a mapping of keys, not {_name_kind(content)}",
             file=file,
             field="(top level)",
             remedy="Start with `subject:`, `model:` and `trials:`",
@@ -59,7 +59,7 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
     try:
         return SubjectDocument.model_validate(content)
     except ValidationError as error:
-        raise _invalid(error.errors(include_url=False), file) from None
+        raise _explain_invalid(error.errors(include_url=False), file) from None
 
 
 def read_text(file: Path, kind: str = "a subject file") -> str:
@@ -137,7 +137,7 @@ def _parse_json(text: str, file: Path) -> object:
         ) from None
 
 
-def _invalid(errors: Sequence[ErrorDetails], file: str | Path | None) -> SubjectInvalid:
+def _explain_invalid(errors: Sequence[ErrorDetails], file: str | Path | None) -> SubjectInvalid:
     # A misspelt key also leaves the right one missing: the misspelling is the one to tell.
     first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
     field, problem, remedy = _explain(first)
@@ -156,14 +156,14 @@ def _explain(error: ErrorDetails) -> tuple[str, str, str]:
         return ".".join([*path, *extra]), context["problem"], context["remedy"]
     field = ".".join(path)
     if kind == "extra_forbidden":
-        return field, "unknown key", _suggestion(path)
+        return field, "unknown key", _suggest_key(path)
     if kind == "missing":
         return field, "it is missing", f"Add `{path[-1]}:`"
     if kind == "literal_error":
         return field, f"{value!r} is not possible here", f"Use {context['expected'].replace(chr(39), '')}"
     if kind in _WANTED:
         wanted, remedy = _WANTED[kind]
-        return field, f"{wanted} is needed here, not {_kind(value)}", remedy
+        return field, f"{wanted} is needed here, not {_name_kind(value)}", remedy
     return field, f"{value!r} is not possible here: {error['msg']}", "Correct it"
 
 
@@ -184,7 +184,7 @@ _WANTED = {
 """Kind of a validation error to what is wanted there and the remedy."""
 
 
-def _kind(value: object) -> str:
+def _name_kind(value: object) -> str:
     names = {
         str: "a text",
         bool: "yes or no",
@@ -199,13 +199,13 @@ def _kind(value: object) -> str:
     return names.get(type(value), f"a {type(value).__name__}") + shown
 
 
-def _suggestion(path: Sequence[str]) -> str:
+def _suggest_key(path: Sequence[str]) -> str:
     """The closest key that exists where an unknown one was found, or all of them."""
-    known = _keys_at(SubjectDocument, path[:-1])
-    return did_you_mean(path[-1].lower(), known).strip() or f"Keys here are {', '.join(known)}"
+    known = _list_keys(SubjectDocument, path[:-1])
+    return suggest_name(path[-1].lower(), known).strip() or f"Keys here are {', '.join(known)}"
 
 
-def _keys_at(document: type[BaseModel], path: Sequence[str]) -> list[str]:
+def _list_keys(document: type[BaseModel], path: Sequence[str]) -> list[str]:
     """Keys of the mapping that stands at ``path``, which may lead through lists and free keys."""
     model: type[BaseModel] = document
     annotation: Any = document
@@ -213,12 +213,12 @@ def _keys_at(document: type[BaseModel], path: Sequence[str]) -> list[str]:
         # An index or a free key names no field: what it holds is sought further in.
         if part in model.model_fields:
             annotation = model.model_fields[part].annotation
-        model = next(_models_in(annotation), model)
+        model = next(_list_models(annotation), model)
     return list(model.model_fields)
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def _list_models(annotation: Any) -> Iterator[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in get_args(annotation):
-        yield from _models_in(inner)
+        yield from _list_models(inner)

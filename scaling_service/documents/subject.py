@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 from pydantic_core import PydanticCustomError
 
-from scaling_service.core.text import did_you_mean
+from scaling_service.core.text import suggest_name
 
 SIZE_UNIT = "_mm"  # how the name of a size ends in a subject file
 
@@ -66,7 +66,7 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
-def _wrong(problem: str, remedy: str, field: str = "") -> PydanticCustomError:
+def _make_error(problem: str, remedy: str, field: str = "") -> PydanticCustomError:
     """An error that carries its remedy, and the field when it is deeper than the model it is raised in."""
     return PydanticCustomError("subject", "{problem}", {"problem": problem, "remedy": remedy, "field": field})
 
@@ -87,7 +87,7 @@ class Person(_Strict):
         ):
             value = getattr(self, field)
             if value is not None and not low <= value <= high:
-                raise _wrong(f"{value:g} {unit} is not between {low:g} and {high:g} {unit}", hint, field)
+                raise _make_error(f"{value:g} {unit} is not between {low:g} and {high:g} {unit}", hint, field)
         return self
 
 
@@ -102,10 +102,10 @@ class Trials(_Strict):
     def _separate(self) -> Trials:
         fitted = [*([self.static] if self.static else []), *self.calibration]
         if not fitted and not self.evaluation:
-            raise _wrong("no recording is given", "Name at least a static or a calibration trial")
+            raise _make_error("no recording is given", "Name at least a static or a calibration trial")
         for path in self.evaluation:
             if path in fitted:
-                raise _wrong(
+                raise _make_error(
                     f"'{path}' is also used to fit; evaluation trials never are",
                     "Remove it from one of the two, or record another trial",
                     "evaluation",
@@ -125,7 +125,7 @@ class Trials(_Strict):
             for path in paths:
                 stem = PurePath(path).stem
                 if stem in seen:
-                    raise _wrong(
+                    raise _make_error(
                         f"'{path}' and '{seen[stem]}' have the same name without suffix",
                         "Results are named by it: remove or rename one of them",
                         field,
@@ -167,13 +167,13 @@ class Correction(_Strict):
     @model_validator(mode="after")
     def _exchange(self) -> Correction:
         if len(self.labels) < 2 or set(self.labels) != set(self.labels.values()):
-            raise _wrong(
+            raise _make_error(
                 "labels are only exchanged with each other",
                 "Give each label of the exchange once on either side, such as {RLFE: RMFE, RMFE: RLFE}",
                 "labels",
             )
         if self.to_s < self.from_s:
-            raise _wrong("it ends before it begins", "Give the earlier time first", "to_s")
+            raise _make_error("it ends before it begins", "Give the earlier time first", "to_s")
         return self
 
 
@@ -212,7 +212,7 @@ class SubjectDocument(_Strict):
     def _consistent(self) -> SubjectDocument:
         for field in ("marker_set", "scale_setup"):
             if getattr(self, field) is not None and not self.model.lower().endswith(".osim"):
-                raise _wrong(
+                raise _make_error(
                     f"it belongs to .osim models only, and the model is '{self.model}'",
                     "Remove it, or give the path of an .osim file under `model:`",
                     field,
@@ -231,7 +231,7 @@ class SubjectDocument(_Strict):
         meaning: dict[str, str] = {}
         for marker, label in self.markers.items():
             if label in meaning:
-                raise _wrong(
+                raise _make_error(
                     f"label '{label}' already stands for '{meaning[label]}'",
                     "Map each label to one model marker",
                     f"markers.{marker}",
@@ -239,7 +239,7 @@ class SubjectDocument(_Strict):
             meaning[label] = marker
         for label in self.extra_markers:
             if label in meaning or label in self.markers:
-                raise _wrong(
+                raise _make_error(
                     f"'{label}' is under `markers` too",
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
@@ -250,14 +250,14 @@ class SubjectDocument(_Strict):
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
                 known = [f"{size}{SIZE_UNIT}" for size in RANGES_M]
-                raise _wrong(
+                raise _make_error(
                     "there is no such size",
-                    f"{did_you_mean(name, known)}Sizes are {', '.join(known)}",
+                    f"{suggest_name(name, known)}Sizes are {', '.join(known)}",
                     f"sizes.{name}",
                 )
             low, high = (1e3 * limit for limit in limits)
             if not low <= value <= high:
-                raise _wrong(
+                raise _make_error(
                     f"{value:g} mm is not between {low:g} and {high:g} mm", "Give it in mm", f"sizes.{name}"
                 )
 
@@ -266,7 +266,7 @@ class SubjectDocument(_Strict):
         for field, trials in (("forces", self.forces), ("corrections", self.corrections)):
             for trial in trials:
                 if trial not in names:
-                    raise _wrong(
+                    raise _make_error(
                         "no trial has this file name",
                         f"Use the file name of a trial: {', '.join(names)}",
                         f"{field}.{trial}",

@@ -51,18 +51,18 @@ def check_folder(folder: str | Path) -> None:
     """
     place = Path(folder)
     try:
-        nearest = _existing(place)
+        nearest = _find_existing(place)
         if not nearest.is_dir():
             said = "it is a file" if nearest == place.absolute() else f"'{nearest}' is a file"
             raise InputError(said, file=place, field="--out", remedy="Name a folder")
         writable = os.access(nearest, os.W_OK | os.X_OK)
     except OSError as error:  # a name that is too long
-        raise _unwritable(place, error.strerror) from None
+        raise _explain_unwritable(place, error.strerror) from None
     if not writable:
-        raise _unwritable(place, "no permission")
+        raise _explain_unwritable(place, "no permission")
 
 
-def _existing(folder: Path) -> Path:
+def _find_existing(folder: Path) -> Path:
     """The folder, or the nearest one above that exists."""
     return next(p for p in (folder.absolute(), *folder.absolute().parents) if p.exists())
 
@@ -73,9 +73,9 @@ def all_or_nothing(folder: Path) -> Iterator[Path]:
     check_folder(folder)
     try:
         # Within the folder where it is there: what is above it may be another disk, or not ours to write to.
-        scratch = Path(tempfile.mkdtemp(prefix=".scaling-service-", dir=_existing(folder)))
+        scratch = Path(tempfile.mkdtemp(prefix=".scaling-service-", dir=_find_existing(folder)))
     except OSError as error:
-        raise _unwritable(folder, error.strerror) from None
+        raise _explain_unwritable(folder, error.strerror) from None
     try:
         new = scratch / "new"
         new.mkdir()
@@ -83,7 +83,7 @@ def all_or_nothing(folder: Path) -> Iterator[Path]:
         try:
             _exchange(new, folder.absolute(), scratch / "old")
         except OSError as error:
-            raise _unwritable(folder, error.strerror) from None
+            raise _explain_unwritable(folder, error.strerror) from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
 
@@ -139,7 +139,7 @@ def _refuse_in_the_way(target: Path, folder: Path) -> None:
             )
 
 
-def _unwritable(folder: Path, reason: str | None) -> InputError:
+def _explain_unwritable(folder: Path, reason: str | None) -> InputError:
     return InputError(
         f"results cannot be written there: {reason}",
         file=folder,

@@ -11,10 +11,10 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.documents.subject import RANGES_M
-from scaling_service.files.c3d_file import METRES, C3dFile, first_value, no_frame, read_c3d_file
+from scaling_service.files.c3d_file import METRES, C3dFile, read_c3d_file, report_no_frame, take_first_value
 from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.files.tables import clean_positions, refuse_duplicates
-from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, plate_names
+from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, list_plate_names
 from scaling_service.model.trial import Array, MeasuredSizes, Repair, Trial, is_unlabelled
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
@@ -80,9 +80,9 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
         markers,
         content.rate_hz,
         (*repairs, *of_unit, *_note_cut(content), *lost),
-        stated_sizes(content.parameters),
+        read_stated_sizes(content.parameters),
         content.point_unit or NOT_STATED,
-        _plates_or_why_not(content),
+        _read_plates_or_refusal(content),
         Trial(file.stem, times, nobodys, theirs, content.rate_hz),
     )
 
@@ -104,7 +104,7 @@ def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], li
             "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
         )
     if not len(content.points):
-        raise no_frame(file)
+        raise report_no_frame(file)
     if not 0 < content.rate_hz < 1e6:
         raise TrialUnusable(
             "the frame rate is not stated", file=file, field="POINT:RATE", remedy="State it in Hz"
@@ -143,9 +143,9 @@ def _note_cut(content: C3dFile) -> tuple[Repair, ...]:
     return (Repair("header", "frames", detail),)
 
 
-def _plates_or_why_not(content: C3dFile) -> PlateRecording | TrialUnusable | None:
+def _read_plates_or_refusal(content: C3dFile) -> PlateRecording | TrialUnusable | None:
     try:
-        return c3d_plates(content)
+        return read_c3d_plates(content)
     except TrialUnusable as error:
         return None if error.field in NO_PLATES else error
     except (ValueError, TypeError, IndexError, OverflowError) as error:
@@ -157,14 +157,14 @@ def _plates_or_why_not(content: C3dFile) -> PlateRecording | TrialUnusable | Non
         )
 
 
-def c3d_plates(content: C3dFile) -> PlateRecording:
+def read_c3d_plates(content: C3dFile) -> PlateRecording:
     """The force plates of a C3D file, in SI units, as they stand: no wrench is computed here.
 
     Samples that are not numbers stay NaN. ``repairs`` names units that had to be assumed and baselines that
     were taken off. Raises TrialUnusable: no plate or no analog signal; a type other than 1 to 4; channels
     that are not in the file; a unit that is not known; corners that are no rectangle.
     """
-    used = int(first_value(content.parameters.get("FORCE_PLATFORM", {}).get("USED")) or 0)
+    used = int(take_first_value(content.parameters.get("FORCE_PLATFORM", {}).get("USED")) or 0)
     if not used:
         raise TrialUnusable(
             "the file has no force plate",
@@ -192,7 +192,7 @@ class _Plate:
     def __init__(self, content: C3dFile, k: int, repairs: list[Repair]) -> None:
         self._content, self._k, self._repairs = content, k, repairs
         self._group = content.parameters["FORCE_PLATFORM"]
-        self._name = plate_names(k + 1)[k]
+        self._name = list_plate_names(k + 1)[k]
         kinds = np.ravel(self._group.get("TYPE", []))
         self._kind = int(kinds[k]) if k < len(kinds) else 0
 
@@ -302,7 +302,7 @@ class _Plate:
         return TrialUnusable(problem, file=self._content.name, field=field, remedy=remedy)
 
 
-def stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
+def read_stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
     """The sizes that a file's parameters state, from group to name to value.
 
     A length's unit is the one of mm, cm and m in which a person can have it; zeros, which stand for what
@@ -310,25 +310,25 @@ def stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSizes:
 
     Examples
     --------
-    >>> stated_sizes({"PROCESSING": {"Height": [1480.0], "RKneeWidth": [104.0], "LKneeWidth": [0.0]}})
+    >>> read_stated_sizes({"PROCESSING": {"Height": [1480.0], "RKneeWidth": [104.0], "LKneeWidth": [0.0]}})
     MeasuredSizes(height_m=1.48, mass_kg=None, lengths_m={'knee_width_r': 0.104})
     """
     stated: dict[str, float] = {}
     for group in reversed(GROUPS):
         for name, value in parameters.get(group, {}).items():
-            number = first_value(value)
+            number = take_first_value(value)
             if isinstance(number, int | float) and not isinstance(number, bool):
                 stated[name.replace("_", "").replace(" ", "").casefold()] = float(number)
-    heights = [_length(stated[name], _HEIGHT_M) for name in _HEIGHTS if name in stated]
+    heights = [_read_length(stated[name], _HEIGHT_M) for name in _HEIGHTS if name in stated]
     masses = [stated[n] for n in _MASSES if n in stated and _MASS_KG[0] <= stated[n] <= _MASS_KG[1]]
     lengths = {
         size: length
         for name, size in _NAMES.items()
-        if name in stated and (length := _length(stated[name], RANGES_M[size])) is not None
+        if name in stated and (length := _read_length(stated[name], RANGES_M[size])) is not None
     }
     return MeasuredSizes(next((h for h in heights if h is not None), None), next(iter(masses), None), lengths)
 
 
-def _length(value: float, limits: tuple[float, float]) -> float | None:
+def _read_length(value: float, limits: tuple[float, float]) -> float | None:
     fitting = [round(value * unit, 6) for unit in METRES.values() if limits[0] <= value * unit <= limits[1]]
     return fitting[0] if len(fitting) == 1 else None

@@ -88,11 +88,11 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
                 facts = json.loads(str(stored["facts"]))
                 points, residuals, analog = stored["points"], stored["residuals"], stored["analog"]
         except (OSError, KeyError, ValueError, BadZipFile) as error:
-            raise _damaged(file, str(error)) from None
-    return _assemble(file, points, residuals, analog, facts, _header(content)[0])
+            raise _report_damage(file, str(error)) from None
+    return _assemble(file, points, residuals, analog, facts, _read_header(content)[0])
 
 
-def _header(content: bytes) -> tuple[int | None, int, int]:
+def _read_header(content: bytes) -> tuple[int | None, int, int]:
     """Number of frames (None where the header cannot tell), bytes of one, and the block where they begin.
 
     Points and analog numbers of a frame are words 2 and 3, the first and the last frame words 4 and 5, the
@@ -111,12 +111,12 @@ def _header(content: bytes) -> tuple[int | None, int, int]:
 
 def _refuse_cut(content: bytes, file: Path) -> None:
     """Raise if the file ends before the frames that its header counts, or counts and holds none."""
-    frames, size, start = _header(content)
+    frames, size, start = _read_header(content)
     if not start or not size:
         return
     whole = max(0, len(content) - _BLOCK * (start - 1)) // size
     if frames is None and not whole:
-        raise no_frame(file)
+        raise report_no_frame(file)
     if frames is not None and whole < frames:
         raise FileUnreadable(
             f"the file is cut off: its header counts {frames} frames, and it ends after {whole}",
@@ -135,15 +135,15 @@ def _parse_apart(file: Path, target: Path) -> None:
     try:
         done = subprocess.run(command, capture_output=True, timeout=TIME_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
-        raise _damaged(file, f"parsing did not end within {TIME_LIMIT_S:g} s") from None
+        raise _report_damage(file, f"parsing did not end within {TIME_LIMIT_S:g} s") from None
     if done.returncode == 0:
         return
     lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
     said = lines[-1].partition(_ADVICE)[0] if lines and done.returncode > 0 else ""
-    raise _damaged(file, said.strip()[:200] or "the parser crashed")
+    raise _report_damage(file, said.strip()[:200] or "the parser crashed")
 
 
-def _damaged(file: Path, reason: str) -> FileUnreadable:
+def _report_damage(file: Path, reason: str) -> FileUnreadable:
     return FileUnreadable(
         f"the C3D file is damaged ({reason.rstrip('.')})", file=file, remedy="Copy or export it again"
     )
@@ -164,7 +164,7 @@ def _assemble(
     labels = tuple(names + [""] * (n - len(names)))
     if residuals.shape == points.shape[:2]:
         points = np.where((residuals < 0)[..., None], np.nan, points)
-    rate = first_value(about.get("RATE"))
+    rate = take_first_value(about.get("RATE"))
     usable = isinstance(rate, (int, float)) and np.isfinite(rate) and rate > 0
     return C3dFile(
         name=file.stem,
@@ -172,7 +172,7 @@ def _assemble(
         labels=labels,
         computed=frozenset(str(name).strip() for kind in COMPUTED for name in _join_numbered(about, kind))
         - {""},
-        point_unit=str(first_value(about.get("UNITS")) or "").strip(),
+        point_unit=str(take_first_value(about.get("UNITS")) or "").strip(),
         rate_hz=float(rate if usable else facts["header_rate"]),
         analog=analog,
         parameters=parameters,
@@ -192,14 +192,14 @@ def _join_numbered(group: Mapping[str, Any], name: str) -> list[Any]:
     return values
 
 
-def first_value(value: Any) -> Any:
+def take_first_value(value: Any) -> Any:
     """The first of a parameter's values, however they are nested; None where there is none."""
     while isinstance(value, list):
         value = value[0] if value else None
     return value
 
 
-def no_frame(file: Path) -> TrialUnusable:
+def report_no_frame(file: Path) -> TrialUnusable:
     """What is said of a file with labels and no frame."""
     return TrialUnusable(
         "the file holds no frame", file=file, field="POINT:FRAMES", remedy="Record or export it again"

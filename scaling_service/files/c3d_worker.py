@@ -25,7 +25,7 @@ def main(source: str, target: str) -> int:
 
     try:
         content = ezc3d.c3d(source)
-        arrays, facts = _points(content), _facts(content)
+        arrays, facts = _read_points(content), _read_facts(content)
         arrays["analog"] = np.asarray(content["data"]["analogs"], float)[0].T
     except (
         OSError,
@@ -53,17 +53,17 @@ def _limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
 
 
-def _points(content: Any) -> dict[str, Any]:
+def _read_points(content: Any) -> dict[str, Any]:
     points = np.asarray(content["data"]["points"], float)
     residuals = np.asarray(content["data"]["meta_points"]["residuals"], float)[0]
     return {"points": np.moveaxis(points[:3], 0, -1).swapaxes(0, 1), "residuals": residuals.T}
 
 
-def _facts(content: Any) -> dict[str, Any]:
+def _read_facts(content: Any) -> dict[str, Any]:
     header = content["header"]
     return {
         "parameters": {
-            group: {name: _plain(entry) for name, entry in entries.items() if name != "__METADATA__"}
+            group: {name: _make_plain(entry) for name, entry in entries.items() if name != "__METADATA__"}
             for group, entries in content["parameters"].items()
         },
         "header_rate": float(header["points"]["frame_rate"]),
@@ -72,16 +72,16 @@ def _facts(content: Any) -> dict[str, Any]:
     }
 
 
-def _plain(entry: Any) -> Any:
+def _make_plain(entry: Any) -> Any:
     value = entry["value"]
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_text(item) for item in value]
+        return [_decode_text(item) for item in value]
     return value
 
 
-def _text(item: Any) -> Any:
+def _decode_text(item: Any) -> Any:
     """Text whose bytes are not UTF-8 is taken as Latin-1."""
     if not isinstance(item, str):
         return item

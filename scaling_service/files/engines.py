@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Joint, Law, Segment, Term
-from scaling_service.model.compile import law_value
+from scaling_service.model.compile import evaluate_law
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.rigid import rotation_about, rotation_from_vector
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 
 
@@ -30,7 +30,7 @@ class DrivenAxis:
 
     def value(self, coordinates: Mapping[str, Array]) -> Array:
         """What the axis moves by, rad or m, at values of the coordinates."""
-        return np.asarray(law_value(Law((self.term,)), coordinates))
+        return np.asarray(evaluate_law(Law((self.term,)), coordinates))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,23 +59,23 @@ def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
         raise ValueError("fold the parameters into the laws first")
     fixed = {c.name: c.default for c in model.coordinates if c.locked}
     leading: set[str] = set()
-    return tuple(_limb(segment, fixed, leading) for segment in model.segments)
+    return tuple(_make_limb(segment, fixed, leading) for segment in model.segments)
 
 
-def _limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
+def _make_limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
     axes: list[DrivenAxis] = []
     frame = np.eye(4)
     for joint in segment.joints:
         terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
-        constant = sum(float(law_value(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
+        constant = sum(float(evaluate_law(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
         frame = frame @ displace(joint, constant)
         for term in terms:
-            axes.append(_axis(segment, joint, term, frame, len(axes), leading))
+            axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
             frame = np.eye(4)
     return Limb(segment, tuple(axes), frame)
 
 
-def _axis(
+def _find_axis(
     segment: Segment, joint: Joint, term: Term, frame: Array, number: int, leading: set[str]
 ) -> DrivenAxis:
     coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
@@ -93,7 +93,7 @@ def displace(joint: Joint, value: float) -> Array:
     if joint.kind == "translation":
         frame[:3, 3] = value * np.asarray(joint.axis)
     else:
-        frame[:3, :3] = rotation_about(joint.axis, value)
+        frame[:3, :3] = rotate_about(joint.axis, value)
     return frame
 
 
@@ -147,7 +147,7 @@ def write_mjcf(model: BodyModel) -> Skeleton:
     """
     found = list_limbs(model)
     root = ET.Element("mujoco", model=model.name)
-    odd = [s.name for s in model.segments if _breaks_triangle(s)]
+    odd = [s.name for s in model.segments if _violates_triangle(s)]
     compiler = {
         "angle": "radian",
         "autolimits": "true",
@@ -157,13 +157,13 @@ def write_mjcf(model: BodyModel) -> Skeleton:
         "balanceinertia": "true" if odd else "false",
     }
     ET.SubElement(root, "compiler", compiler)
-    ET.SubElement(root, "option", gravity=_numbers(GRAVITY))
+    ET.SubElement(root, "option", gravity=_format_numbers(GRAVITY))
     bodies = {GROUND: ET.SubElement(root, "worldbody")}
     coordinates = {c.name: c for c in model.coordinates}
     for limb in found:
-        bodies[limb.segment.name] = _body(bodies[limb.segment.parent], limb, coordinates)
+        bodies[limb.segment.name] = _write_body(bodies[limb.segment.parent], limb, coordinates)
     for marker in model.markers:
-        given = {"name": marker.name, "pos": _numbers(marker.nominal), "size": "0.005"}
+        given = {"name": marker.name, "pos": _format_numbers(marker.nominal), "size": "0.005"}
         ET.SubElement(bodies[marker.segment], "site", given)
     said = [*list_uncarried(model), *_tie(root, found, coordinates)]
     if odd:
@@ -173,36 +173,45 @@ def write_mjcf(model: BodyModel) -> Skeleton:
     return Skeleton(f"<!--\n{head}\n-->\n{ET.tostring(root, encoding='unicode')}\n", tuple(said))
 
 
-def _breaks_triangle(segment: Segment) -> bool:
+def _violates_triangle(segment: Segment) -> bool:
     """Whether two principal moments of inertia add up to less than the third, which no body's do."""
     xx, yy, zz, xy, xz, yz = segment.inertia
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return bool(moments[0] + moments[1] < moments[2])
 
 
-def _body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinate]) -> ET.Element:
+def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinate]) -> ET.Element:
     segment, rest = limb.segment, limb.at_rest
     x, y, z, w = Rotation.from_matrix(rest[:3, :3]).as_quat()
     body = ET.SubElement(
-        parent, "body", name=segment.name, pos=_numbers(rest[:3, 3]), quat=_numbers([w, x, y, z])
+        parent,
+        "body",
+        name=segment.name,
+        pos=_format_numbers(rest[:3, 3]),
+        quat=_format_numbers([w, x, y, z]),
     )
     if segment.mass > 0.0:
         ET.SubElement(
             body,
             "inertial",
-            pos=_numbers(segment.com),
-            mass=_numbers([segment.mass]),
-            fullinertia=_numbers(segment.inertia),
+            pos=_format_numbers(segment.com),
+            mass=_format_numbers([segment.mass]),
+            fullinertia=_format_numbers(segment.inertia),
         )
     else:
-        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": _numbers([_SMALLEST] * 3)}
+        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": _format_numbers([_SMALLEST] * 3)}
         ET.SubElement(body, "inertial", least)
     for axis, direction, point in reversed(list(list_axes_at_rest(limb))):
         kind = "hinge" if axis.kind == "rotation" else "slide"
-        given = {"name": axis.name, "type": kind, "axis": _numbers(direction), "pos": _numbers(point)}
+        given = {
+            "name": axis.name,
+            "type": kind,
+            "axis": _format_numbers(direction),
+            "pos": _format_numbers(point),
+        }
         own = coordinates[str(axis.term.coordinate)]
         if axis.leads and own.clamped and np.isfinite([own.lower, own.upper]).all():
-            given["range"] = _numbers([own.lower, own.upper])
+            given["range"] = _format_numbers([own.lower, own.upper])
         ET.SubElement(body, "joint", given)
     return body
 
@@ -220,7 +229,7 @@ def _tie(root: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coord
             said.append(f"{axis.name} is {axis.term.gain:g} times {name}, which no axis of its own moves")
             continue
         coefficients, off = _fit_polynomial(axis, coordinates[name])
-        ET.SubElement(ties, "joint", joint1=axis.name, joint2=name, polycoef=_numbers(coefficients))
+        ET.SubElement(ties, "joint", joint1=axis.name, joint2=name, polycoef=_format_numbers(coefficients))
         if off > _WORTH_SAYING:
             size = f"{1e3 * off:.3g} {'mm' if axis.kind == 'translation' else 'mrad'}"
             said.append(f"{axis.name} follows {name} by a quartic, off its law by up to {size}")
@@ -248,19 +257,19 @@ def write_biomod(model: BodyModel) -> Skeleton:
     """
     said = list_uncarried(model)
     lines = ["version 4", *(f"// {line}" for line in said), ""]
-    lines += [f"gravity {_numbers(GRAVITY)}", ""]
+    lines += [f"gravity {_format_numbers(GRAVITY)}", ""]
     for limb in list_limbs(model):
         parent, back = "root" if limb.segment.parent == GROUND else limb.segment.parent, np.asarray(np.eye(4))
         for axis in limb.axes:
-            along = _along_z(axis.axis)
-            lines += _segment(axis.name, parent, back @ axis.before @ along, _motion(axis))
+            along = _orient_along_z(axis.axis)
+            lines += _write_segment(axis.name, parent, back @ axis.before @ along, _write_motion(axis))
             parent, back = axis.name, np.asarray(np.linalg.inv(along), dtype=float)
-        lines += _segment(limb.segment.name, parent, back @ limb.last, _mass(limb.segment))
+        lines += _write_segment(limb.segment.name, parent, back @ limb.last, _write_mass(limb.segment))
     for marker in model.markers:
         lines += [
             f"marker {marker.name.replace(' ', '_')}",
             f"    parent {'root' if marker.segment == GROUND else marker.segment}",
-            f"    position {_numbers(marker.nominal)}",
+            f"    position {_format_numbers(marker.nominal)}",
             f"    anatomical {int(marker.anatomical)}",
             f"    technical {int(not marker.anatomical)}",
             "endmarker",
@@ -269,39 +278,39 @@ def write_biomod(model: BodyModel) -> Skeleton:
     return Skeleton("\n".join(lines), said)
 
 
-def _segment(name: str, parent: str, frame: Array, more: Iterator[str]) -> list[str]:
-    rows = [f"        {_numbers(row)}" for row in frame]
+def _write_segment(name: str, parent: str, frame: Array, more: Iterator[str]) -> list[str]:
+    rows = [f"        {_format_numbers(row)}" for row in frame]
     head = [f"segment {name}", f"    parent {parent}", "    RTinMatrix 1", "    RT", *rows]
     return [*head, *more, "endsegment", ""]
 
 
-def _motion(axis: DrivenAxis) -> Iterator[str]:
+def _write_motion(axis: DrivenAxis) -> Iterator[str]:
     yield f"    {'rotations' if axis.kind == 'rotation' else 'translations'} z"
 
 
-def _mass(segment: Segment) -> Iterator[str]:
+def _write_mass(segment: Segment) -> Iterator[str]:
     if segment.mass <= 0.0:
         return
     xx, yy, zz, xy, xz, yz = segment.inertia
     yield f"    mass {segment.mass:.17g}"
-    yield f"    CenterOfMass {_numbers(segment.com)}"
+    yield f"    CenterOfMass {_format_numbers(segment.com)}"
     yield "    inertia"
     for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)):
-        yield f"        {_numbers(row)}"
+        yield f"        {_format_numbers(row)}"
 
 
-def _along_z(axis: Array) -> Array:
+def _orient_along_z(axis: Array) -> Array:
     """The frame, (4, 4), whose z lies along an axis."""
     frame, cross = np.eye(4), np.cross((0.0, 0.0, 1.0), axis)
     sine = float(np.linalg.norm(cross))
     if sine > 0.0:
-        frame[:3, :3] = rotation_from_vector(cross / sine * np.arctan2(sine, axis[2]))
+        frame[:3, :3] = convert_vector_to_rotation(cross / sine * np.arctan2(sine, axis[2]))
     elif axis[2] < 0.0:
         frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
     return frame
 
 
-def _numbers(values: object) -> str:
+def _format_numbers(values: object) -> str:
     return " ".join(f"{value:.17g}" for value in np.asarray(values, dtype=float))
 
 

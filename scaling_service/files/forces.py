@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto
-from scaling_service.model.forces import CONTACT_N, GroundForces, plate_names
+from scaling_service.model.forces import CONTACT_N, GroundForces, list_plate_names
 from scaling_service.model.trial import Array, Repair
 
 FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
@@ -50,7 +50,7 @@ def read_forces(path: str | os.PathLike[str]) -> GroundForces:
 def read_forces_from_table(table: Table, file: str) -> GroundForces:
     """The ground forces that a table holds; errors as :func:`read_forces`."""
     plates = find_plates(table.columns, file)
-    names, repairs = plate_names(len(plates)), list(table.repairs)
+    names, repairs = list_plate_names(len(plates)), list(table.repairs)
     parts = [
         _read_plate(table, plate, name, file, repairs) for name, plate in zip(names, plates, strict=True)
     ]
@@ -88,7 +88,7 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
                 field=missing[0],
                 remedy="Export the centre of pressure beside the force",
             )
-        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, _moment_columns(base, present)))
+        found.append(PlateColumns((name, f"{stem}y", f"{stem}z"), point, _name_moment_columns(base, present)))
     if not found:
         shown = ", ".join(columns[1:7]) + (", …" if len(columns) > 7 else "")
         raise TrialUnusable(
@@ -100,7 +100,7 @@ def find_plates(columns: tuple[str, ...], file: str) -> tuple[PlateColumns, ...]
     return tuple(found)
 
 
-def _moment_columns(base: str, present: set[str]) -> tuple[str, ...]:
+def _name_moment_columns(base: str, present: set[str]) -> tuple[str, ...]:
     stems = [f"{base}m"]
     for word in ("torque", "moment"):
         other = base.replace("force", word)

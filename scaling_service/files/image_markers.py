@@ -36,12 +36,12 @@ def read_image_markers(path: Path) -> dict[str, tuple[str, Vector]]:
         if not name or name in found:
             problem = "the marker has no name" if not name else f"marker '{name}' stands twice"
             raise FileUnreadable(problem, file=path, field=f"line {number}", remedy="Correct the table")
-        x, y, z = (_metres(path, number, column, row[column]) for column in COLUMNS[2:])
+        x, y, z = (_to_metres(path, number, column, row[column]) for column in COLUMNS[2:])
         found[name] = ((row["segment"] or "").strip(), (x, y, z))
     return found
 
 
-def _metres(path: Path, number: int, column: str, text: str | None) -> float:
+def _to_metres(path: Path, number: int, column: str, text: str | None) -> float:
     try:
         value = float(text or "")
     except ValueError:

@@ -32,12 +32,12 @@ def read_model_json(path: str | Path) -> BodyModel:
         ) from None
     if not isinstance(content, dict) or not {"segments", "coordinates"} <= content.keys():
         raise FileUnreadable(
-            f"this is {_other(content)}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
+            f"this is {_name_other(content)}, not a model", file=file, remedy=f"Give a model: {_WRITTEN_BY}"
         )
     return from_document(content, file=file)
 
 
-def _other(content: Any) -> str:
+def _name_other(content: Any) -> str:
     """What a document seems to be."""
     if isinstance(content, dict) and "code_version" in content:
         return "a document of results"

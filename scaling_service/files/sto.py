@@ -75,7 +75,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     """
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
-    lines = tables.numbered_lines(text)
+    lines = tables.number_lines(text)
     end = next((k for k, (_, line) in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise FileUnreadable(
@@ -84,7 +84,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     header = _read_header([line for _, line in lines[:end]])
     _refuse_other_types(header, file)
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
-    columns = _columns(rows, file)
+    columns = _read_columns(rows, file)
     body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
     data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
@@ -131,7 +131,7 @@ def _refuse_other_types(header: Mapping[str, str], file: Path) -> None:
         )
 
 
-def _columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
+def _read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
     if not rows:
         raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
     cells = tables.split_cells(rows[0][1])
@@ -204,7 +204,7 @@ def write_sto(path: str | os.PathLike[str], table: Table) -> None:
         stream.writelines(tables.format_rows("\t".join(["%.12g"] * columns), table.data))
 
 
-def motion_table(
+def tabulate_motion(
     name: str,
     times: ArrayLike,
     coordinates: Sequence[str],

@@ -38,7 +38,7 @@ class ArrayFiles:
         step = -(-len(content) // MOST_FRAMES)
         overview = None
         if step > 1:
-            few = content[::step] if first_look == "frames" else _largest(content, step)
+            few = content[::step] if first_look == "frames" else _find_largest(content, step)
             file = self._save(f"{name}.overview.f32", few)
             overview = Overview(file=file, shape=list(few.shape), step=step)
         return ArrayEntry(
@@ -52,7 +52,7 @@ class ArrayFiles:
         return f"{self._below}/{name}"
 
 
-def _largest(
+def _find_largest(
     values: np.ndarray[tuple[int, ...], np.dtype[np.float32]], step: int
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
     """The largest known value of every stretch of frames; NaN where none is known."""
@@ -60,7 +60,7 @@ def _largest(
     return np.asarray(np.fmax.reduceat(values, edges, axis=0))
 
 
-def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
+def list_plates(forces: GroundForces | None, corners: Array | None) -> list[PlateEntry]:
     """Plates with their corners, (n_plates, 4, 3) in our axes, where the file has them."""
     if forces is None:
         return []
@@ -75,7 +75,7 @@ def plates_of(forces: GroundForces | None, corners: Array | None) -> list[PlateE
     ]
 
 
-def at_frames(times: Array, values: Array, wanted: Array) -> Array:
+def sample_at(times: Array, values: Array, wanted: Array) -> Array:
     """Values (n, ...) at other times, by the nearest sample; NaN beyond the recording."""
     after = np.minimum(np.searchsorted(times, wanted), len(times) - 1)
     before = np.maximum(after - 1, 0)

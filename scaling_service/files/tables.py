@@ -66,7 +66,7 @@ def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
     return text.replace("\r\n", "\n").replace("\r", "\n"), repairs
 
 
-def numbered_lines(text: str) -> list[Line]:
+def number_lines(text: str) -> list[Line]:
     """All lines with their numbers from 1."""
     return list(enumerate(text.split("\n"), start=1))
 
@@ -87,7 +87,7 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     leaves no trace, so which number belongs to which column is unknown: all but the first two are dropped.
     """
     wanted = len(columns)
-    plain = _plain_rows(lines, wanted)
+    plain = _parse_plain_rows(lines, wanted)
     if plain is not None:
         return plain, ()
     tally: Counter[str] = Counter()
@@ -99,7 +99,7 @@ def parse_rows(lines: Sequence[Line], columns: Sequence[str], path: Path) -> tup
     return data, _describe(tally)
 
 
-def _plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
+def _parse_plain_rows(lines: Sequence[Line], wanted: int) -> Array | None:
     """Tab-delimited rows that are all whole, at once; None where anything needs a closer look."""
     texts = [text for _, text in lines]
     if not texts or not all(text.count("\t") == wanted - 1 for text in texts):

@@ -39,7 +39,7 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     """
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
-    lines = tables.numbered_lines(text)
+    lines = tables.number_lines(text)
     header = _read_header(lines, file)
     columns = ["Frame#", "Time", *(f"{label} {axis}" for label in header.columns for axis in "XYZ")]
     body, cut = tables.trim_cut_line(
@@ -50,7 +50,7 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
         raise TrialUnusable(
             "the file has a header but no frame", file=file, remedy="Record or export it again"
         )
-    if cut and _positive(header.stated_frames) > len(data):
+    if cut and _read_positive(header.stated_frames) > len(data):
         raise FileUnreadable(
             f"the file is cut off: its header counts {header.stated_frames} frames, and it breaks off in "
             f"line {body[-1][0]} after {len(data)}",
@@ -92,7 +92,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     first = next(text for _, text in lines if text.strip())
     if not first.strip().lower().startswith("pathfiletype"):
         raise FileUnreadable(
-            _what_else(lines),
+            _explain_else(lines),
             file=file,
             field="line 1",
             remedy="A TRC file begins with the word PathFileType",
@@ -101,7 +101,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     values_at = next((k for k in range(keys_at + 1, len(lines)) if lines[k][1].strip()), None)
     labels_at = _find(lines, "frame", file)
     if values_at is None or values_at >= labels_at:
-        raise _truncated(file, "the line of values under DataRate")
+        raise _report_truncated(file, "the line of values under DataRate")
     keys, values = lines[keys_at][1].split(), lines[values_at][1].split()
     stated = {key.lower(): value for key, value in zip(keys, values, strict=False)}
     unit, unit_repairs = _read_unit(stated, values, file)
@@ -110,7 +110,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     return _Header(
         columns,
         first_row,
-        _positive(stated.get("datarate", "")),
+        _read_positive(stated.get("datarate", "")),
         METRES[unit],
         stated.get("units", "")[:20],
         stated.get("numframes", ""),
@@ -119,7 +119,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     )
 
 
-def _what_else(lines: list[tables.Line]) -> str:
+def _explain_else(lines: list[tables.Line]) -> str:
     words = " ".join(text for _, text in lines[:40]).lower()
     if "endheader" in words:
         return "this is an OpenSim table (MOT or STO), not a TRC file"
@@ -132,12 +132,12 @@ def _find(lines: list[tables.Line], word: str, file: Path) -> int:
     for k, (_, text) in enumerate(lines[:20]):
         if text.strip().lower().startswith(word):
             return k
-    raise _truncated(
+    raise _report_truncated(
         file, {"datarate": "the line with DataRate", "frame": "the line with Frame# and Time"}[word]
     )
 
 
-def _truncated(file: Path, what: str) -> FileUnreadable:
+def _report_truncated(file: Path, what: str) -> FileUnreadable:
     return FileUnreadable(f"the header is truncated: {what} is missing", file=file, remedy="Export it again")
 
 
@@ -161,7 +161,7 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
 def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
     cells = tables.split_cells(re.sub(r"^\s*frame\s*#", "Frame#", line, flags=re.IGNORECASE))
     if len(cells) < 2 or not cells[1].lower().startswith("time"):
-        raise _truncated(file, "the column Time")
+        raise _report_truncated(file, "the column Time")
     found = [(k, cell) for k, cell in enumerate(cells[2:]) if cell]
     if not found:
         raise TrialUnusable(
@@ -213,11 +213,11 @@ def _check_counts(header: _Header, rows: int) -> tuple[Repair, ...]:
             ("NumFrames", header.stated_frames, rows),
             ("NumMarkers", header.stated_markers, columns),
         )
-        if _positive(stated) != found
+        if _read_positive(stated) != found
     )
 
 
-def _positive(text: str) -> float:
+def _read_positive(text: str) -> float:
     try:
         value = float(text.replace(",", "."))
     except ValueError:

@@ -43,15 +43,15 @@ def _render_cell(cell: Mapping[str, Any], name: str) -> Iterator[str]:
         yield f"```bash\n{source.removeprefix(COMMAND)}\n```"
     else:
         yield f"```python\n{source}\n```"
-    if printed := "\n".join(text for output in cell["outputs"] if (text := text_of(output))):
+    if printed := "\n".join(text for output in cell["outputs"] if (text := read_output(output))):
         yield f"```text\n{printed}\n```"
-    if any(map(_image, cell["outputs"])):
-        yield f"![Figure]({_image_name(name, cell)})"
+    if any(map(_render_image, cell["outputs"])):
+        yield f"![Figure]({_name_image(name, cell)})"
 
 
-def text_of(output: Mapping[str, Any]) -> str:
+def read_output(output: Mapping[str, Any]) -> str:
     """What an output says in words; empty for a figure."""
-    if _image(output):
+    if _render_image(output):
         return ""
     text = output["text"] if output["output_type"] == "stream" else output["data"]["text/plain"]
     return "".join(text).rstrip()
@@ -60,16 +60,16 @@ def text_of(output: Mapping[str, Any]) -> str:
 def draw_images(name: str) -> dict[str, bytes]:
     """The figures of a notebook by the names under which its page shows them."""
     return {
-        _image_name(name, cell): base64.b64decode(image)
+        _name_image(name, cell): base64.b64decode(image)
         for cell in read_notebook(name)["cells"]
         for output in cell.get("outputs", ())
-        if (image := _image(output))
+        if (image := _render_image(output))
     }
 
 
-def _image(output: Mapping[str, Any]) -> str:
+def _render_image(output: Mapping[str, Any]) -> str:
     return str(output.get("data", {}).get("image/png", ""))
 
 
-def _image_name(name: str, cell: Mapping[str, Any]) -> str:
+def _name_image(name: str, cell: Mapping[str, Any]) -> str:
     return f"{name}-{cell['execution_count']}.png"

@@ -43,7 +43,7 @@ def _describe(name: str) -> str:
     node = _find(module, name)
     if isinstance(node, ast.FunctionDef):
         returns = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-        arguments = [*_arguments(node.args)]
+        arguments = [*_list_arguments(node.args)]
         signature = f"{name}(\n{''.join(f'    {argument},{chr(10)}' for argument in arguments)}){returns}"
         parts = _translate(ast.get_docstring(node))
     else:
@@ -51,16 +51,16 @@ def _describe(name: str) -> str:
     return "\n\n".join([f"## {name}", f"```\n{signature}\n```", *parts])
 
 
-def _arguments(arguments: ast.arguments) -> Iterator[str]:
+def _list_arguments(arguments: ast.arguments) -> Iterator[str]:
     """Each as it is written, with ``*`` before those by keyword only."""
     defaults = [None] * (len(arguments.args) - len(arguments.defaults)) + list(arguments.defaults)
-    yield from map(_argument, arguments.args, defaults)
+    yield from map(_format_argument, arguments.args, defaults)
     if arguments.kwonlyargs:
         yield "*"
-    yield from map(_argument, arguments.kwonlyargs, arguments.kw_defaults)
+    yield from map(_format_argument, arguments.kwonlyargs, arguments.kw_defaults)
 
 
-def _argument(argument: ast.arg, default: ast.expr | None) -> str:
+def _format_argument(argument: ast.arg, default: ast.expr | None) -> str:
     return ast.unparse(argument) + (f" = {ast.unparse(default)}" if default else "")
 
 
@@ -85,7 +85,7 @@ def _describe_class(module: str, node: ast.ClassDef) -> Iterator[str]:
     docstring = ast.get_docstring(node) or ""
     before, mark, examples = docstring.partition("\nExamples\n")
     yield from _translate(before)
-    if fields := "\n".join(_fields(module, node)):
+    if fields := "\n".join(_list_fields(module, node)):
         yield f"**Fields**\n\n{fields}"
     offered = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name[0] != "_"]
     if offered:
@@ -93,19 +93,19 @@ def _describe_class(module: str, node: ast.ClassDef) -> Iterator[str]:
     yield from _translate(f"Examples\n{examples}" if mark else "")
 
 
-def _fields(module: str, node: ast.ClassDef) -> Iterator[str]:
+def _list_fields(module: str, node: ast.ClassDef) -> Iterator[str]:
     for base in node.bases:
-        if isinstance(base, ast.Name) and (home := _home_of(module, base.id)):
-            yield from _fields(home, _find(home, base.id))  # type: ignore[arg-type]  # a class's base is a class
+        if isinstance(base, ast.Name) and (home := _find_home(module, base.id)):
+            yield from _list_fields(home, _find(home, base.id))  # type: ignore[arg-type]  # a class's base is a class
     for part in node.body:
         if isinstance(part, ast.AnnAssign) and isinstance(part.value, ast.Call):
             given = {keyword.arg: keyword.value for keyword in part.value.keywords}
             if "description" in given:
                 default = f" = {ast.unparse(given['default'])}" if "default" in given else ""
-                yield f"- `{ast.unparse(part.target)}{default}`: {_text(given['description'])}"
+                yield f"- `{ast.unparse(part.target)}{default}`: {_read_text(given['description'])}"
 
 
-def _home_of(module: str, name: str) -> str | None:
+def _find_home(module: str, name: str) -> str | None:
     """The module of ours in which a class stands that another names."""
     for node in _parse(module).body:
         if isinstance(node, ast.ClassDef) and node.name == name:
@@ -115,7 +115,7 @@ def _home_of(module: str, name: str) -> str | None:
     return None
 
 
-def _text(node: ast.expr) -> str:
+def _read_text(node: ast.expr) -> str:
     """A string, of which parts may stand in other modules."""
     if isinstance(node, ast.JoinedStr):
         parts = (part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
@@ -126,30 +126,30 @@ def _text(node: ast.expr) -> str:
 def _describe_method(method: ast.FunctionDef) -> str:
     summary = (ast.get_docstring(method) or "").partition("\n")[0]
     called = "" if any("property" in ast.unparse(d) for d in method.decorator_list) else "()"
-    return f"- `{method.name}{called}`: {_inline(summary)}"
+    return f"- `{method.name}{called}`: {_format_inline(summary)}"
 
 
 def _translate(docstring: str | None) -> Iterator[str]:
     """A docstring of numpy's form as blocks of Markdown."""
     prose, *sections = _SECTION.split(cleandoc(docstring or ""))
-    yield _inline(prose).strip()
+    yield _format_inline(prose).strip()
     for title, body in zip(sections[::2], sections[1::2], strict=True):
         if title == "Examples":
             yield f"```pycon\n{body.strip()}\n```"
         elif title == "Notes":
-            yield _inline(body).strip()
+            yield _format_inline(body).strip()
         else:
-            entries = "\n".join(_entry(*found) for found in _ENTRY.findall(body))
+            entries = "\n".join(_format_entry(*found) for found in _ENTRY.findall(body))
             yield f"**{title}**\n\n{entries}"
 
 
-def _entry(head: str, body: str) -> str:
+def _format_entry(head: str, body: str) -> str:
     name, _, kind = head.partition(" : ")
     said = " ".join(dedent(body).split())
-    return f"- `{name}`{f' ({kind})' if kind else ''}: {_inline(said)}"
+    return f"- `{name}`{f' ({kind})' if kind else ''}: {_format_inline(said)}"
 
 
-def _inline(text: str) -> str:
+def _format_inline(text: str) -> str:
     """Code as Markdown has it."""
     return re.sub(r":\w+:(?=`)", "", text).replace("``", "`")
 
@@ -207,7 +207,7 @@ class Section:
     text: str
 
 
-def names() -> tuple[str, ...]:
+def list_pages() -> tuple[str, ...]:
     """All pages, in reading order."""
     return tuple(name for part in PARTS.values() for name in part)
 
@@ -218,8 +218,8 @@ def read_page(name: str) -> str:
 
     Raises NoSuchPage.
     """
-    if name not in names():
-        raise NoSuchPage(f"the guide has no page '{name}'", remedy=f"Choose one of {', '.join(names())}")
+    if name not in list_pages():
+        raise NoSuchPage(f"the guide has no page '{name}'", remedy=f"Choose one of {', '.join(list_pages())}")
     if name.startswith(NOTEBOOK):
         return render_notebook(name)
     text = (FOLDER / f"{name}.md").read_text(encoding="utf-8").replace("{{interface}}", describe_interface())
@@ -270,28 +270,28 @@ def parse(name: str) -> list[Token]:
     tokens = MarkdownIt("commonmark").enable("table").parse(read_page(name))
     for token, inside in pairwise(tokens):
         if token.type == "heading_open":
-            token.attrSet("id", slug(inside.content))
+            token.attrSet("id", make_slug(inside.content))
     return tokens
 
 
-def slug(title: str) -> str:
+def make_slug(title: str) -> str:
     """Turn a heading into its anchor, as GitHub does.
 
     Examples
     --------
-    >>> slug("Backup, and `restore`")
+    >>> make_slug("Backup, and `restore`")
     'backup-and-restore'
     """
     return re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-")
 
 
 @cache
-def sections() -> tuple[Section, ...]:
+def list_sections() -> tuple[Section, ...]:
     """All sections of all pages."""
-    return tuple(section for name in names() for section in _split(name))
+    return tuple(section for name in list_pages() for section in _split(name))
 
 
-def title_of(name: str) -> str:
+def read_title(name: str) -> str:
     """The page's own heading."""
     if name.startswith(NOTEBOOK):
         return render_notebook(name).partition("\n")[0].removeprefix("# ")
@@ -300,7 +300,7 @@ def title_of(name: str) -> str:
 
 
 def _split(name: str) -> Iterator[Section]:
-    page_title, title, anchor = title_of(name), "", ""
+    page_title, title, anchor = read_title(name), "", ""
     text: list[str] = []
     heading = False
     for token in parse(name):
@@ -313,11 +313,11 @@ def _split(name: str) -> Iterator[Section]:
             if heading:
                 title, heading = token.content, False
             else:
-                text.append(_plain(token))
+                text.append(_strip_marks(token))
     yield Section(name, page_title, anchor, title, " ".join(text))
 
 
-def _plain(token: Token) -> str:
+def _strip_marks(token: Token) -> str:
     """The words of a block, without its marks."""
     if token.children is None:
         return token.content
@@ -338,5 +338,7 @@ def search(words: str) -> list[Section]:
         title, text = f"{section.title} {section.page_title}".lower(), section.text.lower()
         return sum(word in title for word in wanted), sum(text.count(word) for word in wanted)
 
-    found = [s for s in sections() if all(w in f"{s.page_title} {s.title} {s.text}".lower() for w in wanted)]
+    found = [
+        s for s in list_sections() if all(w in f"{s.page_title} {s.title} {s.text}".lower() for w in wanted)
+    ]
     return sorted(found, key=weigh, reverse=True) if wanted else []

@@ -14,7 +14,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, draw_images
-from scaling_service.guide.pages import PARTS, names, parse, sections, title_of
+from scaling_service.guide.pages import PARTS, list_pages, list_sections, parse, read_title
 
 _HERE = Path(__file__).parent
 _AS_THEY_ARE = (".svg", ".png", ".ipynb")
@@ -23,14 +23,14 @@ _AS_THEY_ARE = (".svg", ".png", ".ipynb")
 @cache
 def make_site() -> Mapping[str, bytes]:
     """Make all files of the guide, by name; ``index.html`` is the first page."""
-    files = {f"{name}.html": _render_page(name).encode() for name in names()}
-    files["index.html"] = files[f"{names()[0]}.html"]
-    found = [asdict(section) for section in sections()]
+    files = {f"{name}.html": _render_page(name).encode() for name in list_pages()}
+    files["index.html"] = files[f"{list_pages()[0]}.html"]
+    found = [asdict(section) for section in list_sections()]
     files["sections.js"] = f"const SECTIONS = {json.dumps(found, ensure_ascii=False)};\n".encode()
     for file in (_HERE / "guide.css", _HERE / "guide.js", *FOLDER.iterdir()):
         if file.suffix in (".css", ".js", *_AS_THEY_ARE):
             files[file.name] = file.read_bytes()
-    for name in names():
+    for name in list_pages():
         if name.startswith(NOTEBOOK):
             files |= draw_images(name)
     return MappingProxyType(files)
@@ -49,24 +49,24 @@ def _render_page(name: str) -> str:
     for token in tokens:
         for child in token.children or ():
             if child.type == "link_open":
-                child.attrSet("href", _address(str(child.attrGet("href"))))
+                child.attrSet("href", _rewrite_address(str(child.attrGet("href"))))
     body = MarkdownIt("commonmark").enable("table").renderer.render(_in_frames(tokens), _OPTIONS, {})
-    at = names().index(name)
+    at = list_pages().index(name)
     around = [
-        f'<a rel="{rel}" href="{names()[k]}.html">{escape(title_of(names()[k]))}</a>'
+        f'<a rel="{rel}" href="{list_pages()[k]}.html">{escape(read_title(list_pages()[k]))}</a>'
         for rel, k in (("prev", at - 1), ("next", at + 1))
-        if 0 <= k < len(names())
+        if 0 <= k < len(list_pages())
     ]
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="color-scheme" content="light dark">'
-        f"<title>{escape(title_of(name))} · scaling-service</title>"
+        f"<title>{escape(read_title(name))} · scaling-service</title>"
         '<link rel="icon" href="data:,"><link rel="stylesheet" href="guide.css">'
         '<script src="sections.js" defer></script><script src="guide.js" defer></script>'
         '<a class="skip" href="#page">To the text</a>'
         f'<header><a class="brand" href="index.html">scaling-service guide</a>{_SEARCH}</header>'
-        f'<div class="columns">{_contents(name)}<main id="page">'
+        f'<div class="columns">{_render_contents(name)}<main id="page">'
         f'<ol id="found" hidden></ol><article>{body}</article>'
         f'<nav class="around" aria-label="Pages before and after">{"".join(around)}</nav></main></div></html>'
     )
@@ -79,7 +79,7 @@ _SEARCH = (
 )
 
 
-def _address(href: str) -> str:
+def _rewrite_address(href: str) -> str:
     """Of a link: other pages are ``.md`` files where they are written and ``.html`` here."""
     page, mark, anchor = href.partition("#")
     return f"{page.removesuffix('.md')}.html{mark}{anchor}" if page.endswith(".md") else href
@@ -97,15 +97,15 @@ def _in_frames(tokens: Sequence[Token]) -> list[Token]:
     return framed
 
 
-def _contents(current: str) -> str:
+def _render_contents(current: str) -> str:
     parts = "".join(
-        f"<h2>{escape(part)}</h2><ul>{''.join(_entry(name, current) for name in pages)}</ul>"
+        f"<h2>{escape(part)}</h2><ul>{''.join(_render_entry(name, current) for name in pages)}</ul>"
         for part, pages in PARTS.items()
     )
     inside = f"<details open><summary>Contents</summary>{parts}</details>"
     return f'<nav id="contents" aria-label="Contents">{inside}</nav>'
 
 
-def _entry(name: str, current: str) -> str:
+def _render_entry(name: str, current: str) -> str:
     here = ' aria-current="page"' if name == current else ""
-    return f'<li><a href="{name}.html"{here}>{escape(title_of(name))}</a></li>'
+    return f'<li><a href="{name}.html"{here}>{escape(read_title(name))}</a></li>'

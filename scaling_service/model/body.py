@@ -22,13 +22,13 @@ Tensor = tuple[float, float, float, float, float, float]
 GROUND = "ground"
 
 
-def vector(values: Iterable[float]) -> Vector:
+def to_vector(values: Iterable[float]) -> Vector:
     """Three numbers of any kind as a vector of the model."""
     x, y, z = (float(v) for v in values)
     return (x, y, z)
 
 
-def tensor(values: Iterable[float]) -> Tensor:
+def to_tensor(values: Iterable[float]) -> Tensor:
     """Six numbers of any kind as a tensor of the model."""
     xx, yy, zz, xy, xz, yz = (float(v) for v in values)
     return (xx, yy, zz, xy, xz, yz)
@@ -188,7 +188,7 @@ class Marker:
     @property
     def nominal(self) -> Vector:
         """The constant part of its local position (m)."""
-        return vector(law.constant_part for law in self.laws)
+        return to_vector(law.constant_part for law in self.laws)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,15 +277,15 @@ class BodyModel:
 
     def segment(self, name: str) -> Segment:
         """The segment of that name (KeyError if none)."""
-        return _named(self.segments, name)
+        return _find_named(self.segments, name)
 
     def marker(self, name: str) -> Marker:
         """The marker of that name (KeyError if none)."""
-        return _named(self.markers, name)
+        return _find_named(self.markers, name)
 
     def coordinate(self, name: str) -> Coordinate:
         """The coordinate of that name (KeyError if none)."""
-        return _named(self.coordinates, name)
+        return _find_named(self.coordinates, name)
 
     def bone_of(self, segment: str) -> str:
         """The bone that a segment stands for: what the model says of it, else its own name."""
@@ -322,7 +322,7 @@ class BodyModel:
 _Item = TypeVar("_Item", Segment, Marker, Coordinate)
 
 
-def _named(items: tuple[_Item, ...], name: str) -> _Item:
+def _find_named(items: tuple[_Item, ...], name: str) -> _Item:
     for item in items:
         if item.name == name:
             return item

@@ -24,11 +24,11 @@ from scaling_service.model.body import (
     Segment,
     Tensor,
     Vector,
-    tensor,
-    vector,
+    to_tensor,
+    to_vector,
 )
-from scaling_service.model.inertia import inertia_table
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.inertia import read_inertia_table
+from scaling_service.model.reference import find_reference_folder, read_reference
 
 BUILTIN_NAMES: tuple[str, ...] = (
     "lower_limb_14dof",
@@ -39,7 +39,7 @@ BUILTIN_NAMES: tuple[str, ...] = (
 """Puchaud 2019 (section 2.2.1), the same with feet, Muller 2017 (section 2.3) and Futamure (section II.A)."""
 
 
-def builtin(name: str) -> BodyModel:
+def load_builtin(name: str) -> BodyModel:
     """A built-in generic model.
 
     ``name``: one of ``BUILTIN_NAMES``.
@@ -47,14 +47,14 @@ def builtin(name: str) -> BodyModel:
 
     Examples
     --------
-    >>> builtin("lower_limb_14dof").segment_names
+    >>> load_builtin("lower_limb_14dof").segment_names
     ('pelvis', 'femur_r', 'tibia_r', 'femur_l', 'tibia_l')
     """
     return _load(name)[0]
 
 
-def generic_person(name: str) -> GenericPerson:
-    """The stature, mass and sex that a built-in model's numbers belong to; errors as :func:`builtin`."""
+def load_generic_person(name: str) -> GenericPerson:
+    """The stature, mass and sex that a built-in model's numbers belong to; errors as :func:`load_builtin`."""
     return _load(name)[1]
 
 
@@ -66,7 +66,7 @@ def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyMode
     ``placed``: every marker that a recording shows to its segment.
     Returns ``notes``: what was locked and why. Other models are left as they are.
     """
-    needs = _freedoms_to_mark(model.name) if model.name in BUILTIN_NAMES else {}
+    needs = _list_freedoms_to_mark(model.name) if model.name in BUILTIN_NAMES else {}
     locked = {name: need for name, need in needs.items() if need.marked not in placed.values()}
     stiff = {need.moved for need in locked.values()}
     coordinates = tuple(replace(c, locked=c.locked or c.name in locked) for c in model.coordinates)
@@ -90,9 +90,9 @@ class _Need(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _freedoms_to_mark(name: str) -> Mapping[str, _Need]:
+def _list_freedoms_to_mark(name: str) -> Mapping[str, _Need]:
     """Coordinate to its need."""
-    document = read_reference(reference_folder() / f"{name}.yaml")
+    document = read_reference(find_reference_folder() / f"{name}.yaml")
     return {
         move["coordinate"]: _Need(segment["name"], move["free_if_marked"])
         for segment in document["segments"]
@@ -109,7 +109,7 @@ def _load(name: str) -> tuple[BodyModel, GenericPerson]:
             field="model",
             remedy=f"Use one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file",
         )
-    document = read_reference(reference_folder() / f"{name}.yaml")
+    document = read_reference(find_reference_folder() / f"{name}.yaml")
     base = document.get("extends")
     return expand(document, file=f"{name}.yaml", base=_load(base) if base else None)
 
@@ -220,19 +220,19 @@ def expand(
     left: list[Segment] = []
     left_coordinates: list[Coordinate] = []
     for entry in written.segments:
-        segment, moved = _segment(entry, person)
+        segment, moved = _make_segment(entry, person)
         segments.append(segment)
         coordinates += moved
         if entry.mirrored:
             left.append(_mirror_segment(segment))
-            left_coordinates += [replace(c, name=_left(c.name)) for c in moved]
+            left_coordinates += [replace(c, name=_mirror_name(c.name)) for c in moved]
     for entries, weight in ((written.markers, 1.0), (written.landmarks, 0.0)):
-        markers += [marker for entry in entries for marker in _markers(entry, weight)]
+        markers += [marker for entry in entries for marker in _make_markers(entry, weight)]
     everything = (*segments, *left), (*coordinates, *left_coordinates), tuple(markers)
     return BodyModel(written.name, *everything, source=written.source), person
 
 
-def _segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
+def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
     joints: list[Joint] = []
     if entry.centre is not None:
         # Zeros stay, so that a centre can be moved in place.
@@ -249,7 +249,7 @@ def _segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coor
         lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
         joints.append(Joint(kind, axis, Law.of(move.coordinate)))
         coordinates.append(Coordinate(move.coordinate, kind, move.default_m, lower, upper))
-    inertia = _inertia(entry.inertia, person)
+    inertia = _make_inertia(entry.inertia, person)
     return Segment(entry.name, entry.parent, entry.joint, tuple(joints), *inertia), coordinates
 
 
@@ -260,7 +260,7 @@ _AXES: dict[str, Vector] = {
 }
 
 
-def _inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:
+def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:
     """Mass, centre of mass and tensor from percentages.
 
     Tables give the mass in % of the body's, the centre of mass in % of a length L from an origin,
@@ -269,21 +269,21 @@ def _inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Ten
     """
     mass_pct, com_pct, radii = entry.mass_pct, entry.com_pct, (*entry.radii_pct, *entry.products_pct)
     if entry.table is not None:
-        row = inertia_table(entry.table).row(entry.row, person.sex)
-        mass_pct, com_pct = row.mass_pct, vector(row.com_pct or ())
-        radii = (*vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
+        row = read_inertia_table(entry.table).row(entry.row, person.sex)
+        mass_pct, com_pct = row.mass_pct, to_vector(row.com_pct or ())
+        radii = (*to_vector([r or 0.0 for r in row.radii_pct]), *row.products_pct)
     mass = person.mass_kg * mass_pct / 100.0
     com = tuple(o + entry.length * c / 100.0 for o, c in zip(entry.origin, com_pct, strict=True))
     moments = [math.copysign(mass * (r * entry.length / 100.0) ** 2, r) if r else 0.0 for r in radii]
-    return mass, vector(com), tensor(moments)
+    return mass, to_vector(com), to_tensor(moments)
 
 
-def _markers(entry: _Marker, weight: float) -> list[Marker]:
+def _make_markers(entry: _Marker, weight: float) -> list[Marker]:
     anatomical = weight > 0.0 and not entry.tracking
     markers = [Marker.at(entry.name, entry.segment, entry.at, weight=weight, anatomical=anatomical)]
     if entry.mirrored:
         x, y, z = entry.at
-        name, segment = f"L{entry.name[1:]}", _left(entry.segment)
+        name, segment = f"L{entry.name[1:]}", _mirror_name(entry.segment)
         markers.append(Marker.at(name, segment, (x, y, -z), weight=weight, anatomical=anatomical))
     return markers
 
@@ -292,9 +292,9 @@ def _mirror_segment(segment: Segment) -> Segment:
     xx, yy, zz, xy, xz, yz = segment.inertia
     x, y, z = segment.com
     return Segment(
-        name=_left(segment.name),
-        parent=_left(segment.parent),
-        joint_name=_left(segment.joint_name),
+        name=_mirror_name(segment.name),
+        parent=_mirror_name(segment.parent),
+        joint_name=_mirror_name(segment.joint_name),
         joints=tuple(_mirror_joint(joint) for joint in segment.joints),
         mass=segment.mass,
         com=(x, y, -z),
@@ -309,14 +309,17 @@ def _mirror_joint(joint: Joint) -> Joint:
     value along z.
     """
     law = Law(
-        tuple(replace(t, coordinate=_left(t.coordinate) if t.coordinate else None) for t in joint.law.terms)
+        tuple(
+            replace(t, coordinate=_mirror_name(t.coordinate) if t.coordinate else None)
+            for t in joint.law.terms
+        )
     )
-    scales_with = _left(joint.scales_with) if joint.scales_with else None
+    scales_with = _mirror_name(joint.scales_with) if joint.scales_with else None
     x, y, z = joint.axis
     if joint.kind == "rotation":
         return replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with)
     return replace(joint, law=law.scaled(-1.0) if z else law, scales_with=scales_with)
 
 
-def _left(name: str) -> str:
+def _mirror_name(name: str) -> str:
     return f"{name[:-2]}_l" if name.endswith("_r") else name

@@ -28,7 +28,7 @@ from scaling_service.numerics.multibody.laws import (
     TermArrays,
     Turn,
 )
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
@@ -50,7 +50,7 @@ class _Index:
         key = (term.coordinate, term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            shape = piecewise(term.shape) if term.shape is not None else None
+            shape = to_piecewise(term.shape) if term.shape is not None else None
             self.factors.append(Factor(self.coordinates[term.coordinate], shape))
         return self._factors[key]
 
@@ -65,7 +65,7 @@ class _Index:
         return law.constant_part, tuple(varying)
 
 
-def piecewise(shape: Shape) -> Piecewise:
+def to_piecewise(shape: Shape) -> Piecewise:
     """A shape as arrays."""
     degree = max(len(piece) for piece in shape.coefficients)
     rows = np.zeros((degree, len(shape.coefficients)))
@@ -74,45 +74,45 @@ def piecewise(shape: Shape) -> Piecewise:
     return Piecewise(np.array(shape.breaks), rows)
 
 
-def law_value(law: Law, values: Mapping[str, Any]) -> Any:
+def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
     """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
     total: Any = 0.0
     for term in law.terms:
         factor = 1.0 if term.parameter is None else values[term.parameter]
         if term.coordinate is not None:
             x = values[term.coordinate]
-            factor = factor * (x if term.shape is None else shape_values(term.shape, x))
+            factor = factor * (x if term.shape is None else evaluate_shape(term.shape, x))
         total = total + term.gain * factor
     return total
 
 
-def law_values(law: Law, x: Array) -> Array:
+def evaluate_law_at(law: Law, x: Array) -> Array:
     """A law of one coordinate at all its values, (n_frames,).
 
     ValueError where it holds a parameter.
     """
-    return np.asarray(np.zeros_like(x) + law_value(law, dict.fromkeys(_leaders(law), x)))
+    return np.asarray(np.zeros_like(x) + evaluate_law(law, dict.fromkeys(_find_leaders(law), x)))
 
 
-def law_slopes(law: Law, x: Array) -> Array:
+def differentiate_law_at(law: Law, x: Array) -> Array:
     """The slope of a law of one coordinate at all its values, (n_frames,); ValueError as above."""
-    _leaders(law)
+    _find_leaders(law)
     slopes = np.zeros_like(x)
     for term in law.terms:
         if term.coordinate is not None:
-            slopes += term.gain * (1.0 if term.shape is None else piecewise(term.shape).evaluate(x)[1])
+            slopes += term.gain * (1.0 if term.shape is None else to_piecewise(term.shape).evaluate(x)[1])
     return slopes
 
 
-def _leaders(law: Law) -> set[str]:
+def _find_leaders(law: Law) -> set[str]:
     if any(term.parameter is not None for term in law.terms):
         raise ValueError("a coordinate follows another one only")
     return law.coordinates
 
 
-def shape_values(shape: Shape, x: ArrayLike) -> Array:
+def evaluate_shape(shape: Shape, x: ArrayLike) -> Array:
     """A piecewise polynomial, continued with its end slopes outside its breaks."""
-    return piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]
+    return to_piecewise(shape).evaluate(np.asarray(x, dtype=float))[0]
 
 
 def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tree:
@@ -123,7 +123,7 @@ def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tre
 
     Raises KeyError: a marker that the model does not have.
     """
-    return _compiled(_Same(model), None if markers is None else tuple(markers))
+    return _compile_cached(_Same(model), None if markers is None else tuple(markers))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,22 +140,22 @@ class _Same:
 
 
 @lru_cache(maxsize=_KEPT)
-def _compiled(same: _Same, markers: tuple[str, ...] | None) -> Tree:
+def _compile_cached(same: _Same, markers: tuple[str, ...] | None) -> Tree:
     model = same.model
     chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
     index = _Index(model)
-    kept = _carriers(model, {m.segment for m in chosen})
+    kept = _list_carriers(model, {m.segment for m in chosen})
     number = {segment.name: k for k, segment in enumerate(kept)}
     links = tuple(
-        Link(NONE if s.parent == GROUND else number[s.parent], _moves(s.joints, index)) for s in kept
+        Link(NONE if s.parent == GROUND else number[s.parent], _list_moves(s.joints, index)) for s in kept
     )
     local = np.array([m.nominal for m in chosen]).reshape(-1, 3)
-    terms = tuple(item for k, m in enumerate(chosen) for item in _marker_terms(k, m, index))
+    terms = tuple(item for k, m in enumerate(chosen) for item in _list_marker_terms(k, m, index))
     on = np.array([number[m.segment] for m in chosen], dtype=np.intp)
     return Tree(links, tuple(index.factors), len(model.coordinates), len(model.parameters), on, local, terms)
 
 
-def _carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
+def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
     needed = set(wanted)
     for segment in reversed(model.segments):
         if segment.name in needed:
@@ -163,7 +163,7 @@ def _carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
     return [s for s in model.segments if s.name in needed]
 
 
-def _marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
+def _list_marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
     return [
         MarkerTerm(row, term)
         for axis, law in zip(np.eye(3), marker.laws, strict=True)
@@ -171,7 +171,7 @@ def _marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
     ]
 
 
-def _moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
+def _list_moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
     moves: list[Move] = []
     pending = np.eye(3)  # a constant rotation not yet written down
     for joint in joints:
@@ -183,7 +183,7 @@ def _moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:
             continue
         constant, terms = index.terms(joint.law, np.ones(1))
         if not terms:
-            pending = pending @ rotation_about(axis, constant)
+            pending = pending @ rotate_about(axis, constant)
             continue
         aligned, number, sign = _to_coordinate_axis(pending @ axis)
         if aligned is not None:
@@ -222,24 +222,24 @@ def _to_coordinate_axis(axis: Array) -> tuple[Array | None, int, float]:
     return np.column_stack([x, np.cross(axis, x), axis]), 2, 1.0
 
 
-def parameter_values(model: BodyModel) -> Array:
+def list_parameter_values(model: BodyModel) -> Array:
     """The model's parameters, shape (n_parameters,)."""
     return np.array([p.value for p in model.parameters], dtype=float)
 
 
-def default_coordinates(model: BodyModel, n_frames: int) -> Array:
+def repeat_default_pose(model: BodyModel, n_frames: int) -> Array:
     """The model's default pose repeated, shape (n_frames, n_coordinates), rad or m."""
     return np.tile([c.default for c in model.coordinates], (n_frames, 1)).astype(float)
 
 
-def coordinate_bounds(model: BodyModel) -> tuple[Array, Array]:
+def list_coordinate_bounds(model: BodyModel) -> tuple[Array, Array]:
     """Lower and upper bounds, each (n_coordinates,); infinite where a coordinate is not clamped."""
     lower = [c.lower if c.clamped else -np.inf for c in model.coordinates]
     upper = [c.upper if c.clamped else np.inf for c in model.coordinates]
     return np.array(lower), np.array(upper)
 
 
-def coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
+def list_coordinate_ranges(model: BodyModel) -> tuple[Array, Array]:
     """The ranges that the model declares, clamped or not, each (n_coordinates,).
 
     Infinite where a range is empty or does not hold the default.

@@ -66,36 +66,36 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
             field="schema_version",
             remedy="Write the model again with the present program",
         )
-    model = _validated(content, file)
+    model = _validate_model(content, file)
     _check_names(model, file)
     return model
 
 
-def _validated(content: Mapping[str, Any], file: str | Path | None) -> BodyModel:
+def _validate_model(content: Mapping[str, Any], file: str | Path | None) -> BodyModel:
     # Imported here: the processes that read OpenSim's models write documents only.
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
     # In a tuple, so that the configuration holds for the standard library's dataclasses within.
     models = TypeAdapter(tuple[BodyModel], config=ConfigDict(extra="forbid", strict=True))
     try:
-        (model,) = models.validate_json(json.dumps([_numbers(content)]))
+        (model,) = models.validate_json(json.dumps([_convert_numbers(content)]))
     except ValidationError as error:
-        raise _wrong_value(error, file) from None
+        raise _explain_wrong_value(error, file) from None
     return model
 
 
-def _numbers(value: Any) -> Any:
+def _convert_numbers(value: Any) -> Any:
     """A document with infinite bounds as numbers, and numbers that JSON does not have as words."""
     if isinstance(value, Mapping):
-        return {str(key): _numbers(item) for key, item in value.items()}
+        return {str(key): _convert_numbers(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_numbers(item) for item in value]
+        return [_convert_numbers(item) for item in value]
     if isinstance(value, str):
         return _INFINITE.get(value, value)
     return value if not isinstance(value, float) or math.isfinite(value) else str(value)
 
 
-def _wrong_value(error: ValidationError, file: str | Path | None) -> InputError:
+def _explain_wrong_value(error: ValidationError, file: str | Path | None) -> InputError:
     first = error.errors(include_url=False, include_context=False)[0]
     kind, place = first["type"], list(first["loc"][1:])
     if kind == "missing" and isinstance(place[-1], int):

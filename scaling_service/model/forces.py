@@ -110,7 +110,7 @@ class GroundForces:
         return replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
 
 
-def plate_names(count: int) -> tuple[str, ...]:
+def list_plate_names(count: int) -> tuple[str, ...]:
     """``plate_1`` to ``plate_count``."""
     return tuple(f"plate_{k + 1}" for k in range(count))
 

@@ -14,10 +14,10 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from scaling_service.core.errors import InputError, ModelRefused
-from scaling_service.model.body import BodyModel, Marker, Tensor, vector
-from scaling_service.model.body import tensor as as_tensor
+from scaling_service.model.body import BodyModel, Marker, Tensor, to_vector
+from scaling_service.model.body import to_tensor as as_tensor
 from scaling_service.model.compile import compile_model
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias, Mechanism
 from scaling_service.numerics.multibody.tree import Tree
@@ -78,14 +78,14 @@ class InertiaTable:
 
 
 @lru_cache(maxsize=16)
-def inertia_table(name: str) -> InertiaTable:
+def read_inertia_table(name: str) -> InertiaTable:
     """A table by its name.
 
     InputError: there is no such table; the names are listed.
 
     Examples
     --------
-    >>> inertia_table("dumas2007").row("thigh", "M").mass_pct
+    >>> read_inertia_table("dumas2007").row("thigh", "M").mass_pct
     12.3
     """
     if name not in TABLE_NAMES:
@@ -94,11 +94,11 @@ def inertia_table(name: str) -> InertiaTable:
             field="inertia",
             remedy=f"Use one of {', '.join(TABLE_NAMES)}",
         )
-    content = read_reference(reference_folder() / f"inertia_{name}.yaml")
+    content = read_reference(find_reference_folder() / f"inertia_{name}.yaml")
     return TypeAdapter(InertiaTable).validate_python(content)
 
 
-def mechanism_of(model: BodyModel) -> Mechanism:
+def compile_mechanism(model: BodyModel) -> Mechanism:
     """Compile a model with all its segments, in the model's order, and their inertias.
 
     The tree carries one marker per segment, at its centre of mass.
@@ -111,23 +111,23 @@ def mechanism_of(model: BodyModel) -> Mechanism:
             field="segments",
             remedy="Give the segments mass, centre of mass and inertia, or apply an inertial table",
         )
-    return Mechanism(whole_tree(model), inertias_of(model))
+    return Mechanism(compile_whole_tree(model), gather_inertias(model))
 
 
-def whole_tree(model: BodyModel) -> Tree:
+def compile_whole_tree(model: BodyModel) -> Tree:
     """A tree with every segment of the model, in its order, and one marker on each: its centre of mass."""
     return compile_model(model.with_markers(tuple(Marker.at(s.name, s.name, s.com) for s in model.segments)))
 
 
-def inertias_of(model: BodyModel) -> Inertias:
+def gather_inertias(model: BodyModel) -> Inertias:
     """Masses, centres of mass and tensors of all segments, in the model's order."""
     mass = np.array([s.mass for s in model.segments], dtype=float)
     com = np.array([s.com for s in model.segments], dtype=float).reshape(-1, 3)
-    tensors = np.array([tensor_of(s.inertia) for s in model.segments]).reshape(-1, 3, 3)
+    tensors = np.array([to_matrix(s.inertia) for s in model.segments]).reshape(-1, 3, 3)
     return Inertias(mass, com, tensors)
 
 
-def tensor_of(numbers: Tensor) -> Array:
+def to_matrix(numbers: Tensor) -> Array:
     """The matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
     tensor = np.empty((3, 3))
     for (i, j), value in zip(TENSOR, numbers, strict=True):
@@ -138,17 +138,17 @@ def tensor_of(numbers: Tensor) -> Array:
 def with_inertias(model: BodyModel, inertias: Inertias) -> BodyModel:
     """The model with other masses, centres of mass and tensors, in the order of its segments."""
     segments = tuple(
-        replace(s, mass=float(m), com=vector(c), inertia=six(t))
+        replace(s, mass=float(m), com=to_vector(c), inertia=take_six(t))
         for s, m, c, t in zip(model.segments, inertias.mass, inertias.com, inertias.tensor, strict=True)
     )
     return replace(model, segments=segments)
 
 
-def six(matrix: Array) -> Tensor:
+def take_six(matrix: Array) -> Tensor:
     """xx, yy, zz, xy, xz, yz of a matrix (3, 3)."""
     return as_tensor(matrix[i, j] for i, j in TENSOR)
 
 
-def total_mass(model: BodyModel) -> float:
+def sum_mass(model: BodyModel) -> float:
     """The sum of all segments' masses, kg."""
     return float(sum(s.mass for s in model.segments))

@@ -12,7 +12,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Literal
 
-from scaling_service.model.reference import marker_set_files, read_reference, reference_folder
+from scaling_service.model.reference import find_reference_folder, list_marker_set_files, read_reference
 
 Side = Literal["r", "l", ""]
 
@@ -65,20 +65,20 @@ class MarkerSet:
 
 
 @cache
-def landmarks() -> Mapping[str, Landmark]:
+def list_landmarks() -> Mapping[str, Landmark]:
     """All landmarks that are known, both sides, by name."""
-    content = read_reference(reference_folder() / "landmarks.yaml")
+    content = read_reference(find_reference_folder() / "landmarks.yaml")
     found: dict[str, Landmark] = {}
-    for name, side, entry in _entries(content):
-        aliases = tuple(_on(side, alias) for alias in entry.get("aliases", ()))
+    for name, side, entry in _list_entries(content):
+        aliases = tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ()))
         found[name] = Landmark(name, entry["segment"], side, entry["at"], aliases)
     return MappingProxyType(found)
 
 
 @cache
-def marker_sets() -> Mapping[str, MarkerSet]:
+def list_marker_sets() -> Mapping[str, MarkerSet]:
     """All marker sets that come with the product, by name."""
-    contents = {name: read_reference(file) for name, file in marker_set_files()}
+    contents = {name: read_reference(file) for name, file in list_marker_set_files()}
     return MappingProxyType({name: _set(name, contents) for name in contents})
 
 
@@ -88,7 +88,7 @@ def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
         name,
         content["title"],
         content["source"],
-        tuple(_label(*entry) for entry in _entries(content)),
+        tuple(_label(*entry) for entry in _list_entries(content)),
         tuple(tuple(tuple(group) for group in choice) for choice in content.get("one_of", ())),
         content.get("adds_to_others", False),
         content.get("key_points", False),
@@ -101,10 +101,10 @@ def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
 
 def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
     landmark = entry.get("landmark")
-    known = None if landmark is None else landmarks()[_on(side, landmark)]
+    known = None if landmark is None else list_landmarks()[_name_on_side(side, landmark)]
     return SetLabel(
         name,
-        tuple(_on(side, alias) for alias in entry.get("aliases", ())),
+        tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ())),
         None if known is None else known.name,
         entry["segment"] if known is None else known.segment,
         side,
@@ -115,15 +115,15 @@ def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
     )
 
 
-def _entries(content: Mapping[str, Any]) -> Iterator[tuple[str, Side, Mapping[str, Any]]]:
+def _list_entries(content: Mapping[str, Any]) -> Iterator[tuple[str, Side, Mapping[str, Any]]]:
     """Names of both sides and of the midline, with what is written of each."""
     for name, entry in content.get("sided", {}).items():
         yield name, "r", entry
-        yield _on("l", name), "l", entry
+        yield _name_on_side("l", name), "l", entry
     for name, entry in content.get("midline", {}).items():
         yield name, "", entry
 
 
-def _on(side: Side, name: str) -> str:
+def _name_on_side(side: Side, name: str) -> str:
     """A name of the right on a side."""
     return f"L{name[1:]}" if side == "l" else name

@@ -26,7 +26,7 @@ from scaling_service.model.body import (
     Vector,
 )
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 
 _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _LETTERS = "xyz"
@@ -44,9 +44,9 @@ def free_scale(
     share = {f"scale.{segment}": 1.0}
 
     def resized(item: Joint) -> tuple[Joint, ...]:
-        return (replace(item, law=_multiplied(item.law, share)),)
+        return (replace(item, law=_multiply_law(item.law, share)),)
 
-    return _resized(model, segment, resized, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
+    return _resize_segment(model, segment, resized, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
 
 
 def free_scale_axes(
@@ -65,15 +65,15 @@ def free_scale_axes(
 
     def resized(item: Joint) -> tuple[Joint, ...]:
         return tuple(
-            replace(item, axis=unit, law=_multiplied(item.law.scaled(part), shares[letter]))
+            replace(item, axis=unit, law=_multiply_law(item.law.scaled(part), shares[letter]))
             for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
             if part
         )
 
-    return _resized(model, segment, resized, shares, relative_bound, prior_sd)
+    return _resize_segment(model, segment, resized, shares, relative_bound, prior_sd)
 
 
-def _resized(
+def _resize_segment(
     model: BodyModel,
     segment: str,
     resized: Callable[[Joint], tuple[Joint, ...]],
@@ -87,7 +87,7 @@ def _resized(
         if item.segment != segment or not item.follows_size:
             return item
         x, y, z = (
-            _multiplied(law, shares[letter], constant_only=True)
+            _multiply_law(law, shares[letter], constant_only=True)
             for letter, law in zip(_LETTERS, item.laws, strict=True)
         )
         return replace(item, laws=(x, y, z))
@@ -106,7 +106,7 @@ def _resized(
     return _with(replace(model, segments=segments, markers=tuple(map(marker, model.markers))), *added)
 
 
-def _multiplied(law: Law, shares: Mapping[str, float], *, constant_only: bool = False) -> Law:
+def _multiply_law(law: Law, shares: Mapping[str, float], *, constant_only: bool = False) -> Law:
     """The law times a weighted sum of parameters: each term once for each of them."""
     terms: list[Term] = []
     for term in law.terms:
@@ -131,7 +131,9 @@ def free_axis(
     names = (f"axis.{joint_name}.x", f"axis.{joint_name}.y")
 
     def segment(item: Segment) -> Segment:
-        return replace(item, joints=_tilted(item.joints, *names)) if item.joint_name == joint_name else item
+        return (
+            replace(item, joints=_tilt_axis(item.joints, *names)) if item.joint_name == joint_name else item
+        )
 
     added = tuple(
         Parameter(name, 0.0, "rad", -bound, bound, group="axis", target=joint_name, prior_sd=prior_sd)
@@ -140,7 +142,7 @@ def free_axis(
     return _with(replace(model, segments=tuple(map(segment, model.segments))), *added)
 
 
-def _tilted(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
+def _tilt_axis(joints: tuple[Joint, ...], x: str, y: str) -> tuple[Joint, ...]:
     moving = [k for k, j in enumerate(joints) if j.turns]
     if not moving:
         raise ValueError("the joint has no rotation whose axis could be turned")
@@ -176,7 +178,7 @@ def free_marker(
         Parameter(parameter, 0.0, "m", -bound, bound, group="marker", target=name, prior_sd=prior_sd)
         for parameter in chosen.values()
     )
-    return _with(_mapped(model, lambda joint: joint, marker), *added)
+    return _with(_map_joint(model, lambda joint: joint, marker), *added)
 
 
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:
@@ -198,11 +200,11 @@ def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyMod
         x, y, z = map(law, item.laws)
         return replace(item, laws=(x, y, z))
 
-    folded = _mapped(model, lambda joint: replace(joint, law=law(joint.law)), marker)
+    folded = _map_joint(model, lambda joint: replace(joint, law=law(joint.law)), marker)
     return replace(folded, parameters=())
 
 
-def _mapped(
+def _map_joint(
     model: BodyModel, joint: Callable[[Joint], Joint], marker: Callable[[Marker], Marker]
 ) -> BodyModel:
     segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)
@@ -244,14 +246,14 @@ def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
 
     Examples
     --------
-    >>> from scaling_service.model.builtin import builtin
-    >>> with_knee(builtin("lower_limb_14dof"), "spherical").coordinate_names[9:12]
+    >>> from scaling_service.model.builtin import load_builtin
+    >>> with_knee(load_builtin("lower_limb_14dof"), "spherical").coordinate_names[9:12]
     ('knee_angle_r', 'knee_adduction_r', 'knee_rotation_r')
     """
     turns = _TURNS[kind]
     if not turns:
         return model
-    knees = {s.name: _hinge(s) for s in model.segments if s.name in ("tibia_r", "tibia_l")}
+    knees = {s.name: _find_hinge(s) for s in model.segments if s.name in ("tibia_r", "tibia_l")}
     if not knees:
         raise SubjectInvalid(
             f"model '{model.name}' has no knee that could be made {kind}",
@@ -259,17 +261,17 @@ def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:
             remedy="Choose a built-in leg model, or leave the knee as it is",
         )
     segments = tuple(
-        replace(s, joints=(*s.joints, *(_added_turn(turn, s.name[-1]) for turn in turns)))
+        replace(s, joints=(*s.joints, *(_make_added_turn(turn, s.name[-1]) for turn in turns)))
         if s.name in knees
         else s
         for s in model.segments
     )
     added = {flexion: name[-1] for name, flexion in knees.items()}
-    coordinates = tuple(c for old in model.coordinates for c in _followed(old, added, turns))
+    coordinates = tuple(c for old in model.coordinates for c in _follow_joint(old, added, turns))
     return replace(model, segments=segments, coordinates=coordinates)
 
 
-def _hinge(segment: Segment) -> str:
+def _find_hinge(segment: Segment) -> str:
     """The coordinate of a plain hinge about z, the last joint of its chain."""
     moving = [j for j in segment.joints if not j.law.is_constant]
     last = segment.joints[-1] if segment.joints else None
@@ -284,14 +286,14 @@ def _hinge(segment: Segment) -> str:
     )
 
 
-def _added_turn(turn: str, side: str) -> Joint:
+def _make_added_turn(turn: str, side: str) -> Joint:
     """Axes x and y are reversed on the left, so that both sides carry the same clinical signs."""
     x, y, z = _KNEE_AXES[turn]
     axis = (x, y, z) if side == "r" else (-x + 0.0, -y + 0.0, z)
     return Joint("rotation", axis, Law.of(f"knee_{turn}_{side}"))
 
 
-def _followed(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...]) -> Iterator[Coordinate]:
+def _follow_joint(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...]) -> Iterator[Coordinate]:
     yield old
     if old.name in added:
         for turn in turns:
@@ -302,7 +304,7 @@ def _followed(old: Coordinate, added: Mapping[str, str], turns: tuple[str, ...])
 Tilt = tuple[float, float]
 
 
-def axis_of(tilt: Tilt) -> Array:
+def compute_axis(tilt: Tilt) -> Array:
     """The axis, (3,), that the turns make of z: ``Ry(y) Rx(x) z`` (Puchaud 2019, section 2.2.4)."""
     return tilt_rotation(tilt)[:, 2]
 
@@ -310,7 +312,7 @@ def axis_of(tilt: Tilt) -> Array:
 def tilt_rotation(tilt: Tilt) -> Array:
     """``Ry(y) Rx(x)``, (3, 3)."""
     x, y = tilt
-    return rotation_about((0.0, 1.0, 0.0), y) @ rotation_about((1.0, 0.0, 0.0), x)
+    return rotate_about((0.0, 1.0, 0.0), y) @ rotate_about((1.0, 0.0, 0.0), x)
 
 
 def tilt_of(axis: Array) -> Tilt:
@@ -318,7 +320,7 @@ def tilt_of(axis: Array) -> Tilt:
 
     Examples
     --------
-    >>> x, y = tilt_of(axis_of((0.1, -0.2)))
+    >>> x, y = tilt_of(compute_axis((0.1, -0.2)))
     >>> round(x, 12), round(y, 12)
     (0.1, -0.2)
     """
@@ -326,6 +328,6 @@ def tilt_of(axis: Array) -> Tilt:
     return float(-np.arcsin(unit[1])), float(np.arctan2(unit[0], unit[2]))
 
 
-def after(first: Tilt, second: Tilt) -> Tilt:
+def compose_tilts(first: Tilt, second: Tilt) -> Tilt:
     """The tilt of an axis that was turned once and is turned again in its own turned frame."""
-    return tilt_of(tilt_rotation(first) @ axis_of(second))
+    return tilt_of(tilt_rotation(first) @ compute_axis(second))

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import GROUND, BodyModel, Joint, Marker, Vector
-from scaling_service.model.compile import compile_model, law_value, parameter_values
+from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.rigid import rotation_about
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.tree import pose_markers
 
 Frame = tuple[Array, Array]
 """Rotation (3, 3) that maps the frame to ground, and its origin in ground (3,), m."""
 
 
-def model_values(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, float]:
+def list_model_values(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, float]:
     """Coordinates at their default and parameters at their value, unless ``values`` says otherwise.
 
     ``values``: coordinate or parameter name to its value, rad or m. KeyError: a name that the model does not
@@ -36,7 +36,7 @@ def model_values(model: BodyModel, values: Mapping[str, float] | None = None) ->
     return known
 
 
-def neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Frame]:
+def pose_neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Frame]:
     """The frame of every segment in one pose.
 
     ``values``: coordinates (or parameters) that differ from the default, rad or m. Returns segment to
@@ -47,10 +47,10 @@ def neutral_frames(model: BodyModel, values: Mapping[str, float] | None = None) 
     >>> from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
     >>> lift = Joint("translation", (0.0, 1.0, 0.0), Law.of("height"))
     >>> model = BodyModel("lift", (Segment("cage", "ground", "shaft", (lift,)),), (Coordinate("height"),))
-    >>> neutral_frames(model, {"height": 2.0})["cage"][1].tolist()
+    >>> pose_neutral_frames(model, {"height": 2.0})["cage"][1].tolist()
     [0.0, 2.0, 0.0]
     """
-    known = model_values(model, values)
+    known = list_model_values(model, values)
     frames: dict[str, Frame] = {GROUND: (np.eye(3), np.zeros(3))}
     for segment in model.segments:
         frames[segment.name] = follow(segment.joints, known, frames[segment.parent])
@@ -61,27 +61,27 @@ def follow(joints: Sequence[Joint], values: Mapping[str, float], start: Frame | 
     """The frame that a chain of joints leads to from ``start`` (by default from its own parent's frame)."""
     rotation, origin = start if start is not None else (np.eye(3), np.zeros(3))
     for joint in joints:
-        value = law_value(joint.law, values)
+        value = evaluate_law(joint.law, values)
         if joint.kind == "translation":
             origin = origin + rotation @ (value * np.asarray(joint.axis))
         else:
-            rotation = rotation @ rotation_about(joint.axis, value)
+            rotation = rotation @ rotate_about(joint.axis, value)
     return rotation, origin
 
 
-def neutral_markers(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Array]:
-    """Position of every marker in ground in one pose, each (3,), m; see :func:`neutral_frames`."""
-    known, frames = model_values(model, values), neutral_frames(model, values)
+def pose_neutral_markers(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, Array]:
+    """Position of every marker in ground in one pose, each (3,), m; see :func:`pose_neutral_frames`."""
+    known, frames = list_model_values(model, values), pose_neutral_frames(model, values)
     positions = {}
     for marker in model.markers:
         rotation, origin = frames[marker.segment]
-        positions[marker.name] = origin + rotation @ marker_position(marker, known)
+        positions[marker.name] = origin + rotation @ evaluate_marker(marker, known)
     return positions
 
 
-def marker_position(marker: Marker, values: Mapping[str, float]) -> Array:
+def evaluate_marker(marker: Marker, values: Mapping[str, float]) -> Array:
     """A marker's position in its segment's frame, (3,), m."""
-    return np.array([law_value(law, values) for law in marker.laws])
+    return np.array([evaluate_law(law, values) for law in marker.laws])
 
 
 _CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -89,7 +89,7 @@ _BLOCK = 4096
 """Frames at a time. Chosen: some tens of megabytes for a whole body."""
 
 
-def segment_poses(model: BodyModel, q: Array) -> Array:
+def pose_segments(model: BodyModel, q: Array) -> Array:
     """Origins and rotations of all segments.
 
     ``q`` ((n_frames, n_coordinates), rad or m): NaN where unknown. Returns (n_frames, n_segments, 7): origin
@@ -101,40 +101,40 @@ def segment_poses(model: BodyModel, q: Array) -> Array:
         for segment in model.segments
         for k, corner in enumerate(_CORNERS)
     )
-    placed = _in_blocks(_placing(model.with_markers(points)), q)
+    placed = _in_blocks(_make_placing(model.with_markers(points)), q)
     corners = placed.reshape(len(q), len(model.segments), 4, 3)
     origins = corners[:, :, 0]
     R_ground_segment = np.swapaxes(corners[:, :, 1:] - origins[:, :, None], 2, 3)
     flat = Rotation.from_matrix(R_ground_segment.reshape(-1, 3, 3)).as_quat()
     poses = np.concatenate([origins, flat.reshape(*origins.shape[:2], 4)], axis=2)
-    enters = _coordinates_of(model)
+    enters = _list_coordinates(model)
     for k, segment in enumerate(model.segments):
-        poses[_unknown(model, q, enters[segment.name]), k] = np.nan
+        poses[_find_unknown(model, q, enters[segment.name]), k] = np.nan
     return poses
 
 
-def placed_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
+def place_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
     """Model markers in ground, (n_frames, n_names, 3), m; NaN for names that the model does not have."""
     have = [name for name in names if name in model.marker_names]
     result = np.full((len(q), len(names), 3), np.nan)
     if have:
         carrier = model.with_markers(tuple(model.marker(name) for name in have))
-        result[:, [names.index(name) for name in have]] = _in_blocks(_placing(carrier), q)
-        enters = _coordinates_of(model)
+        result[:, [names.index(name) for name in have]] = _in_blocks(_make_placing(carrier), q)
+        enters = _list_coordinates(model)
         for marker in carrier.markers:
             own = {c for law in marker.laws for c in law.coordinates}
-            lost = _unknown(model, q, own | enters[marker.segment])
+            lost = _find_unknown(model, q, own | enters[marker.segment])
             result[lost, names.index(marker.name)] = np.nan
     return result
 
 
-def glides(model: BodyModel, names: tuple[str, ...]) -> bool:
+def is_gliding(model: BodyModel, names: tuple[str, ...]) -> bool:
     """Whether any of these markers moves on its segment."""
     chosen = [marker for marker in model.markers if marker.name in names]
     return any(law.coordinates for marker in chosen for law in marker.laws)
 
 
-def _coordinates_of(model: BodyModel) -> dict[str, set[str]]:
+def _list_coordinates(model: BodyModel) -> dict[str, set[str]]:
     """Segment to the coordinates that its pose depends on, its own and those of what it hangs on."""
     found: dict[str, set[str]] = {}
     for segment in model.segments:
@@ -143,16 +143,16 @@ def _coordinates_of(model: BodyModel) -> dict[str, set[str]]:
     return found
 
 
-def _unknown(model: BodyModel, q: Array, names: set[str]) -> NDArray[np.bool_]:
+def _find_unknown(model: BodyModel, q: Array, names: set[str]) -> NDArray[np.bool_]:
     """Frames in which one of some coordinates is not known, (n_frames,)."""
     columns = [k for k, name in enumerate(model.coordinate_names) if name in names]
     return np.asarray(np.isnan(q[:, columns]).any(axis=1))
 
 
-def _placing(model: BodyModel) -> Callable[[Array], Array]:
-    tree, p = compile_model(model), parameter_values(model)
+def _make_placing(model: BodyModel) -> Callable[[Array], Array]:
+    tree, p = compile_model(model), list_parameter_values(model)
     # One unknown angle would make all of a frame unknown: any value stands in, and is taken out again.
-    return lambda q: marker_positions(tree, np.nan_to_num(q, nan=0.0), p)
+    return lambda q: pose_markers(tree, np.nan_to_num(q, nan=0.0), p)
 
 
 def _in_blocks(place: Callable[[Array], Array], q: Array) -> Array:

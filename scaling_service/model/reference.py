@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 
-def reference_folder() -> Traversable:
+def find_reference_folder() -> Traversable:
     """The folder ``reference_models``: inside the installed package, or beside it in a working copy."""
     installed = resources.files("scaling_service") / "reference_models"
     return installed if installed.is_dir() else Path(__file__).resolve().parents[2] / "reference_models"
@@ -22,8 +22,8 @@ def read_reference(file: Traversable) -> Any:
     return yaml.safe_load(file.read_text(encoding="utf-8"))
 
 
-def marker_set_files() -> Iterator[tuple[str, Traversable]]:
+def list_marker_set_files() -> Iterator[tuple[str, Traversable]]:
     """Name and file of every marker set that comes with the product, by name."""
-    folder = reference_folder() / "marker_sets"
+    folder = find_reference_folder() / "marker_sets"
     for file in sorted(folder.iterdir(), key=lambda file: file.name):
         yield file.name.removesuffix(".yaml"), file

@@ -15,8 +15,8 @@ from scaling_service.model.body import (
     Segment,
     Tensor,
     Vector,
-    tensor,
-    vector,
+    to_tensor,
+    to_vector,
 )
 from scaling_service.numerics.multibody.laws import Array
 
@@ -24,7 +24,7 @@ _MASSLESS = 2.0**-52
 """kg; OpenSim's Body::scaleInertialProperties takes lighter bodies as massless (SimTK::Eps)."""
 
 
-def scaled(
+def scale_model(
     model: BodyModel,
     factors: Mapping[str, Vector],
     *,
@@ -54,18 +54,20 @@ def scaled(
     >>> from scaling_service.model.body import BodyModel, Marker, Segment
     >>> body = BodyModel("one", (Segment("a", "ground", "j", (), mass=2.0),), (),
     ...                  (Marker.at("m", "a", (0.1, 0.2, 0.3)),))
-    >>> scaled(body, {"a": (2.0, 1.0, 1.0)}).marker("m").nominal
+    >>> scale_model(body, {"a": (2.0, 1.0, 1.0)}).marker("m").nominal
     (0.2, 0.2, 0.3)
     """
     _check(model, factors, mass_kg)
-    segments = tuple(_segment(segment, factors, preserve_mass_distribution) for segment in model.segments)
+    segments = tuple(
+        _scale_segment(segment, factors, preserve_mass_distribution) for segment in model.segments
+    )
     if mass_kg is not None:
         segments = _with_total_mass(segments, mass_kg)
     return replace(
         model,
         segments=segments,
-        markers=tuple(_marker(m, factors) for m in model.markers),
-        couplers=tuple(_coupler(c, model, factors) for c in model.couplers),
+        markers=tuple(_scale_marker(m, factors) for m in model.markers),
+        couplers=tuple(_scale_coupler(c, model, factors) for c in model.couplers),
     )
 
 
@@ -81,8 +83,8 @@ def _check(model: BodyModel, factors: Mapping[str, Vector], mass_kg: float | Non
             raise ValueError("a model without mass cannot be given one by scaling")
 
 
-def _segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) -> Segment:
-    joints = tuple(scaled_joint(joint, factors) for joint in segment.joints)
+def _scale_segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) -> Segment:
+    joints = tuple(scale_joint(joint, factors) for joint in segment.joints)
     if segment.name not in factors:
         return replace(segment, joints=joints)
     f = factors[segment.name]
@@ -91,12 +93,12 @@ def _segment(segment: Segment, factors: Mapping[str, Vector], preserve: bool) ->
         segment,
         joints=joints,
         mass=mass,
-        com=vector(np.array(segment.com) * f),
-        inertia=_inertia(segment, mass, np.array(f)),
+        com=to_vector(np.array(segment.com) * f),
+        inertia=_scale_inertia(segment, mass, np.array(f)),
     )
 
 
-def scaled_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
+def scale_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     """A joint with its translation multiplied by the factors of the segment it scales with."""
     segment = joint.scales_with
     if joint.kind != "translation" or segment is None or segment not in factors:
@@ -105,10 +107,10 @@ def scaled_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     length = float(np.linalg.norm(direction))
     if np.count_nonzero(direction) == 1:  # keep a coordinate axis free of rounding
         return replace(joint, law=joint.law.scaled(length))
-    return replace(joint, axis=vector(direction / length), law=joint.law.scaled(length))
+    return replace(joint, axis=to_vector(direction / length), law=joint.law.scaled(length))
 
 
-def _marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
+def _scale_marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
     if not marker.follows_size or marker.segment not in factors:
         return marker
     f = factors[marker.segment]
@@ -116,29 +118,29 @@ def _marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
     return replace(marker, laws=(x, y, z))
 
 
-def _coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vector]) -> Coupler:
+def _scale_coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vector]) -> Coupler:
     """A dependent translation grows with the joint that it drives (recognised by the same law)."""
     for _, joint in model.joints():
         if joint.kind == "translation" and joint.scales_with in factors and joint.law == coupler.law:
-            return replace(coupler, law=scaled_joint(joint, factors).law)
+            return replace(coupler, law=scale_joint(joint, factors).law)
     return coupler
 
 
 def _with_total_mass(segments: tuple[Segment, ...], mass_kg: float) -> tuple[Segment, ...]:
     ratio = mass_kg / sum(s.mass for s in segments)
     return tuple(
-        replace(s, mass=s.mass * ratio, inertia=tensor(np.array(s.inertia) * ratio)) for s in segments
+        replace(s, mass=s.mass * ratio, inertia=to_tensor(np.array(s.inertia) * ratio)) for s in segments
     )
 
 
-def _inertia(segment: Segment, mass: float, f: Array) -> Tensor:
+def _scale_inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     """Inertia after scaling, as OpenSim's Body::scaleInertialProperties."""
     inertia = np.array(segment.inertia)
     if mass <= _MASSLESS:
-        return tensor(0.0 * inertia)
+        return to_tensor(0.0 * inertia)
     if np.allclose(f, f[0], rtol=1e-14, atol=0.0):
-        return tensor(inertia * f[0] ** 2 * mass / segment.mass)
-    along = _cylinder_axis(inertia)
+        return to_tensor(inertia * f[0] ** 2 * mass / segment.mass)
+    along = _find_cylinder_axis(inertia)
     across = 1 if along == 0 else 0
     radius2 = max(0.0, 2.0 * inertia[along] / segment.mass)
     length2 = max(0.0, 12.0 * (inertia[across] / segment.mass - 0.25 * radius2))
@@ -148,10 +150,10 @@ def _inertia(segment: Segment, mass: float, f: Array) -> Tensor:
     result[along] = 0.5 * mass * radius2
     pairs = np.array([f[0] * f[1], f[0] * f[2], f[1] * f[2]])
     result[3:] = inertia[3:] * pairs * mass / segment.mass
-    return tensor(result)
+    return to_tensor(result)
 
 
-def _cylinder_axis(inertia: Array) -> int:
+def _find_cylinder_axis(inertia: Array) -> int:
     """The axis of least inertia, ties decided as OpenSim does."""
     xx, yy, zz = inertia[:3]
     if xx <= yy:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.model.body import Vector
+from scaling_service.numerics.least_squares.masks import find_shown
 
 Array = NDArray[np.float64]
 
@@ -154,6 +155,12 @@ class Trial:
     def n_frames(self) -> int:
         """The number of frames."""
         return len(self.times)
+
+    @property
+    def shown_labels(self) -> tuple[str, ...]:
+        """The labels that some frame shows, in order."""
+        shown = find_shown(self.markers)
+        return tuple(label for label, once in zip(self.labels, shown, strict=True) if once)
 
     def index(self, label: str) -> int:
         """Column of a label; raises MarkerMissing."""

@@ -21,8 +21,8 @@ from scaling_service.numerics.multibody.motion import (
     LinkMotion,
     Motion,
     Screws,
-    force_cross,
-    motion_cross,
+    cross_twist,
+    cross_wrench,
     move_links,
     point_acceleration,
 )
@@ -56,12 +56,12 @@ class Dynamics:
     root: Array  # (3, n), m: where the root link's origin is
 
 
-def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
+def split_blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
     """Slices that cover n frames."""
     return (slice(start, min(start + size, n)) for start in range(0, n, size))
 
 
-def moment_about(wrench: Array, point: Array) -> Array:
+def move_moment(wrench: Array, point: Array) -> Array:
     """A wrench about the ground origin, (..., 6, n), with its moment about a point (3, n) instead."""
     result = wrench.copy()
     result[..., 3:, :] -= cross(point, wrench[..., :3, :])
@@ -90,23 +90,23 @@ def link_wrenches(mechanism: Mechanism, state: LinkMotion, gravity: Array = GRAV
     return wrench
 
 
-def root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple[Array, Array]:
+def compute_root_wrench(mechanism: Mechanism, motion: Motion, p: Array) -> tuple[Array, Array]:
     """The net wrench that moves the whole body, without the forces in the joints.
 
     ``p``: (n_parameters,).
     Returns ``wrench`` (6, n): force (N) and moment about the *ground origin* (N m). Subtract the loads and
-        use :func:`moment_about` for the residual.
+        use :func:`move_moment` for the residual.
     ``root`` (3, n), m: the origin of the first link.
     """
     wrench, root = np.empty((6, motion.n)), np.empty((3, motion.n))
-    for rows in blocks(motion.n):
+    for rows in split_blocks(motion.n):
         state = move_links(mechanism, motion.block(rows), p)
         link_wrenches(mechanism, state).sum(axis=0, out=wrench[:, rows])
         root[:, rows] = state.poses.origins[0]
     return wrench, root
 
 
-def inverse_dynamics(
+def compute_inverse_dynamics(
     mechanism: Mechanism,
     motion: Motion,
     p: Array,
@@ -122,18 +122,18 @@ def inverse_dynamics(
     """
     forces = np.empty((mechanism.tree.n_coordinates, motion.n))
     residual, root = np.empty((6, motion.n)), np.empty((3, motion.n))
-    for rows in blocks(motion.n):
+    for rows in split_blocks(motion.n):
         state = move_links(mechanism, motion.block(rows), p)
         wrenches = link_wrenches(mechanism, state, gravity)
         if loads is not None:
             np.subtract.at(wrenches, loads.links, loads.wrenches[..., rows])
         root[:, rows] = state.poses.origins[0]
-        residual[:, rows] = moment_about(wrenches.sum(axis=0), root[:, rows])
-        forces[:, rows] = joint_forces(mechanism, state, wrenches)
+        residual[:, rows] = move_moment(wrenches.sum(axis=0), root[:, rows])
+        forces[:, rows] = compute_joint_forces(mechanism, state, wrenches)
     return Dynamics(forces, residual, root)
 
 
-def joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Array) -> Array:
+def compute_joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Array) -> Array:
     """Generalised forces (n_coordinates, n) that balance wrenches (n_links, 6, n) about the ground origin."""
     n = wrenches.shape[-1]
     through = (mechanism.carriers @ wrenches.reshape(len(wrenches), -1)).reshape(-1, 6, n)
@@ -156,7 +156,7 @@ class RegressorBlock:
     ground: Array
 
 
-def regressor_blocks(
+def compute_regressor_blocks(
     mechanism: Mechanism, motion: Motion, p: Array, *, gravity: Array = GRAVITY, size: int = REGRESSOR_BLOCK
 ) -> Iterator[RegressorBlock]:
     """Regressors of the ground wrench.
@@ -167,7 +167,7 @@ def regressor_blocks(
     ``size``: frames at a time: bounds the memory.
     In the order of the frames. Its product with all inertial parameters (joined) is the wrench.
     """
-    for rows in blocks(motion.n, size):
+    for rows in split_blocks(motion.n, size):
         state = move_links(mechanism, motion.block(rows), p)
         links = _link_regressors(state, gravity).reshape(-1, 6, rows.stop - rows.start)
         links[:, 3:] -= cross(state.poses.origins[0], links[:, :3])
@@ -186,11 +186,11 @@ def _link_regressors(state: LinkMotion, gravity: Array) -> Array:
         result[:, 1 + j, :3] = cross(pace, arm) + cross(spin, cross(spin, arm))
         result[:, 1 + j, 3:] = cross(arm, lift)
     result[:, :4, 3:] += cross(origins[:, None], result[:, :4, :3])
-    result[:, 4:, 3:] = _tensor_columns(axes, spin, pace)
+    result[:, 4:, 3:] = _compute_tensor_columns(axes, spin, pace)
     return result
 
 
-def _tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:
+def _compute_tensor_columns(axes: Array, spin: Array, pace: Array) -> Array:
     """Moment per number of the tensor, (n_links, 6, 3, n)."""
     w = np.einsum("kjan,kan->kjn", axes, spin)
     a = np.einsum("kjan,kan->kjn", axes, pace)
@@ -216,7 +216,9 @@ class WrenchRates:
     by: Array  # (n, 6, 3, m): derivatives with respect to q, qdot and qddot of the m free coordinates
 
 
-def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY) -> WrenchRates:
+def differentiate_wrench(
+    mechanism: Mechanism, screws: Screws, m: int, gravity: Array = GRAVITY
+) -> WrenchRates:
     """Derivatives of the net wrench.
 
     ``screws``: of its free coordinates.
@@ -224,10 +226,10 @@ def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = 
     ``gravity``: (3,), m/s2.
     """
     state, n = screws.state, screws.rates.shape[-1]
-    inertia = spatial_inertias(mechanism, state)
+    inertia = compute_spatial_inertias(mechanism, state)
     momentum = np.einsum("kabn,kbn->kan", inertia, state.twists)
     forces = link_wrenches(mechanism, state, gravity)
-    turning = _inertia_rates(inertia, state.twists)
+    turning = _differentiate_inertias(inertia, state.twists)
     below = mechanism.carriers[screws.entries]
     composite, composite_rate, h, f = (
         (below @ part.reshape(len(part), -1)).reshape(len(below), *part.shape[1:])
@@ -237,26 +239,26 @@ def wrench_rates(mechanism: Mechanism, screws: Screws, m: int, gravity: Array = 
     fall = np.zeros((6, 1))
     fall[:3, 0] = gravity
     by_q = (
-        _times(composite, second)
-        + _times(composite_rate, first)
-        + force_cross(first, h)
-        + force_cross(screw, f)
-        + _times(composite, motion_cross(screw, fall))
+        _multiply(composite, second)
+        + _multiply(composite_rate, first)
+        + cross_wrench(first, h)
+        + cross_wrench(screw, f)
+        + _multiply(composite, cross_twist(screw, fall))
     )
-    by_qdot = 2.0 * _times(composite, first) + _times(composite_rate, screw) + force_cross(screw, h)
-    by_entry = np.stack([by_q, by_qdot, _times(composite, screw)], axis=1)
+    by_qdot = 2.0 * _multiply(composite, first) + _multiply(composite_rate, screw) + cross_wrench(screw, h)
+    by_entry = np.stack([by_q, by_qdot, _multiply(composite, screw)], axis=1)
     by = np.zeros((m, 3, 6, n))
     np.add.at(by, screws.columns, by_entry)
     return WrenchRates(forces.sum(axis=0), np.ascontiguousarray(by.transpose(3, 2, 1, 0)))
 
 
-def spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
+def compute_spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
     """Inertia of every link at the ground origin, ground axes, (n_links, 6, 6, n): momentum from twist."""
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
     own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
     mass = inertias.mass[:, None, None, None]
-    arm = _skew(at)
+    arm = _build_skew(at)
     result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
     for i in range(3):
         result[:, i, i] = inertias.mass[:, None]
@@ -266,18 +268,18 @@ def spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
     return result
 
 
-def _skew(vector: Array) -> Array:
+def _build_skew(vector: Array) -> Array:
     """Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n)."""
     return np.stack([cross(vector, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
 
 
-def _inertia_rates(inertia: Array, twists: Array) -> Array:
+def _differentiate_inertias(inertia: Array, twists: Array) -> Array:
     """``V x* I - I V x`` of every link, (k, 6, 6, n)."""
     columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
-    half = np.moveaxis(force_cross(twists[:, None], columns), 1, 2)
+    half = np.moveaxis(cross_wrench(twists[:, None], columns), 1, 2)
     return half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
 
 
-def _times(matrix: Array, vector: Array) -> Array:
+def _multiply(matrix: Array, vector: Array) -> Array:
     product: Array = np.einsum("kabn,kbn->kan", matrix, vector)
     return product

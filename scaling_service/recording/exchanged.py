@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.trial import Array, Relabelling, Repair, Trial
-from scaling_service.numerics.least_squares.masks import ever
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.signals.filters import find_runs
 
 LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
 """Lateral and medial landmarks that face outwards in every posture: thigh and shank turn less than a right
@@ -74,33 +73,33 @@ def find_turned_limbs(
         for lateral, medial in (*LEG_PAIRS, *ARM_PAIRS)
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
-    lines = {lateral: _rightward_line(places, lateral, medial) for lateral, medial in pairs}
+    lines = {lateral: _find_rightward_line(places, lateral, medial) for lateral, medial in pairs}
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
-        rightwards = _rightwards(places, others) if lateral[1:] in _LEGS else None
+        rightwards = _find_rightwards(places, others) if lateral[1:] in _LEGS else None
         yield (
             (places[lateral][0], places[medial][0]),
             _find_wrong(lines[lateral], rightwards, trial.times),
         )
 
 
-def _rightward_line(places: _Places, lateral: str, medial: str) -> Array:
+def _find_rightward_line(places: _Places, lateral: str, medial: str) -> Array:
     """From the inner to the outer landmark of a right limb, the other way of a left one."""
     line: Array = places[lateral][1] - places[medial][1]
     return line if lateral[0] == "R" else -line
 
 
-def _unit(vectors: Array) -> Array:
+def _normalise(vectors: Array) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         directions: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return directions
 
 
-def _rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
+def _find_rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
     """The body's direction to the right in every frame, NaN where it is not known."""
     choices = [places[r][1] - places[left][1] for r, left in _PELVIS if r in places and left in places]
     if len(lines) > 1:  # one alone may be the wrong one
-        mean = np.mean([_unit(line) for line in lines], axis=0)
+        mean = np.mean([_normalise(line) for line in lines], axis=0)
         agreed = np.linalg.norm(mean, axis=1, keepdims=True) > CLEAR
         choices.append(np.where(agreed, mean, np.nan))
     if not choices:
@@ -108,7 +107,7 @@ def _rightwards(places: _Places, lines: Sequence[Array]) -> Array | None:
     found = choices[0].copy()
     for choice in choices[1:]:
         found = np.where(np.isfinite(found), found, choice)
-    return _unit(found)
+    return _normalise(found)
 
 
 def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[np.bool_]:
@@ -118,9 +117,9 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     if not len(rows):
         return wrong
     seen = line[rows]
-    outwards = np.full(len(rows), np.nan) if rightwards is None else _cosines(seen, rightwards[rows])
+    outwards = np.full(len(rows), np.nan) if rightwards is None else _compute_cosines(seen, rightwards[rows])
     turned = np.cumsum(np.concatenate(([False], _find_jumps(seen, outwards, times[rows])))) % 2 == 1
-    inside = [_typical(outwards[turned == part]) for part in (False, True)]
+    inside = [_take_median(outwards[turned == part]) for part in (False, True)]
     if not turned.any():
         guilty = np.full(len(rows), inside[0] < -CLEAR)
     elif np.isfinite(inside).all():
@@ -134,12 +133,12 @@ def _find_wrong(line: Array, rightwards: Array | None, times: Array) -> NDArray[
     return wrong
 
 
-def _cosines(line: Array, rightwards: Array) -> Array:
-    cosines: Array = np.einsum("fi,fi->f", _unit(line), rightwards)
+def _compute_cosines(line: Array, rightwards: Array) -> Array:
+    cosines: Array = np.einsum("fi,fi->f", _normalise(line), rightwards)
     return cosines
 
 
-def _typical(values: Array) -> float:
+def _take_median(values: Array) -> float:
     """Median of what is known, NaN if nothing is."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else float("nan")
@@ -157,7 +156,7 @@ def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]
 
 def _describe_spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
     """Each stretch that lasts, in words."""
-    for first, stop in runs(wrong).tolist():
+    for first, stop in find_runs(wrong).tolist():
         end = f"{trial.times[stop - 1]:.2f} s{', the end' if stop == trial.n_frames else ''}"
         if wrong.all():
             yield "throughout"
@@ -172,9 +171,9 @@ def _check_sides(trial: Trial, places: _Places) -> Iterator[str]:
     if below is None or any(name not in places for name in names):
         return
     r_asis, l_asis, r_psis, l_psis = (places[name][1] for name in names)
-    forwards = _unit(r_asis + l_asis - r_psis - l_psis)
-    upwards = _unit(r_asis + l_asis - places[below[0]][1] - places[below[1]][1])
-    if _typical(_cosines(np.cross(forwards, upwards), _unit(r_asis - l_asis))) < -CLEAR:
+    forwards = _normalise(r_asis + l_asis - r_psis - l_psis)
+    upwards = _normalise(r_asis + l_asis - places[below[0]][1] - places[below[1]][1])
+    if _take_median(_compute_cosines(np.cross(forwards, upwards), _normalise(r_asis - l_asis))) < -CLEAR:
         yield (
             f"{trial.name}: right and left look exchanged, or the recording is mirrored "
             f"({places['RASIS'][0]} lies to the left of {places['LASIS'][0]}): {_REMEDY}"
@@ -226,14 +225,14 @@ def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str
     for trial in trials:
         for labels in clusters.values():
             for pair in combinations(sorted(name for name in labels if name in trial.labels), 2):
-                distance = _distance(trial, *pair)
+                distance = _measure_distance(trial, *pair)
                 known = distance[np.isfinite(distance)]
                 if len(known):
                     found.setdefault(pair, []).append(float(np.median(known)))
     return {pair: float(np.median(values)) for pair, values in found.items()}
 
 
-def _distance(trial: Trial, one: str, other: str) -> Array:
+def _measure_distance(trial: Trial, one: str, other: str) -> Array:
     distance: Array = np.linalg.norm(trial.position(one) - trial.position(other), axis=1)
     return distance
 
@@ -249,7 +248,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         pairs = [pair for pair in combinations(names, 2) if pair in usual]
         if len(pairs) < 2:
             continue
-        measured = np.stack([_distance(trial, *pair) for pair in pairs], axis=1)
+        measured = np.stack([_measure_distance(trial, *pair) for pair in pairs], axis=1)
         away = np.abs(measured - [usual[pair] for pair in pairs])
         changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
         yield from _join_blocks(
@@ -314,7 +313,7 @@ def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple
     """Runs of changed frames, cut where a distance jumps."""
     with np.errstate(invalid="ignore"):
         jumps = np.flatnonzero(np.nanmax(np.abs(np.diff(measured, axis=0)), axis=1, initial=0.0) > JUMP_M) + 1
-    for start, stop in runs(changed):
+    for start, stop in find_runs(changed):
         cuts = [int(start), *(int(j) for j in jumps if start < j < stop), int(stop)]
         yield from pairwise(cuts)
 
@@ -339,7 +338,7 @@ def _find_better_order(
     names: Sequence[str], pairs: Sequence[tuple[str, str]], measured: Array, usual: Shape
 ) -> tuple[tuple[str, ...], float, float] | None:
     """The order of labels that fits a block best, with the largest difference before and after."""
-    known = ever(np.isfinite(measured))
+    known = np.asarray(np.isfinite(measured).any(axis=0))
     kept = [pair for pair, is_known in zip(pairs, known, strict=True) if is_known]
     if len(kept) < 2:
         return None

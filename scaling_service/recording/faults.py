@@ -11,8 +11,8 @@ from scipy import ndimage
 
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled
-from scaling_service.numerics.least_squares.masks import Mask, seen
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.least_squares.masks import Mask, find_seen
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.plausibility import remove_strays
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
@@ -53,10 +53,10 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
 
     ``trial``: in any axes, m. Returns one Repair, ``merged``, for each pair; the same trial if there is none.
     """
-    shown = seen(trial.markers)
+    shown = find_seen(trial.markers)
     hidden = np.zeros_like(shown)
     repairs = []
-    for one, other, usual in _meeting(trial):
+    for one, other, usual in _find_meeting(trial):
         distance = np.linalg.norm(trial.markers[:, one] - trial.markers[:, other], axis=1)
         near = distance < ONE_POINT_M
         merged = near | ndimage.binary_closing(near, np.ones(_FLICKER))
@@ -71,7 +71,7 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
-def _meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
+def _find_meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
     """Columns of markers that are usually apart, and at one point at times; how far they usually are, m."""
     step = max(1, int(_LOOKED_AT_S * trial.rate_hz))
     named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
@@ -105,14 +105,14 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     if trial.rate_hz < _SLOWEST_HZ or not trial.labels:
         return trial
     rough = np.abs(ndimage.convolve1d(np.nan_to_num(trial.markers), _FOURTH, axis=0)).max(axis=2)
-    shown = seen(trial.markers)
+    shown = find_seen(trial.markers)
     high = ndimage.binary_erosion(shown, np.ones((len(_FOURTH), 1)), border_value=1) & (rough > JITTER_M)
-    often = np.flatnonzero(_mostly(high).any(axis=1))
+    often = np.flatnonzero(_find_mostly(high).any(axis=1))
     if not len(often):
         return trial
     usual = np.zeros((len(rough), 1))
     usual[often] = np.median(rough[often], axis=1, keepdims=True)
-    worse = _mostly(high & (rough > _UNUSUAL * usual))
+    worse = _find_mostly(high & (rough > _UNUSUAL * usual))
     poor = shown & (worse | ndimage.binary_closing(worse, np.ones((_WINDOW, 1))))
     size = {k: float(np.median(rough[poor[:, k], k])) for k in np.flatnonzero(poor.any(axis=0)).tolist()}
     size = {k: rms for k, rms in size.items() if rms > JITTER_M}
@@ -126,7 +126,7 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
-def _mostly(flags: Mask) -> Mask:
+def _find_mostly(flags: Mask) -> Mask:
     """Where most frames of the window around a frame (n, any) have a flag."""
     return np.asarray(
         ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
@@ -157,10 +157,10 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     paths = paths[:, np.isfinite(paths).all(axis=2).mean(axis=0) > _SEEN]
     if frames < _LEAST[0] or paths.shape[1] < _LEAST[1]:
         return trial
-    hertz, power, of_place = _spectrum(_without_gaps(paths), trial.rate_hz)
+    hertz, power, of_place = _compute_spectrum(_without_gaps(paths), trial.rate_hz)
     if not len(hertz):  # too few frames a second to show any shaking
         return trial
-    beside, near = _beside(power), _beside(of_place)
+    beside, near = _average_beside(power), _average_beside(of_place)
     acceleration = np.sqrt(of_place / paths.shape[1])
     possible = (hertz >= SHAKEN_HZ) & (acceleration > SHAKEN_MS2)
     k = int(np.argmax(np.where(possible, of_place / near, 0.0)))
@@ -173,7 +173,7 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, repairs=(*trial.repairs, note))
 
 
-def _beside(power: Array) -> Array:
+def _average_beside(power: Array) -> Array:
     """Mean power of the lines near each line (n,), on the side where it is higher: a slope is no line."""
     reach = int(_NEAR[1] * _FINER)
     away = np.arange(-reach, reach + 1) / _FINER
@@ -195,7 +195,7 @@ def _without_gaps(paths: Array) -> Array:
     return filled
 
 
-def _spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:
+def _compute_spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array]:
     """Frequencies (Hz), squares of all accelerations there (m2/s4), and of what depends on place alone."""
     acceleration = np.diff(paths, 2, axis=0) * rate_hz**2
     window = np.hanning(len(acceleration) + 2)[1:-1]
@@ -227,7 +227,7 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
     repairs = []
     for k, plate in enumerate(forces.plates):
         known = forces.known[:, k]
-        bad = _spikes(np.where(known[:, None], force[:, k], 0.0)) & known
+        bad = _find_spikes(np.where(known[:, None], force[:, k], 0.0)) & known
         good = known & ~bad
         if not bad.any() or not good.any():
             continue
@@ -242,7 +242,7 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
     return forces.changed(*repairs, force=force, moment=moment) if repairs else forces
 
 
-def _spikes(force: Array) -> Mask:
+def _find_spikes(force: Array) -> Mask:
     """Samples of one plate's force (n, 3) off the course of those beside them."""
     off = np.abs(force - ndimage.median_filter(force, (2 * _BESIDE + 1, 1), mode="nearest"))
     spikes = np.zeros_like(off, dtype=bool)
@@ -332,13 +332,13 @@ def _limit(load: Array, rate_hz: float) -> tuple[float, int] | None:
     if np.quantile(load[load > CONTACT_N], 0.05) > _STILL * limit:
         return None
     at = high & (np.abs(load - limit) < _FLAT * limit)
-    spans = [span for span in runs(at).tolist() if span[1] - span[0] >= _SHORTEST]
+    spans = [span for span in find_runs(at).tolist() if span[1] - span[0] >= _SHORTEST]
     stretches = [load[start:stop] for start, stop in spans]
     if at.sum() < _STANDS * high.sum() or not stretches:
         return None
     off = np.concatenate([part - part.mean() for part in stretches])
     steps = np.concatenate([np.diff(part) for part in stretches])
-    visits = [stop - start for start, stop in runs(high).tolist() if at[start:stop].sum() >= _SHORTEST]
+    visits = [stop - start for start, stop in find_runs(high).tolist() if at[start:stop].sum() >= _SHORTEST]
     again = len(visits) > 1 and max(visits) < int(_BRIEF_S * rate_hz)
     away = max(1, int(_CORNER_S * rate_hz))
     beside = [load[max(start - away, 0)] for start, _ in spans]

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial
-from scaling_service.recording.plausibility import extremes, unit_factor
+from scaling_service.recording.plausibility import find_extremes, find_unit_factor
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
@@ -97,9 +97,9 @@ def decide(
     extent of the body, ties decided by which side stands still near height zero (the floor). Forward: from
     PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.
     """
-    factor, unit_repairs = unit_factor(trial)
+    factor, unit_repairs = find_unit_factor(trial)
     positions = trial.markers * factor
-    where = _positions_by_role(positions, trial.labels, roles or {})
+    where = _group_by_role(positions, trial.labels, roles or {})
     up_vector, forward_vector = check_axes(up, forward)
     if up_vector is None:
         up_vector, why_up = _find_up(positions, where, forward_vector)
@@ -108,8 +108,8 @@ def decide(
     clarity, why_forward = 1.0, "given"
     if forward_vector is None:
         facing, why_forward = _find_facing(positions, where, up_vector)
-        kept = _unit(0 if up_vector[0] == 0 else 1, 1.0)
-        forward_vector = kept if facing is None else _snapped(facing)
+        kept = _normalise(0 if up_vector[0] == 0 else 1, 1.0)
+        forward_vector = kept if facing is None else _snap_to_axis(facing)
         clarity = 0.0 if facing is None else _share(facing)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
@@ -126,32 +126,30 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     ``trial``: any recording of the same session, as read. Raises TrialUnusable if no marker is seen at all,
     or the unit cannot be told.
     """
-    factor, unit_repairs = unit_factor(trial)
+    factor, unit_repairs = find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
 
 
-def _positions_by_role(
-    positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]
-) -> dict[str, Array]:
+def _group_by_role(positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]) -> dict[str, Array]:
     return {roles[label]: positions[:, k] for k, label in enumerate(labels) if label in roles}
 
 
-def _mean(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:
+def _average_markers(where: Mapping[str, Array], names: frozenset[str]) -> Array | None:
     """Mean of the named markers in every frame, NaN where one of them is missing; None if none exists."""
     present = [where[name] for name in sorted(names) if name in where and np.isfinite(where[name]).any()]
     return np.mean(present, axis=0) if present else None
 
 
-def _midpoint(where: Mapping[str, Array], choices: tuple[frozenset[str], ...]) -> Array | None:
+def _find_midpoint(where: Mapping[str, Array], choices: tuple[frozenset[str], ...]) -> Array | None:
     """Mean of the first set of which every marker is seen at some time."""
     for names in choices:
         if all(name in where and np.isfinite(where[name]).any() for name in names):
-            return _mean(where, names)
+            return _average_markers(where, names)
     return None
 
 
-def _typical(vectors: Array) -> Array | None:
+def _average_rows(vectors: Array) -> Array | None:
     """Mean of the rows that are complete; None if none is."""
     complete = vectors[np.isfinite(vectors).all(axis=-1)]
     return complete.mean(axis=0) if len(complete) else None
@@ -159,22 +157,22 @@ def _typical(vectors: Array) -> Array | None:
 
 def _find_up(positions: Array, where: Mapping[str, Array], forward: Array | None) -> tuple[Array, str]:
     allowed = np.ones(3, bool) if forward is None else forward == 0
-    centres = [centre for group in _HEIGHT_GROUPS if (centre := _mean(where, group)) is not None]
+    centres = [centre for group in _HEIGHT_GROUPS if (centre := _average_markers(where, group)) is not None]
     if len(centres) > 1:
-        rise = _typical(centres[0] - centres[-1])
+        rise = _average_rows(centres[0] - centres[-1])
         if rise is not None and np.linalg.norm(rise) > 0:
             share = np.abs(rise) / np.linalg.norm(rise)
             if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
-                return _snapped(rise), f"pelvis, knees and ankles lie {_off_axis(rise)} off it"
+                return _snap_to_axis(rise), f"pelvis, knees and ankles lie {_describe_off_axis(rise)} off it"
     return _find_up_by_shape(positions, allowed)
 
 
 def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Array, str]:
-    low, high = extremes(positions)
+    low, high = find_extremes(positions)
     seen = np.isfinite(low).all(axis=1)
     low, high = low[seen], high[seen]
     extent = np.where(allowed, np.median(high - low, axis=0), -1.0)
-    floor = np.stack((_floor_misfit(low), _floor_misfit(-high)))  # up positive, up negative
+    floor = np.stack((_measure_floor_misfit(low), _measure_floor_misfit(-high)))  # up positive, up negative
     near = extent >= CLEAR_SHARE * extent.max()
     axis = int(np.argmin(np.where(near, floor.min(axis=0), np.inf)))
     sign = 1.0 if floor[0, axis] <= floor[1, axis] else -1.0
@@ -183,10 +181,10 @@ def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Arr
         if near.sum() == 1
         else "a long extent of the body, standing on a floor"
     )
-    return _unit(axis, sign), reason
+    return _normalise(axis, sign), reason
 
 
-def _floor_misfit(lowest: Array) -> Array:
+def _measure_floor_misfit(lowest: Array) -> Array:
     """How badly the lowest markers fit a floor at zero: distance beyond reach of it plus change over time."""
     middle = np.median(lowest, axis=0)
     change = np.subtract(*np.percentile(lowest, [95, 5], axis=0))
@@ -196,24 +194,24 @@ def _floor_misfit(lowest: Array) -> Array:
 
 def _find_facing(positions: Array, where: Mapping[str, Array], up: Array) -> tuple[Array | None, str]:
     """Which way the person faces, square to ``up``, and from what; None where nothing tells."""
-    front, back = _midpoint(where, _FRONT), _midpoint(where, _BACK)
+    front, back = _find_midpoint(where, _FRONT), _find_midpoint(where, _BACK)
     if front is not None and back is not None:
-        facing = _horizontal(_typical(front - back), up)
+        facing = _project_horizontally(_average_rows(front - back), up)
         if facing is not None:
-            return facing, f"from PSIS to ASIS, {_off_axis(facing)} off it"
+            return facing, f"from PSIS to ASIS, {_describe_off_axis(facing)} off it"
     pairs = [where[right] - where[left] for right, left in _PAIRS if right in where and left in where]
     if pairs:
-        rightwards = [mean for pair in pairs if (mean := _typical(pair)) is not None]
-        facing = _horizontal(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
+        rightwards = [mean for pair in pairs if (mean := _average_rows(pair)) is not None]
+        facing = _project_horizontally(np.cross(up, np.sum(rightwards, axis=0)), up) if rightwards else None
         if facing is not None:
-            return facing, f"square to right and left markers, {_off_axis(facing)} off it"
-    way = _horizontal(_displacement(positions), up)
+            return facing, f"square to right and left markers, {_describe_off_axis(facing)} off it"
+    way = _project_horizontally(_measure_displacement(positions), up)
     if way is not None and np.linalg.norm(way) >= WALKED_M:
-        return way, f"displacement of {np.linalg.norm(way):.1f} m, {_off_axis(way)} off it"
+        return way, f"displacement of {np.linalg.norm(way):.1f} m, {_describe_off_axis(way)} off it"
     return None, "not known: no pelvis markers with a role and no walking; kept, give it if it matters"
 
 
-def _horizontal(vector: Array | None, up: Array) -> Array | None:
+def _project_horizontally(vector: Array | None, up: Array) -> Array | None:
     """The part square to ``up``; None where there is none to speak of."""
     if vector is None:
         return None
@@ -221,7 +219,7 @@ def _horizontal(vector: Array | None, up: Array) -> Array | None:
     return flat if np.linalg.norm(flat) > 1e-2 * max(float(np.linalg.norm(vector)), 1e-9) else None
 
 
-def _displacement(positions: Array) -> Array | None:
+def _measure_displacement(positions: Array) -> Array | None:
     """Last minus first seen position, mean over the markers seen over most of the trial."""
     seen: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=-1)
     n = len(positions)
@@ -234,13 +232,13 @@ def _displacement(positions: Array) -> Array | None:
     return travel
 
 
-def _snapped(vector: Array) -> Array:
+def _snap_to_axis(vector: Array) -> Array:
     """The lab axis, with sign, nearest to a vector."""
     axis = int(np.argmax(np.abs(vector)))
-    return _unit(axis, float(np.sign(vector[axis])))
+    return _normalise(axis, float(np.sign(vector[axis])))
 
 
-def _off_axis(vector: Array) -> str:
+def _describe_off_axis(vector: Array) -> str:
     return f"{np.degrees(np.arccos(_share(vector))):.0f} deg"
 
 
@@ -254,8 +252,8 @@ def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array
 
     Raises InputError: one is no axis, or both name the same one.
     """
-    up_vector = _axis(up, "up") if up is not None else None
-    forward_vector = _axis(forward, "forward") if forward is not None else None
+    up_vector = _to_axis(up, "up") if up is not None else None
+    forward_vector = _to_axis(forward, "forward") if forward is not None else None
     if up_vector is not None and forward_vector is not None and up_vector @ forward_vector:
         raise InputError(
             "up and forward name the same axis", field="forward", remedy="Give two different axes"
@@ -263,7 +261,7 @@ def check_axes(up: str | None, forward: str | None) -> tuple[Array | None, Array
     return up_vector, forward_vector
 
 
-def _axis(text: str, field: str) -> Array:
+def _to_axis(text: str, field: str) -> Array:
     word = text.strip().lower()
     sign, name = (word[0], word[1:]) if word[:1] in ("+", "-") else ("+", word)
     if len(name) != 1 or name not in _AXES:
@@ -272,10 +270,10 @@ def _axis(text: str, field: str) -> Array:
             field=field,
             remedy="Give x, y or z with an optional sign, such as +z or -x",
         )
-    return _unit(_AXES.index(name), 1.0 if sign == "+" else -1.0)
+    return _normalise(_AXES.index(name), 1.0 if sign == "+" else -1.0)
 
 
-def _unit(axis: int, sign: float) -> Array:
+def _normalise(axis: int, sign: float) -> Array:
     vector = np.zeros(3)
     vector[axis] = sign
     return vector

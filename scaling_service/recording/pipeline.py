@@ -9,9 +9,14 @@ import numpy as np
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial, repair_each
-from scaling_service.numerics.least_squares.masks import Mask, seen
+from scaling_service.numerics.least_squares.masks import Mask, find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
-from scaling_service.numerics.signals.filters import butterworth, fill_short_gaps, moving_average, runs
+from scaling_service.numerics.signals.filters import (
+    average_moving,
+    fill_short_gaps,
+    filter_butterworth,
+    find_runs,
+)
 from scaling_service.recording import orientation
 from scaling_service.recording.settings import LONGEST_SPLINE_S, ProcessingSettings
 
@@ -49,7 +54,7 @@ def smooth_by_average(trial: Trial) -> Trial:
     """Central moving average in several passes; missing where it was missing. One Repair, ``smoothing``."""
     detail = f"central moving average of {WINDOW} frames in {PASSES} passes"
     return trial.with_markers(
-        moving_average(trial.markers, window=WINDOW, passes=PASSES),
+        average_moving(trial.markers, window=WINDOW, passes=PASSES),
         Repair("smoothing", trial.name, detail, trial.n_frames),
     )
 
@@ -68,7 +73,7 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
             field="cutoff_hz",
             remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
         )
-    result = butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER)
+    result = filter_butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER)
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
@@ -103,7 +108,7 @@ def fill(
     out of real walking, squats and hip movements this lowers the error by 1.5 to 6 times; at 1.5 s it does
     not matter.
     """
-    before = ~seen(trial.markers)
+    before = ~find_seen(trial.markers)
     longest = int(np.floor(longest_spline_s * trial.rate_hz + 1e-6))
     markers, splined = fill_short_gaps(trial.markers, longest=longest)
     repairs = repair_each(
@@ -113,13 +118,13 @@ def fill(
     for segment, labels in clusters.items():
         for part in _solidify(markers, trial.labels, segment, labels):
             # A marker listed for two segments is filled by the first that can.
-            new = part.frames & ~seen(filled[:, part.column])
+            new = part.frames & ~find_seen(filled[:, part.column])
             if new.any():
                 filled[new, part.column] = part.positions[new]
                 repairs.append(
                     Repair("gap_solidification", trial.labels[part.column], part.detail, int(new.sum()))
                 )
-    left = before & ~seen(filled)
+    left = before & ~find_seen(filled)
     repairs += repair_each(left, trial.labels, "gap_left", "not seen and not filled")
     return trial.with_markers(filled, *repairs)
 
@@ -139,7 +144,7 @@ def _solidify(
 ) -> list[_Solid]:
     columns = [all_labels.index(label) for label in dict.fromkeys(labels) if label in all_labels]
     cloud = markers[:, columns]
-    shown = seen(cloud)
+    shown = find_seen(cloud)
     parts = []
     for k, column in enumerate(columns):
         others = shown.sum(axis=1) - shown[:, k]
@@ -158,7 +163,7 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     """Marker k where it is wanted: frames, positions and how well the rest keeps its shape (RMS, m)."""
     known = np.flatnonzero(common)
     known = known[np.unique(np.linspace(0, len(known) - 1, min(len(known), _MOST_COMMON)).astype(np.intp))]
-    shape = mean_shape(cloud[known])
+    shape = average_shape(cloud[known])
     rest = shape.copy()
     rest[k] = np.nan
     beside = wanted.copy()
@@ -185,7 +190,7 @@ def _place_shape(shape: Array, rest: Array, cloud: Array) -> Array:
     return fitted
 
 
-def mean_shape(cloud: Array) -> Array:
+def average_shape(cloud: Array) -> Array:
     """Mean shape of a cluster over frames in which not every marker is seen.
 
     ``cloud`` (n_frames, m, 3), m: NaN where not seen; at least three markers in every frame. Returns in the
@@ -194,7 +199,7 @@ def mean_shape(cloud: Array) -> Array:
     Generalised Procrustes: every frame is fitted to the shape so far, the shape is the mean of the fitted
     frames, until it settles.
     """
-    shown = seen(cloud)
+    shown = find_seen(cloud)
     shape: Array = cloud[int(np.argmax(shown.sum(axis=1)))]
     for _ in range(_SHAPE_ROUNDS):
         rotation, shift = fit_rigid(shape, cloud)
@@ -220,7 +225,7 @@ def _bridge_mismatch(mismatch: Array, wanted: Mask) -> Array:
     """
     correction = np.zeros_like(mismatch)
     n = len(mismatch)
-    for start, stop in runs(wanted).tolist():
+    for start, stop in find_runs(wanted).tolist():
         before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
         after = mismatch[stop] if stop < n else np.full(3, np.nan)
         if not np.isfinite(before).all():

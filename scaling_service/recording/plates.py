@@ -15,16 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, plate_names
+from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, list_plate_names
 from scaling_service.model.trial import Array, Repair, repair_each
-from scaling_service.numerics.signals.filters import butterworth, runs
+from scaling_service.numerics.signals.filters import filter_butterworth, find_runs
 from scaling_service.recording.orientation import Orientation
 
 BEYOND_M = 0.1  # chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets
 MOSTLY = 0.5  # chosen: share of the loaded samples that decides
 
 
-def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
+def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
 
     Raises TrialUnusable if that is what reading the plates gave, or a loaded plate's centre of pressure lies
@@ -35,13 +35,13 @@ def ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     repairs = list(recording.repairs)
     parts = [
         _turn_to_laboratory(plate, name, recording.name, repairs)
-        for plate, name in zip(recording.plates, plate_names(len(recording.plates)), strict=True)
+        for plate, name in zip(recording.plates, list_plate_names(len(recording.plates)), strict=True)
     ]
     force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
     return GroundForces(
         recording.name,
         recording.times,
-        plate_names(len(recording.plates)),
+        list_plate_names(len(recording.plates)),
         np.ascontiguousarray(force.swapaxes(0, 1)),
         np.ascontiguousarray(moment.swapaxes(0, 1)),
         middles,
@@ -76,13 +76,13 @@ def _turn_to_laboratory(
             field="FORCE_PLATFORM",
             remedy="Check the units of moments (N mm or N m), the plate's corners and its origin",
         )
-    R_lab_plate = plate_axes(plate.corners)
+    R_lab_plate = find_plate_axes(plate.corners)
     middle = plate.corners.mean(axis=0)
     force, moment = force @ R_lab_plate.T, moment @ R_lab_plate.T
     return force, moment + np.cross(middle, force), middle, -R_lab_plate[:, 2]
 
 
-def plate_axes(corners: Array) -> Array:
+def find_plate_axes(corners: Array) -> Array:
     """Axes of a plate in the laboratory from its corners (4, 3), as columns, (3, 3); z into the floor."""
     x = corners[0] - corners[1]
     z = np.cross(x, corners[0] - corners[3])
@@ -99,7 +99,7 @@ def _share_inside(force: Array, moment: Array, size: Array) -> float:
     return float((np.abs(centre) <= size / 2 + BEYOND_M).all(axis=1).mean())
 
 
-def _type_1(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+def _read_type_1(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
     """Force, its point on the surface and the vertical moment there."""
     force = plate.signals[:, :3]
     point = np.concatenate([plate.signals[:, 3:5], np.zeros((len(force), 1))], axis=1)
@@ -109,14 +109,14 @@ def _type_1(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
     return force, free + np.cross(-point if turned else point, force)
 
 
-def _type_2(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+def _read_type_2(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
     """Force and moment about the sensors' origin; type 4 after its calibration matrix, too."""
     force, moment = plate.signals[:, :3], plate.signals[:, 3:]
     to_middle = plate.origin if plate.origin[2] <= 0 else -plate.origin  # sensors lie below, z points down
     return force, moment - np.cross(-to_middle if turned else to_middle, force)
 
 
-def _type_3(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
+def _read_type_3(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
     """Eight piezo-electric sensors: x12, x34, y14, y23, z1, z2, z3, z4 at (±a, ±b)."""
     x12, x34, y14, y23, z1, z2, z3, z4 = plate.signals.T
     a, b, height = plate.origin
@@ -129,10 +129,10 @@ def _type_3(plate: RawPlate, turned: bool) -> tuple[Array, Array]:
 
 
 _KINDS: dict[int, Callable[[RawPlate, bool], tuple[Array, Array]]] = {
-    1: _type_1,
-    2: _type_2,
-    3: _type_3,
-    4: _type_2,
+    1: _read_type_1,
+    2: _read_type_2,
+    3: _read_type_3,
+    4: _read_type_2,
 }
 """Force and moment about the middle of the surface, in the plate's axes; the flag turns the origin round."""
 
@@ -230,7 +230,7 @@ def _filter(
             remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
         )
     whole = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
-    result = butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
+    result = filter_butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     notes = [Repair("smoothing", forces.name, detail, len(times))]
     brief = "known too briefly between gaps to be filtered"
@@ -244,8 +244,8 @@ def _sample(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
     if not smooth:
         return _interpolate(times, values, wanted)
     result = np.full((len(wanted), values.shape[1]), np.nan)
-    for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
-        inside = _within(times[start:stop], wanted)
+    for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
+        inside = _is_within(times[start:stop], wanted)
         if stop - start > 1 and inside.any():
             result[inside] = CubicSpline(times[start:stop], values[start:stop])(wanted[inside])
     return result
@@ -253,13 +253,13 @@ def _sample(times: Array, values: Array, wanted: Array, smooth: bool) -> Array:
 
 def _interpolate(times: Array, values: Array, wanted: Array) -> Array:
     result = np.full((len(wanted), values.shape[1]), np.nan)
-    for start, stop in runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
-        inside = _within(times[start:stop], wanted)
+    for start, stop in find_runs(np.asarray(np.isfinite(values).all(axis=1))).tolist():
+        inside = _is_within(times[start:stop], wanted)
         for column in range(values.shape[1]):
             result[inside, column] = np.interp(wanted[inside], times[start:stop], values[start:stop, column])
     return result
 
 
-def _within(times: Array, wanted: Array) -> NDArray[np.bool_]:
+def _is_within(times: Array, wanted: Array) -> NDArray[np.bool_]:
     inside: NDArray[np.bool_] = (wanted >= times[0] - 1e-9) & (wanted <= times[-1] + 1e-9)
     return inside

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.forces import GroundForces, SegmentLoads
 from scaling_service.model.trial import Array, Repair
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.signals.filters import find_runs
 
 NOBODY = -1  # no foot
 
@@ -108,7 +108,9 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     return FootContacts(names, foot, on_floor, supported, (*notes, *more))
 
 
-def foot_loads(forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]) -> SegmentLoads:
+def assign_foot_loads(
+    forces: GroundForces, contacts: FootContacts, segments: Mapping[str, str]
+) -> SegmentLoads:
     """The wrench that each foot's segment receives from all plates it stands on.
 
     ``contacts``: of these forces. ``segments``: foot to the model's segment. Returns NaN where a plate's
@@ -143,11 +145,11 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
     The floor is where the lower foot stands, for a foot may be in the air all the time. It moves on a
     treadmill: with the lowest marker of both feet.
     """
-    usual = [_usual_heights(markers) for markers in feet]
+    usual = [_find_usual_heights(markers) for markers in feet]
     floor = min(float(heights.min()) for heights in usual)
     above = [m[..., 1] - (h - h.min() + floor) for m, h in zip(feet, usual, strict=True)]
     heights = [np.where(np.isfinite(x), x, np.inf) for x in above]
-    velocities = [_velocities(markers, times) for markers in feet]
+    velocities = [_differentiate_places(markers, times) for markers in feet]
     belt = _measure_belt(np.concatenate(heights, axis=1), np.concatenate(velocities, axis=1))
     notes = []
     if belt.any():
@@ -161,7 +163,7 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
     return np.stack(resting, axis=1), notes
 
 
-def _velocities(markers: Array, times: Array) -> Array:
+def _differentiate_places(markers: Array, times: Array) -> Array:
     """Horizontal velocities, (n, m, 2), m/s; zero for a single frame."""
     flat = markers[..., (0, 2)]
     return np.gradient(flat, times, axis=0) if len(times) > 1 else np.zeros_like(flat)
@@ -176,7 +178,7 @@ def _measure_belt(heights: Array, velocities: Array) -> Array:
     return belt if np.linalg.norm(belt) > FAST_M_S else np.zeros(2)
 
 
-def _usual_heights(markers: Array) -> Array:
+def _find_usual_heights(markers: Array) -> Array:
     """Height of each marker while its foot stands, (m,); infinite where it is never seen."""
     heights = [h[np.isfinite(h)] for h in markers[..., 1].T]
     return np.array([np.percentile(h, 5) if len(h) else np.inf for h in heights])
@@ -184,12 +186,12 @@ def _usual_heights(markers: Array) -> Array:
 
 def _find_contacts(loaded: Mask, times: Array) -> list[tuple[int, int]]:
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(a, b) for a, b in runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
+    return [(a, b) for a, b in find_runs(loaded).tolist() if (b - a) * step >= BRIEF_S]
 
 
 def _choose_foot(away: Array) -> int:
     """The foot of one contact from distances (n_feet, n)."""
-    typical = [_typical(distances) for distances in away]
+    typical = [_take_median(distances) for distances in away]
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY
 
@@ -205,10 +207,10 @@ def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> in
     """
     stands = on_floor.mean(axis=0) > 1.0 - TOLERATED
     idle = [f for f in np.flatnonzero(stands).tolist() if (foot == f).any(axis=1).mean() < TOLERATED]
-    return idle[0] if len(idle) == 1 and _typical(away[idle[0]]) < ASTRAY_M else NOBODY
+    return idle[0] if len(idle) == 1 and _take_median(away[idle[0]]) < ASTRAY_M else NOBODY
 
 
-def _typical(distances: Array) -> float:
+def _take_median(distances: Array) -> float:
     known = distances[np.isfinite(distances)]
     return float(np.median(known)) if len(known) else float("inf")
 
@@ -221,7 +223,7 @@ def _describe_contact(
     if chosen == NOBODY:
         return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", n)]
     notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", n)]
-    off = _typical(away[chosen])
+    off = _take_median(away[chosen])
     if off >= REACH_M:
         detail = (
             f"pressure lies {100 * off:.0f} cm off {names[chosen]}, the only foot that stands free {span}"
@@ -275,7 +277,7 @@ def _find_supported(
     lasting = np.zeros_like(beside)
     notes = []
     for k, name in enumerate(names):
-        for start, stop in runs(beside[:, k]).tolist():
+        for start, stop in find_runs(beside[:, k]).tolist():
             # The foot comes down and rolls off for some frames without load.
             lasting[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
         if lasting[:, k].any():

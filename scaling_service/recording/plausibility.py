@@ -10,7 +10,7 @@ import numpy as np
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled, repair_each
-from scaling_service.numerics.least_squares.masks import Mask, seen
+from scaling_service.numerics.least_squares.masks import Mask, find_seen
 from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
@@ -22,13 +22,13 @@ UNIT_MIXUPS = (1e-3, 1e3)
 """m that are mm, and mm that are m: the mix-ups that occur; their plausible ranges do not overlap."""
 
 
-def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
+def find_unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
     """The factor that makes the size of the body plausible, 1 where the stated unit can be true.
 
     Raises TrialUnusable if no marker is seen at all, or neither the stated unit nor mm taken for m or m for
     mm gives a body.
     """
-    low, high = extremes(trial.markers)
+    low, high = find_extremes(trial.markers)
     largest = (high - low).max(axis=1)
     if not np.isfinite(largest).any():
         raise TrialUnusable(
@@ -58,7 +58,7 @@ def unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
     )
 
 
-def extremes(positions: Array) -> tuple[Array, Array]:
+def find_extremes(positions: Array) -> tuple[Array, Array]:
     """Smallest and largest coordinate among the markers of each frame, (n_frames, 3); NaN if none is seen."""
     known = np.isfinite(positions)
     low = np.where(known, positions, np.inf).min(axis=1, initial=np.inf)
@@ -82,12 +82,12 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     ``trial``: in any axes and unit. Returns one Repair, ``stray``, for each marker concerned; the same
     trial where there is none.
     """
-    shown = seen(trial.markers)
+    shown = find_seen(trial.markers)
     rows = np.flatnonzero(shown.sum(axis=1) >= FEWEST)
     if not len(rows):
         return trial
     known = np.where(shown[rows, :, None], trial.markers[rows], np.nan)
-    distance = np.linalg.norm(known - _median(known), axis=2)
+    distance = np.linalg.norm(known - _take_median(known), axis=2)
     flags = np.zeros_like(shown)
     flags[rows] = distance > FARTHEST * np.median(distance[shown[rows]])
     if not flags.any():
@@ -98,7 +98,7 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
-def _median(positions: Array) -> Array:
+def _take_median(positions: Array) -> Array:
     """Median over the markers (n, m, 3) that are known, (n, 1, 3); numpy's own takes ten times as long."""
     ordered = np.sort(positions, axis=1)  # NaN last
     count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
@@ -127,13 +127,13 @@ def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
 
     ``trial``: in m.
     """
-    shown = seen(trial.markers)
+    shown = find_seen(trial.markers)
     named = [k for k, label in enumerate(trial.labels) if not is_unlabelled(label)]
     for k, label in enumerate(trial.labels):
         if k in named or not shown[:, k].any():
             continue
         best = min(
-            (_distance_in_gaps(trial.markers, shown, k, other) for other in named),
+            (_measure_distance_in_gaps(trial.markers, shown, k, other) for other in named),
             default=(float("inf"), 0, 0),
         )
         frames = int(shown[:, k].sum())
@@ -143,7 +143,7 @@ def find_unlabelled(trial: Trial) -> Iterator[Unlabelled]:
             yield Unlabelled(label, frames)
 
 
-def _distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
+def _measure_distance_in_gaps(markers: Array, shown: Mask, column: int, other: int) -> tuple[float, int, int]:
     """How far a trajectory, prolonged by a frame, misses another where that is lost or found again, m.
 
     Returns ``distance``: median over those frames; infinite where the two are seen side by side or never
@@ -212,7 +212,7 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
     reported: set[tuple[str, str]] = set()
     for trial in some:
         others = [name for name in shapes if name != trial.name]
-        found = list(_moved_in(trial.name, shapes, others, clusters)) if others else []
+        found = list(_find_moved(trial.name, shapes, others, clusters)) if others else []
         if found:
             usual = measure_shape((other for other in some if other is not trial), clusters)
             exchanged = {label for item in find_exchanges(trial, clusters, usual) for label in item.labels}
@@ -231,7 +231,7 @@ def _thin(trial: Trial, step: int) -> Trial:
     )
 
 
-def _moved_in(
+def _find_moved(
     trial: str, shapes: Mapping[str, Shape], others: Sequence[str], clusters: Clusters
 ) -> Iterator[MovedMarker]:
     for labels in clusters.values():

@@ -39,7 +39,7 @@ class Text:
 
     def html(self) -> str:
         """One ``p``."""
-        return f"<p{_named('quiet' if self.quiet else '')}>{escape(self.text)}</p>"
+        return f"<p{_name_file('quiet' if self.quiet else '')}>{escape(self.text)}</p>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Cell:
 
     def html(self, tag: str = "td", attributes: str = "") -> str:
         """One cell."""
-        named = _named("" if self.tone == "plain" else f"tone {self.tone}")
+        named = _name_file("" if self.tone == "plain" else f"tone {self.tone}")
         style = "" if self.shade is None else f' style="--shade:{min(max(self.shade, 0.0), 1.0):.2f}"'
         chip = "" if self.colour is None else f'<i class="chip" style="background:{escape(self.colour)}"></i>'
         return f"<{tag}{attributes}{named}{style}>{chip}{escape(self.text)}</{tag}>"
@@ -135,13 +135,14 @@ class Table:
 
     def html(self) -> str:
         """One ``figure`` with a ``table`` that scrolls sideways where it is wider than the page."""
-        head = "".join(_cell(column).html("th", ' scope="col"') for column in self.columns)
+        head = "".join(_to_cell(column).html("th", ' scope="col"') for column in self.columns)
         body = "".join(self._row(row) for row in self.rows)
         note = f'<p class="note">{escape(self.note)}</p>' if self.note else ""
         kinds = ["table", *(["words"] if self.words else []), *(["long"] if self.long else [])]
         return (
             f'<figure class="tabular"><figcaption class="caption">{escape(self.caption)}</figcaption>'
-            f'<div{_named(" ".join(kinds))} role="region" tabindex="0" aria-label="{escape(self.caption)}">'
+            f'<div{_name_file(" ".join(kinds))} role="region" tabindex="0" '
+            f'aria-label="{escape(self.caption)}">'
             f'<table aria-label="{escape(self.caption)}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody>'
             f"</table></div>{note}</figure>"
         )
@@ -149,9 +150,9 @@ class Table:
     def _row(self, row: Row) -> str:
         if not row.cells:
             span = f' scope="rowgroup" colspan="{len(self.columns)}"'
-            return f'<tr class="title">{_cell(row.header).html("th", span)}</tr>'
-        cells = "".join(_cell(cell).html() for cell in row.cells)
-        header = _cell(row.header).html("th", ' scope="row"')
+            return f'<tr class="title">{_to_cell(row.header).html("th", span)}</tr>'
+        cells = "".join(_to_cell(cell).html() for cell in row.cells)
+        header = _to_cell(row.header).html("th", ' scope="row"')
         return f"<tr>{header}{cells}</tr>"
 
 
@@ -197,9 +198,9 @@ class Legend:
         return f'<ul class="legend">{items}</ul>'
 
 
-def _named(classes: str) -> str:
+def _name_file(classes: str) -> str:
     return f' class="{classes}"' if classes else ""
 
 
-def _cell(cell: str | Cell) -> Cell:
+def _to_cell(cell: str | Cell) -> Cell:
     return cell if isinstance(cell, Cell) else Cell(cell)

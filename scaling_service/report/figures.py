@@ -12,7 +12,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.model.results import Array
-from scaling_service.report.methods import FAINT, INK, styles
+from scaling_service.report.methods import FAINT, INK, list_styles
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif"
 
@@ -35,11 +35,11 @@ class Figure:
         return (
             f'<figure class="figure"><figcaption>{escape(self.caption)}</figcaption>'
             f'<div class="plot" role="img" aria-label="{escape(self.description)}" '
-            f'style="height:{self.height}px"></div>{data_script(self.figure.to_json())}</figure>'
+            f'style="height:{self.height}px"></div>{write_data_script(self.figure.to_json())}</figure>'
         )
 
 
-def data_script(content: str) -> str:
+def write_data_script(content: str) -> str:
     """JSON within a page; ``<`` is written so that no text can end the element.
 
     ``content``: JSON.
@@ -49,22 +49,22 @@ def data_script(content: str) -> str:
 
 
 def to_data(content: object) -> str:
-    """A document as JSON within a page; see :func:`data_script`."""
-    return data_script(json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
+    """A document as JSON within a page; see :func:`write_data_script`."""
+    return write_data_script(json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
 
 
-def plain(text: str) -> str:
+def escape_plain(text: str) -> str:
     """Text for plotly, which takes some HTML in titles and labels: shown as it is.
 
     Examples
     --------
-    >>> plain("<b>S1</b>")
+    >>> escape_plain("<b>S1</b>")
     '&lt;b&gt;S1&lt;/b&gt;'
     """
     return escape(text, quote=False)
 
 
-def chart(
+def make_chart(
     traces: Sequence[Any],
     *,
     x_title: str = "",
@@ -96,14 +96,14 @@ def chart(
         dragmode=False,
         hovermode="x unified",
         shapes=list(shapes),
-        xaxis={**axis, "title": {"text": plain(x_title), "standoff": 6}},
-        yaxis={**axis, "title": {"text": plain(y_title), "standoff": 6}},
+        xaxis={**axis, "title": {"text": escape_plain(x_title), "standoff": 6}},
+        yaxis={**axis, "title": {"text": escape_plain(y_title), "standoff": 6}},
     )
     figure.update_layout(**layout)
     return figure
 
 
-def grouped_bars(
+def draw_grouped_bars(
     labels: Sequence[str],
     series: Sequence[tuple[str, str | Sequence[str], Sequence[float | None]]],
     sds: Sequence[Sequence[float | None]] = (),
@@ -116,15 +116,15 @@ def grouped_bars(
     whiskers: list[dict[str, Any] | None] = [None] * len(series)
     if sds:
         whiskers = [{"type": "data", "array": list(sd), "thickness": 1} for sd in sds]
-    x = [plain(label) for label in labels]
+    x = [escape_plain(label) for label in labels]
     traces = [
         go.Bar(x=x, y=list(values), name=name, marker={"color": colour}, error_y=whisker)
         for (name, colour, values), whisker in zip(series, whiskers, strict=True)
     ]
-    return chart(traces, barmode="group", **layout)
+    return make_chart(traces, barmode="group", **layout)
 
 
-def cycle_figure(
+def draw_cycle(
     title: str,
     description: str,
     mean: Mapping[str, Array],
@@ -137,20 +137,23 @@ def cycle_figure(
     ``differ``: where methods differ, start and end in %: bars at the foot of the chart.
     """
     percent = np.linspace(0.0, 100.0, len(next(iter(mean.values()))))
-    known = styles(list(mean))
-    bands = [band(mean[name], spread, fade(known[name].colour)) for name, spread in sd.items()]
-    drawn = chart(
-        [*bands, *lines(percent, mean)], x_title="gait cycle, %", y_title="degrees", shapes=_bars(differ)
+    known = list_styles(list(mean))
+    bands = [draw_band(mean[name], spread, fade(known[name].colour)) for name, spread in sd.items()]
+    drawn = make_chart(
+        [*bands, *draw_lines(percent, mean)],
+        x_title="gait cycle, %",
+        y_title="degrees",
+        shapes=_list_bars(differ),
     )
     return Figure(drawn, title, description, 230)
 
 
-def ranges(mean: Mapping[str, Array]) -> str:
+def describe_ranges(mean: Mapping[str, Array]) -> str:
     """The least and the largest value of each method, for readers who do not see the figure."""
     return "Ranges: " + ", ".join(f"{name} {m.min():.0f} to {m.max():.0f}" for name, m in mean.items())
 
 
-def band(mean: Array, sd: Array, colour: str) -> go.Scatter:
+def draw_band(mean: Array, sd: Array, colour: str) -> go.Scatter:
     """The range within one standard deviation over the gait cycle, (n_nodes,) each, as a shade."""
     percent = np.linspace(0.0, 100.0, len(mean))
     return go.Scatter(
@@ -170,19 +173,19 @@ def fade(colour: str) -> str:
     return f"rgba({red},{green},{blue},0.15)"
 
 
-def _bars(spans: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
+def _list_bars(spans: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
     look = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0.0, "y1": 0.035, "fillcolor": "#52606d"}
     return [{**look, "x0": start, "x1": end, "line": {"width": 0}} for start, end in spans]
 
 
-def lines(x: Array, values: Mapping[str, Array], digits: int = 1) -> list[go.Scatter]:
+def draw_lines(x: Array, values: Mapping[str, Array], digits: int = 1) -> list[go.Scatter]:
     """One line for each method."""
-    known = styles(list(values))
+    known = list_styles(list(values))
     return [
         go.Scatter(
             x=np.round(x, 4),
             y=np.round(y, 3).astype(np.float32),
-            name=plain(name),
+            name=escape_plain(name),
             mode="lines",
             line={"color": known[name].colour, "dash": known[name].dash, "width": 2},
             hovertemplate=f"%{{y:.{digits}f}}",

@@ -32,12 +32,12 @@ _KNOWN = {name: Style(**style) for name, style in _STYLES["known"].items()}
 _OTHERS = [Style(**style) for style in _STYLES["others"]]
 
 
-def styles(methods: Sequence[str]) -> dict[str, Style]:
+def list_styles(methods: Sequence[str]) -> dict[str, Style]:
     """The style of each method; those that are not of the paper take what colours are left, in turn.
 
     Examples
     --------
-    >>> styles(["MB_am"])["MB_am"].colour
+    >>> list_styles(["MB_am"])["MB_am"].colour
     '#0072B2'
     """
     others = [name for name in methods if name not in _KNOWN]
@@ -47,15 +47,15 @@ def styles(methods: Sequence[str]) -> dict[str, Style]:
     }
 
 
-def method_columns(methods: Sequence[str]) -> list[Cell]:
+def list_method_columns(methods: Sequence[str]) -> list[Cell]:
     """A column header for each method, with its colour."""
-    known = styles(methods)
+    known = list_styles(methods)
     return [Cell(name, colour=known[name].colour) for name in methods]
 
 
-def method_legend(methods: Sequence[str]) -> Legend:
+def make_method_legend(methods: Sequence[str]) -> Legend:
     """The lines of the methods."""
-    return Legend([(name, style.colour, style.dash) for name, style in styles(methods).items()])
+    return Legend([(name, style.colour, style.dash) for name, style in list_styles(methods).items()])
 
 
 def number(value: float | None, digits: int = 1) -> str:
@@ -63,33 +63,33 @@ def number(value: float | None, digits: int = 1) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-def signed(value: float | None, digits: int = 1) -> str:
+def format_signed(value: float | None, digits: int = 1) -> str:
     """A difference as shown, with its sign."""
     return "–" if value is None else f"{value:+.{digits}f}"
 
 
-def percent_spans(spans: Iterable[tuple[float, float]]) -> str:
+def describe_spans(spans: Iterable[tuple[float, float]]) -> str:
     """Where along a cycle something holds.
 
     Examples
     --------
-    >>> percent_spans([(10.0, 32.0)]), percent_spans([])
+    >>> describe_spans([(10.0, 32.0)]), describe_spans([])
     ('10–32', 'nowhere')
     """
     return ", ".join(f"{start:.0f}–{end:.0f}" for start, end in spans) or "nowhere"
 
 
-def union(mappings: Iterable[Mapping[str, object]]) -> list[str]:
+def unite_keys(mappings: Iterable[Mapping[str, object]]) -> list[str]:
     """All keys, in the order in which they first appear."""
     return list(dict.fromkeys(name for mapping in mappings for name in mapping))
 
 
-def words(name: str) -> str:
+def spell_name(name: str) -> str:
     """A coordinate's or a joint's name for people.
 
     Examples
     --------
-    >>> words("hip_flexion_r")
+    >>> spell_name("hip_flexion_r")
     'hip flexion, right'
     """
     stem, _, side = name.rpartition("_")

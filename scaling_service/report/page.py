@@ -61,14 +61,14 @@ class Page:
 
     def html(self) -> str:
         """The whole document."""
-        scripts = (get_plotlyjs(), _asset("report.js"))
+        scripts = (get_plotlyjs(), _read_asset("report.js"))
         links = "".join(f'<li><a href="#{s.anchor}">{escape(s.title)}</a></li>' for s in self.sections)
         subtitle = f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else ""
         return (
             '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-            f'<meta http-equiv="Content-Security-Policy" content="{_policy(scripts)}">'
+            f'<meta http-equiv="Content-Security-Policy" content="{_write_policy(scripts)}">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
-            f"<title>{escape(self.title)}</title><style>{_asset('report.css')}</style></head><body>"
+            f"<title>{escape(self.title)}</title><style>{_read_asset('report.css')}</style></head><body>"
             f"<header><h1>{escape(self.title)}</h1>{subtitle}"
             f'<nav aria-label="Contents"><ul>{links}</ul></nav></header>'
             f"<main>{''.join(section.html() for section in self.sections)}</main>"
@@ -77,7 +77,7 @@ class Page:
         )
 
 
-def _policy(scripts: Sequence[str]) -> str:
+def _write_policy(scripts: Sequence[str]) -> str:
     """Nothing from elsewhere, and only these scripts."""
     hashes = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     return (
@@ -92,5 +92,5 @@ def _digest(script: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def _asset(name: str) -> str:
+def _read_asset(name: str) -> str:
     return files("scaling_service.report").joinpath("assets", name).read_text(encoding="utf-8")

@@ -6,19 +6,19 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.documents.results import Provenance, RepairNote
 from scaling_service.report.blocks import Block, Bullets, Details, Row, Table, Text
 
 
-def origin_blocks(document: Provenance, warnings: Sequence[str]) -> Iterator[Block]:
+def build_origin_blocks(document: Provenance, warnings: Sequence[str]) -> Iterator[Block]:
     """Warnings, repairs, labels, settings and input files."""
-    yield from warning_blocks(warnings)
+    yield from build_warning_blocks(warnings)
     yield from repair_blocks(document)
-    yield from input_blocks(document)
+    yield from build_input_blocks(document)
 
 
-def warning_blocks(warnings: Sequence[str]) -> Iterator[Block]:
+def build_warning_blocks(warnings: Sequence[str]) -> Iterator[Block]:
     """All warnings, or that there were none."""
     if warnings:
         yield Text("Warnings:")
@@ -27,7 +27,7 @@ def warning_blocks(warnings: Sequence[str]) -> Iterator[Block]:
         yield Text("There were no warnings.")
 
 
-def input_blocks(document: Provenance) -> Iterator[Block]:
+def build_input_blocks(document: Provenance) -> Iterator[Block]:
     """Labels that were taken, settings as resolved, and the input files, each hidden until asked for."""
     used = document.markers_used
     if used:
@@ -36,7 +36,7 @@ def input_blocks(document: Provenance) -> Iterator[Block]:
             "Labels taken for the model's markers",
             [Table("Markers", ["marker", "label in the files"], named, words=True)],
         )
-    yield Details("Settings", [_settings(document)])
+    yield Details("Settings", [_tabulate_settings(document)])
     if document.input_hashes:
         hashes = [Row(name, [sha]) for name, sha in document.input_hashes.items()]
         yield Details("Input files", [Table("SHA-256 of each file", ["file", "SHA-256"], hashes, words=True)])
@@ -52,7 +52,7 @@ def repair_blocks(document: Provenance) -> Iterator[Block]:
         yield Text("Nothing was repaired.")
         return
     rows = [
-        Row(what.replace("_", " "), [detail, few(_places(places)), _frames(places)])
+        Row(what.replace("_", " "), [detail, list_few(_list_places(places)), _describe_frames(places)])
         for (what, detail), places in found.items()
     ]
     yield Details(
@@ -61,19 +61,19 @@ def repair_blocks(document: Provenance) -> Iterator[Block]:
     )
 
 
-def _places(places: Sequence[tuple[str, RepairNote]]) -> list[str]:
+def _list_places(places: Sequence[tuple[str, RepairNote]]) -> list[str]:
     named = (r.where and not r.where.startswith(trial) for trial, r in places)
     said = [f"{t} {r.where}" if own else t for own, (t, r) in zip(named, places, strict=True)]
     return list(dict.fromkeys(said))
 
 
-def _frames(places: Sequence[tuple[str, RepairNote]]) -> str:
+def _describe_frames(places: Sequence[tuple[str, RepairNote]]) -> str:
     total = sum(repair.frames for _, repair in places)
     return str(total) if total else ""
 
 
-def _settings(document: Provenance) -> Table:
-    rows = [Row(name, [value]) for name, value in _flat(document.settings)]
+def _tabulate_settings(document: Provenance) -> Table:
+    rows = [Row(name, [value]) for name, value in _flatten(document.settings)]
     return Table(
         "Settings as resolved",
         ["setting", "value"],
@@ -82,9 +82,9 @@ def _settings(document: Provenance) -> Table:
     )
 
 
-def _flat(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def _flatten(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     for name, value in settings.items():
         if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
+            yield from _flatten(value, f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", json.dumps(value, ensure_ascii=False)

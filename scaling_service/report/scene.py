@@ -82,7 +82,7 @@ class Scene:
 
     def _controls(self, middle: int) -> str:
         methods = "".join(
-            f'<label><input type="checkbox" data-method="{escape(body.name)}"{_checked(body.shown)}>'
+            f'<label><input type="checkbox" data-method="{escape(body.name)}"{_require_finite(body.shown)}>'
             f'<i class="chip" style="background:{escape(body.colour)}"></i>{escape(body.name)}</label>'
             for body in self.bodies
         )
@@ -90,7 +90,7 @@ class Scene:
         if self.surfaces:
             kinds.insert(0, ("bones", "bones", True))
         parts = "".join(
-            f'<label><input type="checkbox" data-kind="{kind}"{_checked(on)}>{name}</label>'
+            f'<label><input type="checkbox" data-kind="{kind}"{_require_finite(on)}>{name}</label>'
             for kind, name, on in kinds
         )
         views = "".join(
@@ -116,8 +116,8 @@ class Scene:
             "ink": INK,
             "bone": BONE,
             "measured": {"labels": [escape(label) for label in self.labels], "points": pack(self.measured)},
-            "methods": [_body(body) for body in self.bodies],
-            "bones": {name: _surface(surface) for name, surface in self.surfaces.items()},
+            "methods": [_encode_body(body) for body in self.bodies],
+            "bones": {name: _encode_surface(surface) for name, surface in self.surfaces.items()},
             "box": self._box(),
             "floor": self._floor(),
         }
@@ -125,7 +125,9 @@ class Scene:
     def _limits(self) -> tuple[Array, Array]:
         """The corners of what is seen over all frames, with some room around, (3,) each, m."""
         points = [self.measured.reshape(-1, 3), *(body.points.reshape(-1, 3) for body in self.bodies)]
-        points += [_reach(self.surfaces[name], pose) for b in self.bodies for name, pose in b.bones.items()]
+        points += [
+            _bound_surface(self.surfaces[name], pose) for b in self.bodies for name, pose in b.bones.items()
+        ]
         seen = np.concatenate(points)
         return np.nanmin(seen, axis=0) - 0.05, np.nanmax(seen, axis=0) + 0.05
 
@@ -145,7 +147,7 @@ class Scene:
     def _floor(self) -> dict[str, list[float | None]]:
         """A grid on the floor, lines 25 cm apart."""
         low, high = self._limits()
-        xs, ys = _ticks(low[0], high[0]), _ticks(-high[2], -low[2])
+        xs, ys = _choose_ticks(low[0], high[0]), _choose_ticks(-high[2], -low[2])
         lines = [((x, ys[0]), (x, ys[-1])) for x in xs] + [((xs[0], y), (xs[-1], y)) for y in ys]
         x: list[float | None] = []
         y: list[float | None] = []
@@ -161,17 +163,17 @@ def pack(values: Array) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()
 
 
-def _indices(values: NDArray[np.integer[Any]]) -> str:
+def _encode_indices(values: NDArray[np.integer[Any]]) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<u2").tobytes()).decode()
 
 
-def _surface(surface: Bone) -> dict[str, str]:
+def _encode_surface(surface: Bone) -> dict[str, str]:
     if len(surface.vertices) > 2**16:
         raise ValueError("a surface within a page has at most 65,536 corners: coarsen it first")
-    return {"vertices": pack(surface.vertices), "faces": _indices(surface.faces)}
+    return {"vertices": pack(surface.vertices), "faces": _encode_indices(surface.faces)}
 
 
-def _body(body: Body) -> dict[str, Any]:
+def _encode_body(body: Body) -> dict[str, Any]:
     return {
         "name": body.name,
         "colour": body.colour,
@@ -185,7 +187,7 @@ def _body(body: Body) -> dict[str, Any]:
     }
 
 
-def _reach(surface: Bone, poses: Array) -> Array:
+def _bound_surface(surface: Bone, poses: Array) -> Array:
     """The corners of the box around a surface in every frame, (8 n_frames, 3), m."""
     ends = np.stack([surface.vertices.min(axis=0), surface.vertices.max(axis=0)])
     corners = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -193,20 +195,20 @@ def _reach(surface: Bone, poses: Array) -> Array:
     return (corners @ np.transpose(rotations, (0, 2, 1)) + origins[:, None]).reshape(-1, 3)
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def _choose_ticks(low: float, high: float) -> list[float]:
     step = 0.25
     first, last = int(np.floor(low / step)), int(np.ceil(high / step))
     return [step * k for k in range(first, last + 1)]
 
 
-def _checked(on: bool) -> str:
+def _require_finite(on: bool) -> str:
     return " checked" if on else ""
 
 
 def draw_flat_views(scene: Scene, frame: int) -> str:
     """Both views of the bodies shown at one frame."""
     shown = [body for body in scene.bodies if body.shown]
-    bones = [_bone(scene, body, name, frame) for body in shown for name in body.bones]
+    bones = [_place_bone(scene, body, name, frame) for body in shown for name in body.bones]
     points = np.concatenate([scene.measured[frame], *(body.points[frame] for body in shown), *bones])
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     height = _SCALE * float(high[1] - low[1]) + 40.0
@@ -215,7 +217,7 @@ def draw_flat_views(scene: Scene, frame: int) -> str:
         first = float(low[across] if sign > 0 else -high[across])
         view = _view(across, sign, first, float(high[1]), offset)
         drawn.append(f'<text x="{offset:.0f}" y="14" font-size="13">{title}</text>')
-        drawn.append(_dots(view(scene.measured[frame]), INK, 5.0))
+        drawn.append(_encode_dots(view(scene.measured[frame]), INK, 5.0))
         for body in shown:
             drawn += list(_draw_body(scene, body, frame, view))
         offset += _SCALE * float(high[across] - low[across]) + _GAP
@@ -238,34 +240,34 @@ def _view(across: int, sign: float, first: float, top: float, offset: float) -> 
 
 def _draw_body(scene: Scene, body: Body, frame: int, view: Callable[[Array], Array]) -> Iterator[str]:
     for name in body.bones:
-        corners = _bone(scene, body, name, frame)
-        yield _dots(view(corners[:: max(1, len(corners) // _DOTS)]), BONE, 2.0)
+        corners = _place_bone(scene, body, name, frame)
+        yield _encode_dots(view(corners[:: max(1, len(corners) // _DOTS)]), BONE, 2.0)
     places = view(body.points[frame])
-    yield _lines(places, body.sticks, body.colour, 2.5)
-    yield _lines(places, body.axes, body.colour, 1.5, dashed=True)
-    yield _dots(places[[k for k, _ in body.centres]], body.colour, 7.0)
+    yield _encode_lines(places, body.sticks, body.colour, 2.5)
+    yield _encode_lines(places, body.axes, body.colour, 1.5, dashed=True)
+    yield _encode_dots(places[[k for k, _ in body.centres]], body.colour, 7.0)
     theirs = view(scene.measured[frame])
     for point, _, measured in body.markers:
         ends = np.stack([places[point], theirs[measured]])
-        yield _lines(ends, ((0, 1),), body.colour, 1.0)
+        yield _encode_lines(ends, ((0, 1),), body.colour, 1.0)
         if np.isfinite(places[point]).all():
             x, y = places[point]
             yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="none" stroke="{body.colour}"/>'
 
 
-def _bone(scene: Scene, body: Body, name: str, frame: int) -> Array:
+def _place_bone(scene: Scene, body: Body, name: str, frame: int) -> Array:
     """A bone's corners where they are in one frame, (n, 3), m."""
     pose = body.bones[name][frame]
     corners: Array = scene.surfaces[name].vertices @ pose[:9].reshape(3, 3).T + pose[9:]
     return corners
 
 
-def _dots(places: Array, colour: str, size: float) -> str:
+def _encode_dots(places: Array, colour: str, size: float) -> str:
     path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places if np.isfinite(x + y))
     return f'<path d="{path}" stroke="{colour}" stroke-width="{size}" stroke-linecap="round"/>'
 
 
-def _lines(
+def _encode_lines(
     places: Array, pairs: Iterable[tuple[int, int]], colour: str, width: float, *, dashed: bool = False
 ) -> str:
     path = "".join(

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
-from scaling_service.core.threads import cores
+from scaling_service.core.threads import count_cores
 from scaling_service.documents.base import Part
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.report.blocks import Bullets, Callout, Cell, Row, Table, Text, Tone
@@ -104,12 +104,12 @@ class StudyDocument(Part):
         raise NotImplementedError
 
 
-def person_seeds(seed: int, count: int) -> tuple[int, ...]:
+def draw_person_seeds(seed: int, count: int) -> tuple[int, ...]:
     """The seeds of a cohort's persons.
 
     Examples
     --------
-    >>> person_seeds(0, 3)
+    >>> draw_person_seeds(0, 3)
     (1, 2, 3)
     """
     return tuple(_PERSONS * seed + k for k in range(1, count + 1))
@@ -131,8 +131,8 @@ def study_persons(
         raise InputError("no subject is asked for", field="--subjects", remedy="Take at least one")
     return run_in_processes(
         study,
-        [(one, *settings) for one in person_seeds(seed, subjects)],
-        min(worker_count or cores(), subjects),
+        [(one, *settings) for one in draw_person_seeds(seed, subjects)],
+        min(worker_count or count_cores(), subjects),
         lambda person, done: None if finished is None else finished(person.name, done, subjects),
     )
 
@@ -155,13 +155,13 @@ def save_study(document: StudyDocument, page: Page, folder: str | Path) -> tuple
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def study_page(title: str, document: StudyDocument, sections: Sequence[Section]) -> Page:
+def build_study_page(title: str, document: StudyDocument, sections: Sequence[Section]) -> Page:
     """The page of a study: first how many claims hold, what differs from the paper, and every claim."""
     headline = f"{count_held(document)} claims hold on these {document.size} persons"
     differences = Callout(headline, [Text("What differs, and why:"), Bullets(document.notes)])
     return Page(
         f"{title}, done again on virtual persons",
-        [Section("Do the paper's claims hold here?", [differences, _claims_table(document)]), *sections],
+        [Section("Do the paper's claims hold here?", [differences, _tabulate_claims(document)]), *sections],
         subtitle=document.source,
         footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: {DOCUMENT}.",
     )
@@ -172,7 +172,7 @@ def count_held(document: StudyDocument) -> str:
     return f"{sum(claim.holds is True for claim in document.claims)} of {len(document.claims)}"
 
 
-def _claims_table(document: StudyDocument) -> Table:
+def _tabulate_claims(document: StudyDocument) -> Table:
     """Every claim, and whether it holds here."""
     rows = []
     for claim in document.claims:

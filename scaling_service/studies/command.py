@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from scaling_service.capabilities.shared.flags import Only, Out, with_flags
-from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table, say
+from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, fil
     """The tables, every claim, and what was written."""
     from scaling_service.studies.claims import HOLDS, count_held
 
-    console = console_of_results()
+    console = make_console()
     console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
     for table in tables:
         print_table(console, table)

@@ -14,9 +14,9 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.model.body import BodyModel, Law, Marker, Vector, vector
+from scaling_service.model.body import BodyModel, Law, Marker, Vector, to_vector
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.virtual.motion import wander
+from scaling_service.virtual.motion import draw_wandering
 
 _PER_DEG = 1e-3 * 180.0 / np.pi  # mm per degree in m per radian
 
@@ -64,20 +64,20 @@ def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], s
     ``reference``: the coordinates in the standing posture, rad. ``size``: multiplies every coefficient; one
     for the literature's, zero for none.
     """
-    coefficients = {m.name: _coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
+    coefficients = {m.name: _draw_coefficients(seed, m, size) for m in model.markers if m.weight > 0.0}
     low, high = RESIDUAL_MM
     residual = 1e-3 * size * stream(seed, "artefact", "residual").uniform(low, high)
     return Artefact(coefficients, dict(reference), float(residual))
 
 
-def _coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
+def _draw_coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
     side = marker.name[0].lower() if marker.segment == "pelvis" else marker.segment[-1]
     table = {"p": PELVIS_MM_PER_DEG, "f": THIGH_MM_PER_DEG, "t": SHANK_MM_PER_DEG}[marker.segment[0]]
     found = {}
     for driver, spread in table.items():
         coordinate = f"{driver}_{side}"
         drawn = draw_shared(seed, "artefact", marker.segment, coordinate, marker=marker.name)
-        found[coordinate] = vector(size * _PER_DEG * np.array(spread) * drawn)
+        found[coordinate] = to_vector(size * _PER_DEG * np.array(spread) * drawn)
     return found
 
 
@@ -108,7 +108,7 @@ def glide_marker(
     laws = list(marker.laws)
     for coordinate, displacement in per_rad.items():
         standing = reference.get(coordinate, 0.0)
-        for axis, gain in enumerate(vector(displacement)):
+        for axis, gain in enumerate(to_vector(displacement)):
             if gain != 0.0:
                 laws[axis] += Law.of(coordinate, gain, -gain * standing)
     x, y, z = laws
@@ -124,4 +124,4 @@ def shift_marker(marker: Marker, by: Iterable[float]) -> Marker:
 def draw_residual(artefact: Artefact, rng: np.random.Generator, times: Array) -> Array:
     """What no angle explains, for one marker, (n_frames, 3), m, alike in all directions."""
     per_axis = artefact.residual_m / np.sqrt(3.0)
-    return np.column_stack([wander(rng, times, per_axis, RESIDUAL_HZ) for _ in range(3)])
+    return np.column_stack([draw_wandering(rng, times, per_axis, RESIDUAL_HZ) for _ in range(3)])

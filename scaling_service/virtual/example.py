@@ -19,15 +19,20 @@ from trimesh.exchange.stl import export_stl
 
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
-from scaling_service.model.body import BodyModel, Vector, vector
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.body import BodyModel, Vector, to_vector
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
-from scaling_service.virtual.image import virtual_image
-from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_session, virtual_subject
+from scaling_service.virtual.image import make_virtual_image
+from scaling_service.virtual.subject import (
+    VirtualSettings,
+    VirtualSubject,
+    make_session,
+    make_virtual_subject,
+)
 
 RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
 """Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
@@ -60,7 +65,7 @@ SWAPPED = Hidden("marker_swap", ("LLM", "LMM"), {"start_s": 2.0, "end_s": 2.6}, 
 """The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
 
 
-def hidden_session(
+def make_hidden_session(
     seed: int, settings: VirtualSettings = RECORDED
 ) -> tuple[Session, VirtualSubject, tuple[Hidden, ...]]:
     """A person's own model, recordings that hold more than it, and what was hidden.
@@ -68,10 +73,10 @@ def hidden_session(
     The model is the person's: sizes, knee axes and markers are right. Functional movements fit, walking is
     held out; recordings are neither smoothed nor filled.
     """
-    person = virtual_subject(seed, settings)
+    person = make_virtual_subject(seed, settings)
     sliding = _with_sliding(person.model)
     trials = {
-        name: trial if name == "static" else _swapped(_slid(trial, person, sliding))
+        name: trial if name == "static" else _swap_labels(_slide_marker(trial, person, sliding))
         for name, trial in person.trials.items()
     }
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
@@ -81,22 +86,22 @@ def _with_sliding(model: BodyModel) -> BodyModel:
     """The model with the marker that slides."""
     (name,), (driver,) = SLIDING.where, SLIDING.driver
     gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    moved = glide_marker(model.marker(name), {driver: vector(gains)})
+    moved = glide_marker(model.marker(name), {driver: to_vector(gains)})
     return model.with_markers(tuple(moved if m.name == name else m for m in model.markers))
 
 
-def _slid(trial: Trial, person: VirtualSubject, sliding: BodyModel) -> Trial:
+def _slide_marker(trial: Trial, person: VirtualSubject, sliding: BodyModel) -> Trial:
     """The recording with the marker where its skin took it; noise and gaps stay."""
     q, names = person.motions[trial.name], trial.labels
-    away = _placed(sliding, names, q) - _placed(person.model, names, q)
+    away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
     return replace(trial, markers=trial.markers + away)
 
 
-def _placed(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
-    return marker_positions(compile_model(model, names), q, parameter_values(model))
+def _place_marker(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
+    return pose_markers(compile_model(model, names), q, list_parameter_values(model))
 
 
-def _swapped(trial: Trial) -> Trial:
+def _swap_labels(trial: Trial) -> Trial:
     """The recording with two labels exchanged for a while, where it is the one."""
     if trial.name != SWAPPED.trial:
         return trial
@@ -151,14 +156,14 @@ def write_example(
     ``folder``: is there, and empty. ``name``: of the subject. ``seed``: decides the person.
     ``imaged``: whether there are bones. ``strides``: of each walk. Returns the document.
     """
-    session, person, _hidden = hidden_session(seed, replace(RECORDED, strides=strides))
-    for trial in _trials(session):
+    session, person, _hidden = make_hidden_session(seed, replace(RECORDED, strides=strides))
+    for trial in _list_trials(session):
         _write_recording(folder / f"{trial.name}.trc", trial)
-    document = _document(name, session)
+    document = _make_document(name, session)
     if imaged:
-        image = virtual_image(person)
+        image = make_virtual_image(person)
         for segment, bone in image.bones.items():
-            (folder / f"{segment}.stl").write_bytes(_stl(bone))
+            (folder / f"{segment}.stl").write_bytes(_write_stl(bone))
         _write_markers(folder / IMAGE_MARKERS, image.markers)
         document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
         document["image_markers"] = IMAGE_MARKERS
@@ -166,7 +171,7 @@ def write_example(
     return document
 
 
-def _trials(session: Session) -> tuple[Trial, ...]:
+def _list_trials(session: Session) -> tuple[Trial, ...]:
     return ((session.static,) if session.static is not None else ()) + session.dynamic
 
 
@@ -175,7 +180,7 @@ def _write_recording(file: Path, trial: Trial) -> None:
     write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
 
 
-def _stl(bone: Bone) -> bytes:
+def _write_stl(bone: Bone) -> bytes:
     return bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
 
 
@@ -187,7 +192,7 @@ def _write_markers(file: Path, markers: Mapping[str, tuple[str, Vector]]) -> Non
             rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
-def _document(name: str, session: Session) -> dict[str, Any]:
+def _make_document(name: str, session: Session) -> dict[str, Any]:
     known = session.subject
     return {
         "subject": {

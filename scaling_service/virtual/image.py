@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.bones.whole import evidence_of, find_landmarks
+from scaling_service.bones.whole import collect_evidence, find_landmarks
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.lengths import joint_centres
-from scaling_service.model.body import Vector, vector
-from scaling_service.model.parameters import axis_of
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.anatomy.lengths import find_joint_centres
+from scaling_service.model.body import Vector, to_vector
+from scaling_service.model.parameters import compute_axis
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.virtual.bones.person import virtual_bones
+from scaling_service.virtual.bones.person import make_virtual_bones
 from scaling_service.virtual.subject import VirtualSubject
 
 Progress = Callable[[str], None]
@@ -52,7 +52,7 @@ class VirtualImage:
     poses: Mapping[str, ImagePose]  # segment to where its true frame lies
 
 
-def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -> VirtualImage:
+def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -> VirtualImage:
     """Image a person, standing as in the standing trial but at rest.
 
     The size of all errors is the person's ``settings.image``; zero is an exact image.
@@ -61,47 +61,50 @@ def virtual_image(person: VirtualSubject, *, progress: Progress | None = None) -
 
     Examples
     --------
-    >>> from scaling_service.virtual.subject import VirtualSettings, virtual_subject
+    >>> from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
     >>> short = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0)
-    >>> sorted(virtual_image(virtual_subject(1, short)).bones)
+    >>> sorted(make_virtual_image(make_virtual_subject(1, short)).bones)
     ['femur_l', 'femur_r', 'pelvis', 'tibia_l', 'tibia_r']
     """
-    poses = _poses(person)
-    found = virtual_bones(person, progress=progress)
+    poses = _pose_segments(person)
+    found = make_virtual_bones(person, progress=progress)
     bones = {
-        name: Bone(_seen(person, name, poses[name], vertices), faces)
+        name: Bone(_reconstruct_surface(person, name, poses[name], vertices), faces)
         for name, (vertices, faces) in found.meshes.items()
     }
-    knees = {knee: axis_of(tilt) for knee, tilt in person.tilts.items()}
+    knees = {knee: compute_axis(tilt) for knee, tilt in person.tilts.items()}
     return VirtualImage(
         bones,
-        _markers(person, poses),
+        _place_markers(person, poses),
         {
-            name: vector(_placed(poses[segment], np.array(at)))
-            for name, (segment, at) in joint_centres(person.model).items()
+            name: to_vector(_place_points(poses[segment], np.array(at)))
+            for name, (segment, at) in find_joint_centres(person.model).items()
         },
-        {knee: vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
-        {name: vector(_placed(poses[segment], at)) for name, (segment, at) in found.landmarks.items()},
+        {knee: to_vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
+        {
+            name: to_vector(_place_points(poses[segment], at))
+            for name, (segment, at) in found.landmarks.items()
+        },
         poses,
     )
 
 
-def image_evidence(image: VirtualImage, *, progress: Progress | None = None) -> ImageEvidence:
+def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None) -> ImageEvidence:
     """What landmarking reads from an image; the truth in it is not looked at.
 
     ``progress``: called with the name of each bone before its turn. MeshRefused: landmarking refuses a bone.
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
-    return evidence_of(find_landmarks(meshes, progress=progress), image.markers, image.bones)
+    return collect_evidence(find_landmarks(meshes, progress=progress), image.markers, image.bones)
 
 
-def _poses(person: VirtualSubject) -> dict[str, ImagePose]:
+def _pose_segments(person: VirtualSubject) -> dict[str, ImagePose]:
     """The standing person's segments in an image that lies anywhere and is turned anyhow."""
     rng = stream(person.seed, "image", "frame")
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     turn *= np.sign(np.linalg.det(turn))
     shift = _FRAME_M * rng.normal(size=3)
-    frames = neutral_frames(person.model, person.artefact.reference)
+    frames = pose_neutral_frames(person.model, person.artefact.reference)
     return {
         name: ImagePose(turn @ rotation, turn @ origin + shift)
         for name, (rotation, origin) in frames.items()
@@ -109,30 +112,32 @@ def _poses(person: VirtualSubject) -> dict[str, ImagePose]:
     }
 
 
-def _placed(pose: ImagePose, points: Array) -> Array:
+def _place_points(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
     return points @ pose.rotation.T + pose.origin
 
 
-def _markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> dict[str, tuple[str, Vector]]:
+def _place_markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> dict[str, tuple[str, Vector]]:
     """Where the person wears them, misplaced as in the recordings, as far as they can be located."""
     spread = 1e-3 * person.settings.image * MARKER_MM
     found = {}
     for marker in person.model.markers:
         if marker.weight > 0.0:
-            at = _placed(poses[marker.segment], np.array(marker.nominal))
+            at = _place_points(poses[marker.segment], np.array(marker.nominal))
             error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
-            found[marker.name] = (marker.segment, vector(at + error))
+            found[marker.name] = (marker.segment, to_vector(at + error))
     return found
 
 
-def _seen(person: VirtualSubject, bone: str, pose: ImagePose, vertices: Array) -> Array:
+def _reconstruct_surface(person: VirtualSubject, bone: str, pose: ImagePose, vertices: Array) -> Array:
     """A bone's surface in the image, as reconstructed."""
     spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
-    return _placed(pose, vertices + spread * _waves(stream(person.seed, "image", "surface", bone), vertices))
+    return _place_points(
+        pose, vertices + spread * _draw_waves(stream(person.seed, "image", "surface", bone), vertices)
+    )
 
 
-def _waves(rng: np.random.Generator, points: Array) -> Array:
+def _draw_waves(rng: np.random.Generator, points: Array) -> Array:
     """A smooth random field of vectors at points (n, 3), each component of SD 1.
 
     A sum of plane waves whose wave vectors are normal, so that the field's correlation falls with distance

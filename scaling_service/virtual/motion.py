@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 Side = Literal["r", "l"]
 OTHER: Mapping[Side, Side] = {"r": "l", "l": "r"}
@@ -70,9 +70,9 @@ class Curve:
 
 
 @cache
-def gait_curves() -> Mapping[str, Curve]:
+def read_gait_curves() -> Mapping[str, Curve]:
     """The walking angles of Schwartz et al. 2008, from ``reference_models``."""
-    curves = read_reference(reference_folder() / "gait_schwartz2008.yaml")["curves"]
+    curves = read_reference(find_reference_folder() / "gait_schwartz2008.yaml")["curves"]
     return {name: Curve(c["mean"], c["sd"], tuple(c["cos"]), tuple(c["sin"])) for name, c in curves.items()}
 
 
@@ -91,25 +91,25 @@ class Style:
 def draw_style(rng: np.random.Generator, sex: Literal["F", "M"]) -> Style:
     """A person's posture and gait: Schwartz' spread between persons, no knee bent backwards."""
     offsets, gains = {}, {}
-    for name, curve in gait_curves().items():
+    for name, curve in read_gait_curves().items():
         gains[name] = float(np.clip(rng.normal(1.0, _GAIN_SD), 0.7, 1.3))
         offsets[name] = float(np.clip(rng.normal(), -2.0, 2.0) * curve.sd)
-    offsets["hip_flexion"] = _hip_under(offsets["pelvis_anterior_tilt"], offsets["hip_flexion"])
-    swing = gains["knee_flexion"] * gait_curves()["knee_flexion"].at(np.linspace(0.0, 1.0, 101))
-    straight = -gait_curves()["knee_flexion"].mean - float(swing.min())
+    offsets["hip_flexion"] = _find_hip_offset(offsets["pelvis_anterior_tilt"], offsets["hip_flexion"])
+    swing = gains["knee_flexion"] * read_gait_curves()["knee_flexion"].at(np.linspace(0.0, 1.0, 101))
+    straight = -read_gait_curves()["knee_flexion"].mean - float(swing.min())
     offsets["knee_flexion"] = max(offsets["knee_flexion"], straight)
-    tilt = gait_curves()["pelvis_anterior_tilt"].mean + offsets["pelvis_anterior_tilt"]
-    stance = _standing(tilt, rng)
+    tilt = read_gait_curves()["pelvis_anterior_tilt"].mean + offsets["pelvis_anterior_tilt"]
+    stance = _find_standing_pose(tilt, rng)
     return Style(float(rng.uniform(*STRIDE_S[sex])), offsets, gains, stance)
 
 
-def _hip_under(tilt: float, own: float) -> float:
+def _find_hip_offset(tilt: float, own: float) -> float:
     """A hip offset (deg) that keeps the legs below a tilted pelvis, its spread between persons unchanged."""
-    across = gait_curves()["hip_flexion"].sd
-    return float(tilt + own * np.sqrt(1.0 - (gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2))
+    across = read_gait_curves()["hip_flexion"].sd
+    return float(tilt + own * np.sqrt(1.0 - (read_gait_curves()["pelvis_anterior_tilt"].sd / across) ** 2))
 
 
-def _standing(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
+def _find_standing_pose(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
     """Upright on both feet: the legs hang below a tilted pelvis, knees nearly straight (angles chosen)."""
     stance = {"pelvis_tilt": -tilt_deg, "pelvis_list": 0.0, "pelvis_rotation": 0.0}
     for side in OTHER:
@@ -121,7 +121,7 @@ def _standing(tilt_deg: float, rng: np.random.Generator) -> dict[str, float]:
     return {name: float(np.radians(value)) for name, value in stance.items()}
 
 
-def wander(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
+def draw_wandering(rng: np.random.Generator, times: Array, sd: float, highest_hz: float) -> Array:
     """An irregular smooth signal, (n_frames,): a few sinusoids of random frequency and phase.
 
     ``sd``: its standard deviation, in the unit wanted. ``highest_hz``: frequencies lie between a tenth of
@@ -135,21 +135,21 @@ def wander(rng: np.random.Generator, times: Array, sd: float, highest_hz: float)
     return signal
 
 
-def standing(
+def simulate_standing(
     model: BodyModel, style: Style, times: Array, rng: np.random.Generator, stature_m: float
 ) -> Array:
     """Quiet standing on both feet."""
-    angles = _at_rest(style, times)
+    angles = _rest(style, times)
     for name in angles:
-        angles[name] = angles[name] + np.radians(wander(rng, times, 0.2, 0.5))  # chosen: quiet sway
-    return _on_foot(model, angles, "r", stature_m)
+        angles[name] = angles[name] + np.radians(draw_wandering(rng, times, 0.2, 0.5))  # chosen: quiet sway
+    return _keep_on_foot(model, angles, "r", stature_m)
 
 
-def hip_movement(
+def simulate_hip_movement(
     model: BodyModel, style: Style, side: Side, times: Array, rng: np.random.Generator, stature_m: float
 ) -> Array:
     """Flexion and extension, ad- and abduction, rotation in and out, one after the other."""
-    angles = _at_rest(style, times)
+    angles = _rest(style, times)
     share = np.linspace(0.0, 1.0, len(times))
     for k, (name, (low, high)) in enumerate(HIP_RANGE_DEG.items()):
         cycle = np.clip(3.0 * share - k, 0.0, 1.0)
@@ -157,14 +157,14 @@ def hip_movement(
         angles[f"{name}_{side}"] = angles[f"{name}_{side}"] + gain * _to_and_fro(cycle, low, high)
     _tremble(angles, side, times, rng)
     _carry_pelvis(angles, style, side)
-    return _on_foot(model, angles, OTHER[side], stature_m)
+    return _keep_on_foot(model, angles, OTHER[side], stature_m)
 
 
-def knee_movement(
+def simulate_knee_movement(
     model: BodyModel, style: Style, side: Side, times: Array, rng: np.random.Generator, stature_m: float
 ) -> Array:
     """The shank lifted backwards and lowered, four times; the thigh goes forward a little with it."""
-    angles = _at_rest(style, times)
+    angles = _rest(style, times)
     low, high = np.radians(KNEE_RANGE_DEG)
     lifted = np.sin(np.pi * _LIFTS * np.linspace(0.0, 1.0, len(times))) ** 2
     bent = (low + (high - low) * lifted) * np.clip(rng.normal(1.0, _GAIN_SD), 0.8, 1.15)
@@ -174,10 +174,10 @@ def knee_movement(
     )  # chosen: thigh near the vertical
     _tremble(angles, side, times, rng)
     _carry_pelvis(angles, style, side)
-    return _on_foot(model, angles, OTHER[side], stature_m)
+    return _keep_on_foot(model, angles, OTHER[side], stature_m)
 
 
-def walking(
+def simulate_walking(
     model: BodyModel, style: Style, times: Array, rng: np.random.Generator, stature_m: float
 ) -> Array:
     """Straight walking along X, at the speed with which the standing foot does not slide."""
@@ -194,19 +194,19 @@ def walking(
         curves[f"knee_angle_{side}"] = ("knee_flexion", 1.0, later)
     angles = {}
     for coordinate, (name, sign, later) in curves.items():
-        curve = gait_curves()[name]
+        curve = read_gait_curves()[name]
         # Standing and walking pelves share the person's tilt; list and heading have no offset of their own.
         own = 0.0 if coordinate in ("pelvis_list", "pelvis_rotation") else curve.mean + style.offsets[name]
         degrees = own + style.gains[name] * curve.at(phase + later)
-        angles[coordinate] = np.radians(sign * degrees + wander(rng, times, _WALK_DEG, _SWAY_HZ))
-    _no_backward_knee(angles)
+        angles[coordinate] = np.radians(sign * degrees + draw_wandering(rng, times, _WALK_DEG, _SWAY_HZ))
+    _forbid_backward_knee(angles)
     _keep_apart(model, angles)
     return _carry_forward(model, angles, times, phase, stature_m)
 
 
 def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
     """Abduct both hips where a person's drawn angles would make the feet cross."""
-    ankles = _ankles(model, _coordinates(model, angles))
+    ankles = _find_ankles(model, _simulate_coordinates(model, angles))
     apart = float((ankles["r"] - ankles["l"])[:, 2].mean())
     reach = -float((ankles["r"] + ankles["l"])[:, 1].mean()) / 2.0
     for side in OTHER if apart < _FEET_APART_M else ():
@@ -214,12 +214,12 @@ def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
         angles[name] = angles[name] - (_FEET_APART_M - apart) / (2.0 * reach)
 
 
-def _no_backward_knee(angles: dict[str, Array]) -> None:
+def _forbid_backward_knee(angles: dict[str, Array]) -> None:
     for side in OTHER:
         angles[f"knee_angle_{side}"] = np.maximum(angles[f"knee_angle_{side}"], 0.0)
 
 
-def _at_rest(style: Style, times: Array) -> dict[str, Array]:
+def _rest(style: Style, times: Array) -> dict[str, Array]:
     return {name: np.full(len(times), value) for name, value in style.stance.items()}
 
 
@@ -233,8 +233,8 @@ def _to_and_fro(cycle: Array, low_deg: float, high_deg: float) -> Array:
 def _tremble(angles: dict[str, Array], side: Side, times: Array, rng: np.random.Generator) -> None:
     for name in angles:
         kind = "pelvis" if name.startswith("pelvis") else "moving" if name.endswith(side) else "standing"
-        angles[name] = angles[name] + np.radians(wander(rng, times, _CROSS_DEG[kind], _SWAY_HZ))
-    _no_backward_knee(angles)
+        angles[name] = angles[name] + np.radians(draw_wandering(rng, times, _CROSS_DEG[kind], _SWAY_HZ))
+    _forbid_backward_knee(angles)
 
 
 def _carry_pelvis(angles: dict[str, Array], style: Style, side: Side) -> None:
@@ -251,53 +251,53 @@ def _carry_pelvis(angles: dict[str, Array], style: Style, side: Side) -> None:
     angles[f"hip_adduction_{other}"] = angles[f"hip_adduction_{other}"] - sign * angles["pelvis_list"]
 
 
-def _coordinates(model: BodyModel, angles: Mapping[str, Array]) -> Array:
+def _simulate_coordinates(model: BodyModel, angles: Mapping[str, Array]) -> Array:
     """All coordinates with the pelvis at the origin."""
     n = len(next(iter(angles.values())))
-    q = 0.0 * default_coordinates(model, n)
+    q = 0.0 * repeat_default_pose(model, n)
     for name, values in angles.items():
         q[:, model.coordinate_names.index(name)] = values
     return q
 
 
-def _ankles(model: BodyModel, q: Array) -> dict[Side, Array]:
+def _find_ankles(model: BodyModel, q: Array) -> dict[Side, Array]:
     """Ankle centres, each (n_frames, 3), m."""
-    placed = marker_positions(compile_model(model, ("RAJC", "LAJC")), q, parameter_values(model))
+    placed = pose_markers(compile_model(model, ("RAJC", "LAJC")), q, list_parameter_values(model))
     return {"r": placed[:, 0], "l": placed[:, 1]}
 
 
-def _on_foot(model: BodyModel, angles: Mapping[str, Array], side: Side, stature_m: float) -> Array:
+def _keep_on_foot(model: BodyModel, angles: Mapping[str, Array], side: Side, stature_m: float) -> Array:
     """The pelvis placed so that one ankle stays where it stands."""
-    q = _coordinates(model, angles)
-    q[:, _position(model)] = [0.0, ANKLE_HEIGHT * stature_m, 0.0] - _ankles(model, q)[side]
+    q = _simulate_coordinates(model, angles)
+    q[:, _find_position_columns(model)] = [0.0, ANKLE_HEIGHT * stature_m, 0.0] - _find_ankles(model, q)[side]
     return q
 
 
-def _position(model: BodyModel) -> list[int]:
+def _find_position_columns(model: BodyModel) -> list[int]:
     return [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
 
 
 def _carry_forward(
     model: BodyModel, angles: Mapping[str, Array], times: Array, phase: Array, stature_m: float
 ) -> Array:
-    q = _coordinates(model, angles)
-    ankles = _ankles(model, q)
-    planted = {"r": _planted(phase), "l": _planted(phase + 0.5)}
-    slopes = [_slope(times, ankles[s][:, 0], planted[s]) for s in OTHER]
+    q = _simulate_coordinates(model, angles)
+    ankles = _find_ankles(model, q)
+    planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
+    slopes = [_measure_foot_velocity(times, ankles[s][:, 0], planted[s]) for s in OTHER]
     rise = -_RISE_M * np.cos(4.0 * np.pi * (phase - _LOWEST))
     heights = np.concatenate([(ankles[s][:, 1] + rise)[planted[s]] for s in OTHER])
-    x, y, z = _position(model)
+    x, y, z = _find_position_columns(model)
     q[:, x] = -np.mean(slopes) * (times - times.mean())
     q[:, y] = ANKLE_HEIGHT * stature_m + rise - heights.mean()
     q[:, z] = _SWAY_M * np.sin(2.0 * np.pi * (phase - _LOWEST))  # over the right foot in its single support
     return q
 
 
-def _planted(phase: Array) -> NDArray[np.bool_]:
+def _find_planted(phase: Array) -> NDArray[np.bool_]:
     return (phase % 1.0 > _FLAT[0]) & (phase % 1.0 < _FLAT[1])
 
 
-def _slope(times: Array, x: Array, planted: NDArray[np.bool_]) -> float:
+def _measure_foot_velocity(times: Array, x: Array, planted: NDArray[np.bool_]) -> float:
     """Mean velocity (m/s) of the ankle against the pelvis while the foot is flat on the floor."""
     speed = np.gradient(x, times)
     return float(speed[planted].mean())

@@ -12,13 +12,13 @@ import numpy as np
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin, generic_person
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.inertia import mechanism_of, total_mass
+from scaling_service.model.builtin import load_builtin, load_generic_person
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
+from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.numerics.wrench import root_wrench
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.numerics.wrench import compute_root_wrench
 
 RATE_HZ, SECONDS = 100.0, 2.5
 """Of one recording. Chosen: enough for a filter's run-in, and quick."""
@@ -50,10 +50,10 @@ def record_on_plates(
     ``truth``: the person, with feet and inertia; the generic full body unless given. ``noise_m``: standard
     deviation of each coordinate of a marker.
     """
-    model = truth or builtin("full_body_35dof")
+    model = truth or load_builtin("full_body_35dof")
     rng = np.random.default_rng(seed)
     times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
-    q = default_coordinates(model, len(times))
+    q = repeat_default_pose(model, len(times))
     rates, curves = np.zeros_like(q), np.zeros_like(q)
     for k, coordinate in enumerate(model.coordinates):
         if not coordinate.name.startswith(_STILL):
@@ -62,21 +62,23 @@ def record_on_plates(
             rates[:, k] = size * pace * np.cos(pace * times + phase)
             curves[:, k] = -size * pace**2 * np.sin(pace * times + phase)
     names = tuple(m.name for m in model.markers)
-    markers = marker_positions(compile_model(model, names), q, parameter_values(model))
-    wrench, _ = root_wrench(mechanism_of(model), Rates.of_frames(q, rates, curves), parameter_values(model))
-    feet = [_middle(names, markers, side) for side in "RL"]
-    plates = _shared(wrench.T, *feet)
+    markers = pose_markers(compile_model(model, names), q, list_parameter_values(model))
+    wrench, _ = compute_root_wrench(
+        compile_mechanism(model), Rates.of_frames(q, rates, curves), list_parameter_values(model)
+    )
+    feet = [_find_middle(names, markers, side) for side in "RL"]
+    plates = _share_wrench(wrench.T, *feet)
     seen = markers + rng.normal(0.0, noise_m, markers.shape)
     return Recorded(model, Trial(name, times, names, seen, RATE_HZ), q, plates)
 
 
-def _middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
+def _find_middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
     """Of a foot, on the ground, (3,)."""
     heel, toe = (markers[0, names.index(f"{side}{what}")] for what in ("HEE", "TOE"))
     return np.array([0.5 * (heel[0] + toe[0]), 0.0, 0.5 * (heel[2] + toe[2])])
 
 
-def _shared(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:
+def _share_wrench(wrench: Array, right: Array, left: Array) -> tuple[Array, Array]:
     """Two plates under the feet that bear a wrench (n, 6) about the ground origin together."""
     force, moment = wrench[:, :3], wrench[:, 3:]
     forward = moment[:, 2] / force[:, 1]
@@ -106,7 +108,7 @@ def write_plates_example(folder: Path) -> dict[str, Any]:
         found = record_on_plates(name=name, seed=seed, noise_m=MARKER_NOISE_M)
         write_trc(folder / f"{name}.trc", found.trial, "mm")
         write_forces(folder / f"{name}_grf.mot", found.trial.times, found.plates)
-    person, mass_kg = generic_person("full_body_35dof"), round(total_mass(found.truth), 3)
+    person, mass_kg = load_generic_person("full_body_35dof"), round(sum_mass(found.truth), 3)
     document = {
         "subject": {"id": "plates", "sex": "M", "height_m": person.height_m, "mass_kg": mass_kg},
         "model": "full_body_35dof",

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.virtual.motion import ANKLE_HEIGHT, wander
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.virtual.motion import ANKLE_HEIGHT, draw_wandering
 
 SLOT_S = (1.2, 1.8)
 """How long one movement takes (chosen: unhurried imitation of a video; 29 joints fit into a minute)."""
@@ -36,7 +36,7 @@ class Movement:
     slots: float = 1.0  # how many times longer than others it takes
 
 
-def movements() -> tuple[Movement, ...]:
+def list_movements() -> tuple[Movement, ...]:
     """All movements; peaks are chosen within the model's ranges, as far as one reaches with ease."""
     squat = {f"{name}_{side}": peak for side in "rl" for name, peak in _SQUAT.items()}
     twist = {"pelvis_rotation": 15.0, "hip_rotation_r": -15.0, "hip_rotation_l": 15.0}
@@ -79,7 +79,7 @@ def _of_side(side: str) -> tuple[Movement, ...]:
     )
 
 
-def sequence(
+def simulate_sequence(
     model: BodyModel, times: Array, rng: np.random.Generator, stature_m: float, *, in_order: bool = True
 ) -> tuple[Array, Array]:
     """Coordinates of one performance.
@@ -88,13 +88,13 @@ def sequence(
     them, or shuffled. Returns ``q`` ((n, n_coordinates), rad and m): the pelvis is carried so that the feet
     that bear the person stay where they are; ``share`` (n,): of the load on the right foot.
     """
-    q = default_coordinates(model, len(times))
+    q = repeat_default_pose(model, len(times))
     bearing = np.empty(len(times))
     column = {name: k for k, name in enumerate(model.coordinate_names)}
     for coordinate in model.coordinates:
         if coordinate.kind == "rotation":
-            q[:, column[coordinate.name]] = np.radians(wander(rng, times, SWAY_DEG, SWAY_HZ))
-    found, start, turn = movements(), 0.0, 0
+            q[:, column[coordinate.name]] = np.radians(draw_wandering(rng, times, SWAY_DEG, SWAY_HZ))
+    found, start, turn = list_movements(), 0.0, 0
     order = np.arange(len(found)) if in_order else rng.permutation(len(found))
     while start < times[-1]:
         movement = found[order[turn % len(order)]]
@@ -106,8 +106,8 @@ def sequence(
             shape = np.sin(2 * np.pi * share) * rise if movement.both_ways else rise
             q[:, column[name]] += np.radians(peak * rng.uniform(*PEAK_SPREAD)) * shape
         start, turn = start + lasting, turn + 1
-    right = _shifting(bearing, float(np.median(np.diff(times))))
-    return _standing(model, q, right, stature_m), right
+    right = _shift_load(bearing, float(np.median(np.diff(times))))
+    return _simulate_standing(model, q, right, stature_m), right
 
 
 def _smooth(share: Array) -> Array:
@@ -115,7 +115,7 @@ def _smooth(share: Array) -> Array:
     return np.asarray(np.sin(np.pi * share) ** 3)
 
 
-def _shifting(bearing: Array, step_s: float) -> Array:
+def _shift_load(bearing: Array, step_s: float) -> Array:
     """The load goes over gradually, before and after a movement begins."""
     window = np.hanning(2 * round(0.5 * SHIFT_S / step_s) + 3)
     half = len(window) // 2
@@ -123,15 +123,15 @@ def _shifting(bearing: Array, step_s: float) -> Array:
     return np.convolve(padded, window / window.sum(), mode="valid")
 
 
-def _standing(model: BodyModel, q: Array, right: Array, stature_m: float) -> Array:
+def _simulate_standing(model: BodyModel, q: Array, right: Array, stature_m: float) -> Array:
     ankles = [Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"]
     marked = model.with_markers(tuple(ankles))
-    tree, p = compile_model(marked), parameter_values(marked)
+    tree, p = compile_model(marked), list_parameter_values(marked)
     place = [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
     q = q.copy()
     q[:, place] = 0.0
-    placed = marker_positions(tree, q, p)
-    still = marker_positions(tree, 0.0 * q[:1], p)[0]
+    placed = pose_markers(tree, q, p)
+    still = pose_markers(tree, 0.0 * q[:1], p)[0]
     home = still - [still.mean(axis=0)[0], still[0, 1] - ANKLE_HEIGHT * stature_m, 0.0]
     share = np.column_stack([right, 1.0 - right])
     q[:, place] = np.einsum("nk,nka->na", share, home[None] - placed)

@@ -9,18 +9,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.progress import silent
+from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.centres import landmark_sd
-from scaling_service.model.body import BodyModel, Vector, vector
-from scaling_service.model.builtin import builtin, generic_person
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.anatomy.centres import look_up_landmark_sd
+from scaling_service.model.body import BodyModel, Vector, to_vector
+from scaling_service.model.builtin import load_builtin, load_generic_person
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import ImageEvidence, Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process
 from scaling_service.recording.settings import ProcessingSettings
@@ -60,7 +60,7 @@ KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 """Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
 
 
-def stature_spread(sex: Sex) -> tuple[float, float]:
+def read_stature_spread(sex: Sex) -> tuple[float, float]:
     """Mean and SD of the stature (m) of one sex in the cohort."""
     mean, sd = STATURE_M
     mean += SEX_GAP_M * ((1.0 - MALE_SHARE) if sex == "M" else -MALE_SHARE)
@@ -71,7 +71,7 @@ def draw_person(seed: int) -> tuple[Sex, float, float]:
     """Sex, stature (m) and mass (kg); both sexes together have the cohort's mean and SD of stature."""
     rng = stream(seed, "person")
     sex: Sex = "M" if rng.random() < MALE_SHARE else "F"
-    height = float(rng.normal(*stature_spread(sex)))
+    height = float(rng.normal(*read_stature_spread(sex)))
     return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
 
 
@@ -83,10 +83,10 @@ def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, floa
     femur = FEMUR[0] * height + FEMUR[1] * common
     shank = SHANK[0] * height + SHANK[1] * (FEMUR_SHANK_CORRELATION * common + across)
     inter_hip = INTER_HIP[0] * height + INTER_HIP[1] * rng.normal()
-    factors = {"pelvis": float(inter_hip / (2.0 * _offset(generic, "femur_r")[2]))}
+    factors = {"pelvis": float(inter_hip / (2.0 * _find_offset(generic, "femur_r")[2]))}
     for side in ("r", "l"):
         for bone, length, reach in (
-            ("femur", femur, _offset(generic, f"tibia_{side}")),
+            ("femur", femur, _find_offset(generic, f"tibia_{side}")),
             ("tibia", shank, np.array(generic.marker(f"{side.upper()}AJC").nominal)),
         ):
             own = length + SIDE_SD_M * stream(seed, "lengths", bone, side).normal()
@@ -94,7 +94,7 @@ def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, floa
     return factors
 
 
-def _offset(model: BodyModel, segment: str) -> Array:
+def _find_offset(model: BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
     return sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
@@ -164,7 +164,7 @@ class VirtualSubject:
     """Trial to its recording: ``static``, ``hip_r``, ``hip_l``, ``knee_r``, ``knee_l``, ``gait_1`` and on."""
 
 
-def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) -> VirtualSubject:
+def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) -> VirtualSubject:
     """A person drawn from the literature's spread, and recorded.
 
     ``seed``: not negative. Equal seeds are the same person, whatever the settings.
@@ -173,26 +173,26 @@ def virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings()) ->
 
     Examples
     --------
-    >>> person = virtual_subject(1)
+    >>> person = make_virtual_subject(1)
     >>> person.trials["hip_r"].markers.shape
     (1000, 14, 3)
     """
-    generic = builtin(GENERIC)
+    generic = load_builtin(GENERIC)
     sex, height, mass = draw_person(seed)
     factors = draw_factors(seed, generic, height)
     tilts = {f"knee_{side}": draw_knee_tilt(seed, side) for side in KNEE_AXIS_DEG}
-    offsets = _placement(seed, generic, settings.placement)
-    model = _truth(seed, generic, factors, tilts, offsets, mass)
+    offsets = _draw_placement(seed, generic, settings.placement)
+    model = _draw_truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
-    motions = _motions(seed, model, style, height, settings)
+    motions = _simulate_motions(seed, model, style, height, settings)
     skin = draw_artefact(seed, model, style.stance, settings.artefact)
-    trials = {name: _recorded(seed, name, model, skin, q, settings) for name, q in motions.items()}
+    trials = {name: _record_trial(seed, name, model, skin, q, settings) for name, q in motions.items()}
     return VirtualSubject(
         seed, settings, sex, height, mass, model, generic, factors, tilts, offsets, skin, motions, trials
     )
 
 
-def demo_session(
+def make_demo_session(
     seed: int,
     settings: VirtualSettings = VirtualSettings(),
     *,
@@ -204,10 +204,10 @@ def demo_session(
     ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
     seconds. ``progress``: called with what is done, where bones are made.
     """
-    person = virtual_subject(seed, settings)
+    person = make_virtual_subject(seed, settings)
     trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
     session = make_session(person, person.generic, trials)
-    return replace(session, images=_imaged(person, progress) if images else None), person
+    return replace(session, images=_read_image(person, progress) if images else None), person
 
 
 def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
@@ -223,13 +223,13 @@ def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, 
     )
 
 
-def _imaged(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
+def _read_image(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
     # Bones are built around a virtual subject, so their module imports this one.
-    from scaling_service.virtual.image import image_evidence, virtual_image
+    from scaling_service.virtual.image import make_virtual_image, read_image_evidence
 
-    report = progress or silent
-    image = virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
-    return image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
+    report = progress or show_nothing
+    image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
+    return read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
 
 
 def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
@@ -241,16 +241,16 @@ def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettin
     return process(trial, Orientation(np.eye(3)), clusters, settings)
 
 
-def _placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
+def _draw_placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
     offsets = {}
     for marker in generic.markers:
         if marker.weight > 0.0:
-            spread = size * np.array(landmark_sd(marker.name))
-            offsets[marker.name] = vector(spread * stream(seed, "placement", marker.name).normal(size=3))
+            spread = size * np.array(look_up_landmark_sd(marker.name))
+            offsets[marker.name] = to_vector(spread * stream(seed, "placement", marker.name).normal(size=3))
     return offsets
 
 
-def _truth(
+def _draw_truth(
     seed: int,
     generic: BodyModel,
     factors: Mapping[str, float],
@@ -258,8 +258,8 @@ def _truth(
     offsets: Mapping[str, Vector],
     mass: float,
 ) -> BodyModel:
-    depicted = sum(s.mass for s in generic.segments) / generic_person(GENERIC).mass_kg
-    model = scaled(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
+    depicted = sum(s.mass for s in generic.segments) / load_generic_person(GENERIC).mass_kg
+    model = scale_model(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
     for joint in tilts:
         model = free_axis(model, joint, np.inf, np.inf)
     values = {
@@ -271,47 +271,51 @@ def _truth(
     return replace(fold(model.with_markers(markers), values), name=f"virtual_{seed}")
 
 
-def _motions(
+def _simulate_motions(
     seed: int, model: BodyModel, style: motion.Style, height: float, settings: VirtualSettings
 ) -> dict[str, Array]:
     def clock(duration: float) -> Array:
-        return _times(duration, settings.rate_hz)
+        return _list_times(duration, settings.rate_hz)
 
     found = {
-        "static": motion.standing(model, style, clock(settings.static_s), stream(seed, "static"), height)
+        "static": motion.simulate_standing(
+            model, style, clock(settings.static_s), stream(seed, "static"), height
+        )
     }
-    for name, movement in (("hip", motion.hip_movement), ("knee", motion.knee_movement)):
+    for name, movement in (("hip", motion.simulate_hip_movement), ("knee", motion.simulate_knee_movement)):
         for side in motion.OTHER:
             rng = stream(seed, "motion", name, side)
             found[f"{name}_{side}"] = movement(model, style, side, clock(settings.functional_s), rng, height)
     for k in range(1, settings.gait_trials + 1):
         times = clock(settings.strides * style.stride_s)
-        found[f"gait_{k}"] = motion.walking(model, style, times, stream(seed, "motion", "gait", k), height)
+        found[f"gait_{k}"] = motion.simulate_walking(
+            model, style, times, stream(seed, "motion", "gait", k), height
+        )
     return found
 
 
-def _times(duration: float, rate_hz: float) -> Array:
+def _list_times(duration: float, rate_hz: float) -> Array:
     return np.arange(max(2, round(duration * rate_hz))) / rate_hz
 
 
-def _recorded(
+def _record_trial(
     seed: int, name: str, model: BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
 ) -> Trial:
     labels = tuple(m.name for m in model.markers if m.weight > 0.0)
     times = np.arange(len(q)) / settings.rate_hz
     moving = with_artefact(model, skin)
-    markers = marker_positions(compile_model(moving, labels), q, parameter_values(moving))
+    markers = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
     still = name == "static"
     spread = 1e-3 * settings.noise * CAMERA_MM["static" if still else "dynamic"]
     markers = markers + spread * stream(seed, "camera", name).normal(size=markers.shape)
     if not still:
         for k, label in enumerate(labels):
             markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
-            markers[_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
+            markers[_choose_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
     return Trial(name, times, labels, markers, settings.rate_hz)
 
 
-def _hidden(rng: np.random.Generator, times: Array, size: float) -> NDArray[np.bool_]:
+def _choose_hidden(rng: np.random.Generator, times: Array, size: float) -> NDArray[np.bool_]:
     """Whether a marker is hidden in each frame, never in the first or last."""
     hidden = np.zeros(len(times), dtype=bool)
     for _ in range(rng.poisson(size * GAPS_PER_S * times[-1])):

@@ -7,12 +7,12 @@ from typing import Any
 
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import PAPER
-from scaling_service.virtual.subject import demo_session
+from scaling_service.virtual.subject import make_demo_session
 from tests.peers.worker import serve
 
 
 def _calibrate(_: dict[str, Any]) -> dict[str, Any]:
-    session, _truth = demo_session(0)
+    session, _truth = make_demo_session(0)
     known = {"MB": calibrate(session, "MB")}
     found = {}
     for method in ("MB_am", "MB_lam"):

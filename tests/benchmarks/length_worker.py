@@ -11,10 +11,10 @@ import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.peers.worker import serve
 
 
@@ -31,18 +31,18 @@ def _resident() -> int:
 def _recording(model: BodyModel, n: int) -> tuple[Trial, np.ndarray]:
     """Smooth motion seen with 1 mm of noise, and the coordinates (n, n_coordinates) behind it."""
     t = np.arange(n)[:, None] / 100.0
-    q = default_coordinates(model, n)
+    q = repeat_default_pose(model, n)
     rng = np.random.default_rng(0)
     q += 0.3 * np.sin(2 * np.pi * rng.uniform(0.2, 0.9, q.shape[1]) * t + rng.uniform(0, 6.28, q.shape[1]))
     q[:, [model.coordinate_names.index(f"knee_angle_{s}") for s in "rl"]] += 0.5
-    markers = marker_positions(compile_model(model), q, parameter_values(model))
+    markers = pose_markers(compile_model(model), q, list_parameter_values(model))
     markers += rng.normal(0.0, 0.001, markers.shape)
     return Trial("long", t[:, 0], model.marker_names, markers, 100.0), q
 
 
 def _measure(request: dict[str, Any]) -> dict[str, float]:
     n = request["frames"]
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     model = model.with_markers(tuple(m for m in model.markers if m.weight > 0.0))
     trial, q = _recording(model, n)
     inverse_kinematics(model, trial.frames(slice(0, 100)))

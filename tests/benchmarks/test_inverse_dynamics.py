@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import parameter_values
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics import wrench
 from scaling_service.numerics.multibody.motion import Motion
 from tests.capabilities.motion.test_inverse_dynamics import RECORDINGS, differences, opensims, recorded
@@ -27,9 +27,10 @@ def test_inverse_dynamics_beside_opensims(
     shared_data: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, model, ours, loads = recorded(shared_data, name)
-    mechanism, p, rates = mechanism_of(model), parameter_values(model), ours.motion.rates
+    mechanism, p, rates = compile_mechanism(model), list_parameter_values(model), ours.motion.rates
     spent = (
-        min(_seconds(lambda: wrench.inverse_dynamics(mechanism, rates, p)) for _ in range(ROUNDS)) / rates.n
+        min(_seconds(lambda: wrench.compute_inverse_dynamics(mechanism, rates, p)) for _ in range(ROUNDS))
+        / rates.n
     )
     theirs = opensims(path, model, ours, loads, tmp_path)
     worst = max(differences(model, ours, theirs).values())
@@ -43,10 +44,13 @@ def test_inverse_dynamics_beside_opensims(
 
 
 def test_net_wrench_of_many_samples(capsys: pytest.CaptureFixture[str]) -> None:
-    mechanism = mechanism_of(builtin("full_body_35dof"))
+    mechanism = compile_mechanism(load_builtin("full_body_35dof"))
     n = 60_000
     motion = Motion(*np.random.default_rng(0).uniform(-0.5, 0.5, (3, 35, n)))
-    spent = min(_seconds(lambda: wrench.root_wrench(mechanism, motion, np.zeros(0))) for _ in range(3)) / n
+    spent = (
+        min(_seconds(lambda: wrench.compute_root_wrench(mechanism, motion, np.zeros(0))) for _ in range(3))
+        / n
+    )
     with capsys.disabled():
         print(f"\n35 degrees of freedom, net wrench: {1e6 * spent:.1f} µs a frame")  # noqa: T201
     assert spent < 10e-6

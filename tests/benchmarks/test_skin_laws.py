@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.models import corrected_model
+from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.run import discover
 from scaling_service.capabilities.motion.run import track
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, law_value, parameter_values
+from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.multibody.tree import pose_links
 from tests.capabilities.test_skin import HELD_OUT, joint_angles, true_rotations
 
 
@@ -54,8 +54,8 @@ def test_what_is_named_of_skin_against_the_skin_itself(shared_data: Path, name: 
     own, *_ = np.linalg.lstsq(held_out.columns(), held_out.skin.reshape(len(held_out.skin), -1), rcond=None)
     measured = recordings[trial].trial
     known = np.isfinite(_read(folder, trial, plain).skin).all(axis=(1, 2))[: len(measured.times)]
-    named = _named(corrected_model(results.after), plain, measured, held_out.markers)[known]
-    model = results.bones.added_to(corrected_model(results.lasting))
+    named = _named(correct_model(results.after), plain, measured, held_out.markers)[known]
+    model = results.bones.added_to(correct_model(results.lasting))
     estimated = _estimated(model, measured, held_out.markers)[known]
     explained = {
         "named": _r2(held_out.skin, named),
@@ -95,7 +95,7 @@ def _named(model: BodyModel, plain: BodyModel, trial: Trial, markers: tuple[str,
     values: Mapping[str, Array] = dict(zip(model.coordinate_names, q.T, strict=True))
     return np.stack(
         [
-            np.stack([np.zeros(len(q)) + law_value(law, values) for law in model.marker(m).laws], axis=-1)
+            np.stack([np.zeros(len(q)) + evaluate_law(law, values) for law in model.marker(m).laws], axis=-1)
             - plain.marker(m).nominal
             for m in markers
         ],
@@ -107,7 +107,7 @@ def _estimated(model: BodyModel, trial: Trial, markers: tuple[str, ...]) -> Arra
     """Displacements of the measured markers over the estimated bones, (n, m, 3), m."""
     q = np.nan_to_num(track(model, trial).motion.q)
     tree = compile_model(model, markers)
-    poses = forward(tree, np.ascontiguousarray(q.T), parameter_values(model))
+    poses = pose_links(tree, np.ascontiguousarray(q.T), list_parameter_values(model))
     axes, origins = poses.axes[tree.marker_link], poses.origins[tree.marker_link]
     apart = trial.selected(markers).markers - np.moveaxis(origins, -1, 0)
     places = np.array([model.marker(m).nominal for m in markers])

@@ -11,14 +11,14 @@ import pytest
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, propagate
-from scaling_service.studies.muller2017.excitation import WHOLE, excited_person
+from scaling_service.studies.muller2017.excitation import WHOLE, make_excited_person
 
 SECONDS, GIBIBYTES = 60.0, 2.0
 
 
 @pytest.mark.benchmark
 def test_one_person_takes_a_minute() -> None:
-    recording = excited_person(1, WHOLE, ("in_order",)).performances["in_order"].recording
+    recording = make_excited_person(1, WHOLE, ("in_order",)).performances["in_order"].recording
     clock = time.perf_counter()
     with workers(2) as executor:
         found = propagate(recording, UncertaintySettings(), executor=executor)

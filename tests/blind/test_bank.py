@@ -16,7 +16,7 @@ from scaling_service.documents.subject import SubjectDocument
 from scaling_service.files.c3d import read_c3d
 from scaling_service.files.forces import read_forces
 from scaling_service.files.trc import read_trc
-from scaling_service.recording.plates import ground_forces
+from scaling_service.recording.plates import compute_ground_forces
 from tests.blind.cases import MOVEMENTS, PAIRS, SIZES, Case, checks, fast, full, real_angles
 from tests.blind.clutter import NONE
 from tests.blind.effects import EFFECTS
@@ -195,7 +195,7 @@ def test_c3d_files_hold_the_same_wrench(tmp_path: Path) -> None:
     assert not list(subject.parent.glob("*.mot"))
     file = subject.parent / "squat_1.c3d"
     trial = read_c3d(file)
-    forces = ground_forces(trial.plates)
+    forces = compute_ground_forces(trial.plates)
     assert set(trial.labels) == set(recording.labels)
     order = [trial.labels.index(label) for label in recording.labels]
     np.testing.assert_allclose(trial.markers[:, order], recording.markers, atol=1e-6)

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from scaling_service.bones.shapes import (
     SphereFit,
-    across,
     fit_cylinder,
     fit_sphere,
     fit_sphere_pair,
+    span_plane,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -26,7 +26,7 @@ def cap(
 
 
 def tube(rng: np.random.Generator, n: int, point: np.ndarray, axis: np.ndarray, radius: float) -> np.ndarray:
-    first, second = across(axis)
+    first, second = span_plane(axis)
     turn, along = rng.uniform(-1.0, 1.5, n), rng.uniform(-2 * radius, 2 * radius, n)
     radial = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second
     return point + radius * radial + along[:, None] * axis
@@ -78,7 +78,7 @@ def test_a_cylinder_of_exact_points_is_found_from_a_rough_axis(seed: int) -> Non
     axis /= np.linalg.norm(axis)
     point, radius = rng.normal(size=3) * 50, rng.uniform(1, 30)
     points = tube(rng, 200, point, axis, radius)
-    first, second = across(axis)
+    first, second = span_plane(axis)
     rough = axis + 0.25 * first - 0.2 * second
     fit = fit_cylinder(points, rough, point + 0.2 * radius * first)
     assert fit.converged

@@ -8,12 +8,12 @@ import trimesh
 
 from scaling_service.bones.mesh import (
     Smoother,
+    compute_vertex_areas,
+    compute_vertex_normals,
     label_pieces,
     measure_openness,
     merge_vertices,
     refine_mesh,
-    vertex_areas,
-    vertex_normals,
     wind_alike,
 )
 from scaling_service.bones.surface import prepare
@@ -23,8 +23,8 @@ POINTS, FACES = np.asarray(BALL.vertices), np.asarray(BALL.faces).astype(np.intp
 
 
 def test_areas_and_normals_of_a_ball() -> None:
-    assert vertex_areas(POINTS, FACES).sum() == pytest.approx(4 * np.pi * 0.03**2, rel=5e-3)
-    assert vertex_normals(POINTS, FACES) == pytest.approx(POINTS / 0.03, abs=0.02)
+    assert compute_vertex_areas(POINTS, FACES).sum() == pytest.approx(4 * np.pi * 0.03**2, rel=5e-3)
+    assert compute_vertex_normals(POINTS, FACES) == pytest.approx(POINTS / 0.03, abs=0.02)
 
 
 def test_smoothing_takes_noise_off_and_keeps_the_size() -> None:
@@ -63,7 +63,7 @@ def test_winding_is_restored_piece_by_piece() -> None:
     restored, turned = wind_alike(2 * len(POINTS), mixed)
     assert turned == wrong.sum()
     assert np.array_equal(np.sort(restored, axis=1), np.sort(both, axis=1))
-    assert vertex_normals(np.vstack([POINTS, POINTS]), restored) == pytest.approx(
+    assert compute_vertex_normals(np.vstack([POINTS, POINTS]), restored) == pytest.approx(
         np.vstack([POINTS, POINTS]) / 0.03, abs=0.02
     )
 

@@ -8,13 +8,13 @@ import numpy as np
 
 from scaling_service.core.streams import stream
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.settings import ProcessingSettings
 from scaling_service.virtual.artefact import draw_artefact, draw_residual, with_artefact
-from scaling_service.virtual.subject import VirtualSettings, process_recording, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject, process_recording
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0, gait_trials=1)
 USUAL = VirtualSettings(placement=0.0, gaps=0.0, gait_trials=1)
@@ -46,7 +46,7 @@ def clusters() -> tuple[Marker, ...]:
 def clustered(seed: int, settings: VirtualSettings, *, smoothed: bool = True) -> Clustered:
     """The virtual person of that seed, with plates."""
     processing = None if smoothed else ProcessingSettings(smoothing="none")
-    who = virtual_subject(seed, settings)
+    who = make_virtual_subject(seed, settings)
     truth = who.model.with_markers((*who.model.markers, *clusters()))
     skin = draw_artefact(seed, truth, who.artefact.reference, settings.artefact)
     moving = with_artefact(truth, skin)
@@ -54,7 +54,7 @@ def clustered(seed: int, settings: VirtualSettings, *, smoothed: bool = True) ->
     trials = {}
     for name, q in who.motions.items():
         times = np.arange(len(q)) / settings.rate_hz
-        places = marker_positions(compile_model(moving, labels), q, parameter_values(moving))
+        places = pose_markers(compile_model(moving, labels), q, list_parameter_values(moving))
         places = places + 5e-4 * settings.noise * stream(seed, "plates", name).normal(size=places.shape)
         for k, label in enumerate(labels if name != "static" else ()):
             places[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)

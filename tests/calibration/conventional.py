@@ -12,14 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.centres import CALIPER_SD_M, JOINT_SD_M, REGRESSION_SD_M, landmark_sd
+from scaling_service.model.anatomy.centres import (
+    CALIPER_SD_M,
+    JOINT_SD_M,
+    REGRESSION_SD_M,
+    look_up_landmark_sd,
+)
 from scaling_service.model.body import BodyModel, Law, Marker
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.virtual.subject import VirtualSettings, virtual_subject
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
 
 RADIUS_M = 0.007
 STANDING = VirtualSettings(
@@ -38,7 +43,7 @@ class Patient:
 
 
 def patient(seed: int) -> Patient:
-    who = virtual_subject(seed, STANDING)
+    who = make_virtual_subject(seed, STANDING)
     rng = stream(seed, "conventional")
     markers = {m.name: m for m in who.model.markers}
     shift = {name: np.zeros(3) for name in markers}
@@ -50,12 +55,12 @@ def patient(seed: int) -> Patient:
             width = float(np.linalg.norm(ends[0] - ends[1])) - 2.0 * RADIUS_M
             sizes[f"{joint}_width_{side}"] = width + CALIPER_SD_M * rng.normal()
     placed = [
-        _moved(m, shift[m.name] + landmark_sd(m.name) * rng.normal(size=3))
+        _moved(m, shift[m.name] + look_up_landmark_sd(m.name) * rng.normal(size=3))
         for m in who.model.markers
         if m.weight > 0.0 and m.name[1:] in ("ASIS", "LFE", "FH", "LM")
     ]
     back = np.mean([np.array(markers[n].nominal) + shift[n] for n in ("RPSIS", "LPSIS")], axis=0)
-    placed.append(Marker.at("SACR", "pelvis", tuple(back + landmark_sd("SACR") * rng.normal(size=3))))
+    placed.append(Marker.at("SACR", "pelvis", tuple(back + look_up_landmark_sd("SACR") * rng.normal(size=3))))
     for side in "RL":
         for name, segment, outer, inner in (("THI", "femur", "LFE", "MFE"), ("TIB", "tibia", "LM", "MM")):
             across = np.subtract(markers[side + outer].nominal, markers[side + inner].nominal)
@@ -77,7 +82,7 @@ def patient(seed: int) -> Patient:
             f"{s}{n}": f"{b}_{s.lower()}" for s in "RL" for n, b in (("THI", "femur"), ("TIB", "tibia"))
         },
     )
-    session = Session(subject, builtin("lower_limb_14dof"), static, (), ())
+    session = Session(subject, load_builtin("lower_limb_14dof"), static, (), ())
     return Patient(session, who.model, _centres(who.model, q))
 
 
@@ -105,7 +110,7 @@ def _moved(marker: Marker, by: np.ndarray) -> Marker:
 
 
 def _positions(model: BodyModel, q: np.ndarray) -> np.ndarray:
-    return marker_positions(compile_model(model), q, parameter_values(model))
+    return pose_markers(compile_model(model), q, list_parameter_values(model))
 
 
 def _centres(model: BodyModel, q: np.ndarray) -> dict[str, np.ndarray]:

@@ -8,14 +8,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
-from scaling_service.model.parameters import axis_of, fold, free_axis, free_marker
-from scaling_service.model.poses import neutral_frames, neutral_markers
-from scaling_service.model.scaling import scaled
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
+from scaling_service.model.parameters import compute_axis, fold, free_axis, free_marker
+from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import ImageEvidence, Trial
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 RATE_HZ = 100.0
 KNEES = ("knee_r", "knee_l")
@@ -33,7 +33,7 @@ def trial(model: BodyModel, name: str, q: np.ndarray, noise_m: float, rng: np.ra
     """The markers of a model over coordinates (n_frames, n_coordinates)."""
     names = [m.name for m in model.markers if m.weight > 0]
     tree = compile_model(model, names)
-    markers = marker_positions(tree, q, parameter_values(model))
+    markers = pose_markers(tree, q, list_parameter_values(model))
     markers = markers + rng.normal(0.0, noise_m, markers.shape)
     return Trial(name, np.arange(len(q)) / RATE_HZ, tuple(names), markers, RATE_HZ)
 
@@ -41,7 +41,7 @@ def trial(model: BodyModel, name: str, q: np.ndarray, noise_m: float, rng: np.ra
 def movement(model: BodyModel, n_frames: int, rng: np.random.Generator) -> np.ndarray:
     """Smooth motion of every joint through a good part of its range, (n_frames, n_coordinates)."""
     times = np.arange(n_frames) / RATE_HZ
-    q = default_coordinates(model, n_frames)
+    q = repeat_default_pose(model, n_frames)
     for k, coordinate in enumerate(model.coordinates):
         size, middle = (0.2, 0.0) if coordinate.name.startswith("pelvis") else (0.35, 0.1)
         if coordinate.name.startswith("knee"):
@@ -63,8 +63,8 @@ def person(
 ) -> Person:
     """A person of a built-in leg model: scaled, with turned knee axes and shifted markers."""
     rng = np.random.default_rng(seed)
-    generic = builtin(model)
-    truth = scaled(generic, factors or {})
+    generic = load_builtin(model)
+    truth = scale_model(generic, factors or {})
     values: dict[str, float] = {}
     for joint, (x, y, *_) in (tilts_deg or {}).items():
         truth = free_axis(truth, joint, 1.0, 1.0)
@@ -74,7 +74,7 @@ def person(
             truth = free_marker(truth, marker.name, "xyz", 0.05)
             values |= {f"marker.{marker.name}.{a}": rng.normal(0.0, shift_m) for a in "xyz"}
     truth = fold(truth, values)
-    standing = trial(truth, "static", default_coordinates(truth, 50), noise_m, rng)
+    standing = trial(truth, "static", repeat_default_pose(truth, 50), noise_m, rng)
     frames = int(seconds * RATE_HZ)
     moving = [trial(truth, n, movement(truth, frames, rng), noise_m, rng) for n in ("hips", "walk")]
     session = Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
@@ -99,8 +99,8 @@ def imaged(
         x, y, z = turn @ point + shift
         return (float(x), float(y), float(z))
 
-    frames = neutral_frames(who.truth, LYING)
-    placed = neutral_markers(who.truth, LYING)
+    frames = pose_neutral_frames(who.truth, LYING)
+    placed = pose_neutral_markers(who.truth, LYING)
     centres, axes, landmarks = {}, {}, {}
     for side in sides:
         centres[f"hip_{side}"] = there(frames[f"femur_{side}"][1])
@@ -109,7 +109,7 @@ def imaged(
         centres[f"ankle_{side}"] = there(placed[f"{side.upper()}AJC"] if foot is None else foot[1])
         thigh = frames[f"femur_{side}"][0]
         x, y = np.radians(tilts_deg[f"knee_{side}"][:2])
-        dx, dy, dz = turn @ thigh @ axis_of((x, y))
+        dx, dy, dz = turn @ thigh @ compute_axis((x, y))
         axes[f"knee_{side}"] = (-float(dx), -float(dy), -float(dz))  # whichever way round
         if epicondyles:
             outward = np.array([0.0, 0.0, 0.04 if side == "r" else -0.04])

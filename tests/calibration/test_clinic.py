@@ -11,7 +11,7 @@ import pytest
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import load
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Subject
 
 THEIRS = {"femur": "FemurLength", "shank": "TibiaLength"}
@@ -26,7 +26,7 @@ def differences(shared_data: Path) -> dict[str, dict[str, float]]:
     for child in sorted((shared_data / "clinic").iterdir()):
         static, moving, *_ = sorted(child.glob("*.c3d"))
         session = load(Subject(child.name, "lower_limb_14dof", static=static, calibration=(moving,))).session
-        ours = segment_lengths(scale_linearly(session, CalibrationSettings()).model)
+        ours = measure_segment_lengths(scale_linearly(session, CalibrationSettings()).model)
         sizes = next(iter(json.loads((child / "sizes.json").read_text(encoding="utf-8")).values()))
         found[child.name] = {
             f"{name}_{side}": 1e3 * ours[f"{name}_{side}"] / sizes[f"{side.upper()}{theirs}"] - 1.0

@@ -7,30 +7,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.consistent.estimate import consistent
-from scaling_service.capabilities.consistent.motion import consistent_motion
-from scaling_service.capabilities.consistent.planar import loads_in_plane, plane_of
+from scaling_service.capabilities.consistent.estimate import estimate_consistent
+from scaling_service.capabilities.consistent.motion import solve_consistent_motion
+from scaling_service.capabilities.consistent.planar import find_sagittal_plane, project_loads
 from scaling_service.capabilities.consistent.problem import ConsistentSettings, State
-from scaling_service.capabilities.consistent.recording import classical_motion, limits, problem_of
+from scaling_service.capabilities.consistent.recording import (
+    estimate_classical_motion,
+    gather_limits,
+    pose_problem,
+)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
-from scaling_service.studies.futamure.squatters import virtual_squatter
-from scaling_service.studies.futamure.study import recording_of, start_model
+from scaling_service.studies.futamure.squatters import make_virtual_squatter
+from scaling_service.studies.futamure.study import make_recording, start_model
 
-FAULTLESS = virtual_squatter(1, faults=0.0)
-REAL = virtual_squatter(3)
+FAULTLESS = make_virtual_squatter(1, faults=0.0)
+REAL = make_virtual_squatter(3)
 SETTINGS = ConsistentSettings(placed_m=0.007)
 
 
 def test_without_faults_the_truth_is_found_and_kept() -> None:
-    plane = plane_of(FAULTLESS.fitted.trial)
-    filtered = recording_of(FAULTLESS.model, FAULTLESS.fitted, plane)
-    recording = replace(filtered, loads=loads_in_plane(FAULTLESS.fitted.loads, plane))
-    problem = problem_of(
-        FAULTLESS.model, recording, classical_motion(FAULTLESS.model, recording, SETTINGS), SETTINGS
+    plane = find_sagittal_plane(FAULTLESS.fitted.trial)
+    filtered = make_recording(FAULTLESS.model, FAULTLESS.fitted, plane)
+    recording = replace(filtered, loads=project_loads(FAULTLESS.fitted.loads, plane))
+    problem = pose_problem(
+        FAULTLESS.model, recording, estimate_classical_motion(FAULTLESS.model, recording, SETTINGS), SETTINGS
     )
     start = State(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
-    found = consistent_motion(problem, start, limits(FAULTLESS.model, problem))
+    found = solve_consistent_motion(problem, start, gather_limits(FAULTLESS.model, problem))
     truth = FAULTLESS.fitted.truth.q
     error = np.degrees(np.sqrt(((found.rated.q - truth) ** 2).mean(axis=0)))
     assert error.max() < 0.1  # camera noise alone makes as much
@@ -39,15 +43,15 @@ def test_without_faults_the_truth_is_found_and_kept() -> None:
 
 @pytest.fixture(scope="module")
 def started() -> tuple[BodyModel, object]:
-    plane = plane_of(REAL.fitted.trial)
+    plane = find_sagittal_plane(REAL.fitted.trial)
     model = start_model(REAL, plane)
     return model, plane
 
 
 def test_forces_are_followed_and_angles_come_nearer(started: tuple[BodyModel, object]) -> None:
     model, plane = started
-    fitted, held_out = (recording_of(model, s, plane) for s in (REAL.fitted, REAL.held_out))  # type: ignore[arg-type]
-    found = consistent(model, [fitted], [held_out], SETTINGS)
+    fitted, held_out = (make_recording(model, s, plane) for s in (REAL.fitted, REAL.held_out))  # type: ignore[arg-type]
+    found = estimate_consistent(model, [fitted], [held_out], SETTINGS)
     rows = [0, 1, 5]
     assert (found.consistent[0].wrench_rmse[rows] <= 0.7 * found.classical[0].wrench_rmse[rows]).all()
     assert (found.consistent[1].wrench_rmse[rows] <= 1.2 * found.consistent[0].wrench_rmse[rows]).all()
@@ -72,17 +76,19 @@ def test_joint_limits_hold(started: tuple[BodyModel, object]) -> None:
             for c in model.coordinates
         ),
     )
-    recording = recording_of(model, REAL.fitted, plane)  # type: ignore[arg-type]
-    problem = problem_of(bounded, recording, classical_motion(bounded, recording, SETTINGS), SETTINGS)
+    recording = make_recording(model, REAL.fitted, plane)  # type: ignore[arg-type]
+    problem = pose_problem(
+        bounded, recording, estimate_classical_motion(bounded, recording, SETTINGS), SETTINGS
+    )
     start = State(problem.basis.fit(recording.motion.q), np.zeros(problem.n_shared))
-    found = consistent_motion(problem, start, limits(bounded, problem))
+    found = solve_consistent_motion(problem, start, gather_limits(bounded, problem))
     assert found.rated.q[:, 1].max() <= knee + 1e-12
     assert found.rated.q[:, 1].max() > knee - 0.01
 
 
 def test_no_known_force_is_refused(started: tuple[BodyModel, object]) -> None:
     model, plane = started
-    recording = recording_of(model, REAL.fitted, plane)  # type: ignore[arg-type]
+    recording = make_recording(model, REAL.fitted, plane)  # type: ignore[arg-type]
     nowhere = replace(recording, supported=np.zeros_like(recording.supported))
     with pytest.raises(TrialUnusable, match="no frame has all its forces known"):
-        problem_of(model, nowhere, classical_motion(model, nowhere, SETTINGS), SETTINGS)
+        pose_problem(model, nowhere, estimate_classical_motion(model, nowhere, SETTINGS), SETTINGS)

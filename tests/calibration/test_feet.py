@@ -15,8 +15,8 @@ from scaling_service.capabilities.scaling.methods.table import METHODS, calibrat
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.model.builtin import builtin
+from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Calibration
 from tests.calibration.people import KNEES, imaged, person
 from tests.jobs.laboratory import write_subject
@@ -36,12 +36,14 @@ def test_a_foot_is_scaled_from_the_heel_to_the_metatarsal_heads() -> None:
 def test_without_feet_the_leg_is_the_same() -> None:
     """The feet's markers take no part in the sizes of the others, nor in their lengths."""
     known = person(52, shift_m=0.005, model=FEET)
-    bare = replace(known.session, model=builtin("lower_limb_14dof"))
+    bare = replace(known.session, model=load_builtin("lower_limb_14dof"))
     with_feet, without = (scale_linearly(s, MEASURED) for s in (known.session, bare))
     for segment, factors in without.scale_factors.items():
         assert with_feet.scale_factors[segment] == pytest.approx(factors, rel=1e-12)
-    assert segment_lengths(with_feet.model) == pytest.approx(segment_lengths(without.model), rel=1e-9)
-    assert joint_centres(with_feet.model)["ankle_r"][0] == "tibia_r"
+    assert measure_segment_lengths(with_feet.model) == pytest.approx(
+        measure_segment_lengths(without.model), rel=1e-9
+    )
+    assert find_joint_centres(with_feet.model)["ankle_r"][0] == "tibia_r"
 
 
 @pytest.mark.parametrize(("method", "free"), [("MB_am", {"x", "z"}), ("MB_lam", {"z"})])
@@ -81,7 +83,7 @@ def test_an_image_places_the_ankle_on_which_the_foot_turns() -> None:
     known = person(55, factors={"tibia_r": (1.1,) * 3}, model=FEET)
     images = imaged(known, dict.fromkeys(KNEES, (0.0, 0.0, 0.0)))
     found = calibrate(replace(known.session, images=images), "EB")
-    true, ours = joint_centres(known.truth)["ankle_r"][1], joint_centres(found.model)["ankle_r"][1]
+    true, ours = find_joint_centres(known.truth)["ankle_r"][1], find_joint_centres(found.model)["ankle_r"][1]
     assert ours == pytest.approx(true, abs=1e-9)
 
 

@@ -8,7 +8,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.results import Calibration
-from scaling_service.virtual.subject import demo_session
+from scaling_service.virtual.subject import make_demo_session
 from tests.calibration.people import person
 from tests.calibration.test_optimised import TILTS, start_at
 
@@ -23,7 +23,7 @@ def shifts_mm(found: Calibration) -> np.ndarray:
 
 
 def test_skin_movement_does_not_carry_markers_to_their_bounds() -> None:
-    session, _ = demo_session(0)
+    session, _ = make_demo_session(0)
     held = calibrate(session, "MB_am")
     loose = calibrate(session, "MB_am", CalibrationSettings(prior=False))
     assert not any(p.at_bound for p in held.parameters)
@@ -34,7 +34,7 @@ def test_skin_movement_does_not_carry_markers_to_their_bounds() -> None:
 
 def test_on_skin_movement_too_together_is_never_worse_than_the_papers_loop() -> None:
     for seed in (1, 2):
-        session, _ = demo_session(seed)
+        session, _ = make_demo_session(seed)
         for method in ("MB_lam", "MB_am"):
             joint, paper = (
                 calibrate(session, method, CalibrationSettings(strategy=s)) for s in ("joint", "alternating")

@@ -14,14 +14,14 @@ from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import default_coordinates
-from scaling_service.model.parameters import axis_of, with_knee
+from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import repeat_default_pose
+from scaling_service.model.parameters import compute_axis, with_knee
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
-from scaling_service.numerics.multibody.functional import Poses, rotation_centre
-from scaling_service.virtual.subject import virtual_subject
+from scaling_service.numerics.multibody.functional import Poses, find_rotation_centre
+from scaling_service.virtual.subject import make_virtual_subject
 from tests.calibration.clustered import CLEAN, USUAL, Clustered, clustered, clusters
 from tests.calibration.people import trial
 from tests.jobs.laboratory import write_subject
@@ -38,14 +38,18 @@ def clean() -> Clustered:
 
 
 def hip_errors(found: Calibration, who: Clustered) -> list[float]:
-    ours, true = joint_centres(found.model), joint_centres(who.truth)
+    ours, true = find_joint_centres(found.model), find_joint_centres(who.truth)
     return [float(np.linalg.norm(np.subtract(ours[h][1], true[h][1]))) for h in ("hip_r", "hip_l")]
 
 
 def axis_errors_deg(found: Calibration, seed: int) -> list[float]:
-    true = virtual_subject(seed, CLEAN).tilts
+    true = make_virtual_subject(seed, CLEAN).tilts
     return [
-        float(np.degrees(np.linalg.norm(np.cross(axis_of(found.axis_tilts[knee]), axis_of(true[knee])))))
+        float(
+            np.degrees(
+                np.linalg.norm(np.cross(compute_axis(found.axis_tilts[knee]), compute_axis(true[knee])))
+            )
+        )
         for knee in ("knee_r", "knee_l")
     ]
 
@@ -54,9 +58,9 @@ def test_without_artefact_joints_are_found_exactly(clean: Clustered) -> None:
     found = calibrate(clean.session, "MB", BOTH)
     assert max(hip_errors(found, clean)) < 1e-7
     assert max(axis_errors_deg(found, 0)) < 1e-3  # the mean of a swaying stance shrinks a cluster by 1e-5
-    ours, true = segment_lengths(found.model), segment_lengths(clean.truth)
+    ours, true = measure_segment_lengths(found.model), measure_segment_lengths(clean.truth)
     assert ours == pytest.approx(true, abs=1e-7)
-    regressed = segment_lengths(calibrate(clean.session, "MB", MEASURED).model)
+    regressed = measure_segment_lengths(calibrate(clean.session, "MB", MEASURED).model)
     assert abs(regressed["femur_r"] - true["femur_r"]) > 1e-4  # what the regression leaves
 
 
@@ -73,7 +77,7 @@ def test_skin_that_glides_with_the_hip_moves_the_centre_by_what_it_glides_per_ra
     rotation = Rotation.from_rotvec(np.column_stack([adduction, 0.0 * flexion, flexion])).as_matrix()
     still = Poses(np.tile(np.eye(3), (400, 1, 1)), np.zeros((400, 3)))
     gliding = Poses(rotation, np.einsum("nij,nj->ni", rotation, flexion[:, None] * per_radian))
-    found = rotation_centre(still, gliding)
+    found = find_rotation_centre(still, gliding)
     np.testing.assert_allclose(found.proximal, np.cross([0.0, 0.0, 1.0], per_radian), atol=2e-4)
 
 
@@ -110,7 +114,7 @@ def test_a_side_that_was_not_moved_keeps_the_regression_and_says_so(clean: Clust
     right = tuple(t for t in clean.session.calibration if t.name == "hip_r")
     session = replace(clean.session, calibration=right)
     found, usual = calibrate(session, "MB", HIP), calibrate(session, "MB", MEASURED)
-    assert joint_centres(found.model)["hip_l"] == joint_centres(usual.model)["hip_l"]
+    assert find_joint_centres(found.model)["hip_l"] == find_joint_centres(usual.model)["hip_l"]
     assert hip_errors(found, clean)[0] < 1e-7
     (reported,) = (w for w in found.warnings if w.startswith("MB: hip_l"))
     assert "the regression in its place: it turns by at most" in reported
@@ -147,17 +151,17 @@ def test_an_axis_far_from_the_epicondyles_is_not_believed(clean: Clustered) -> N
 
 
 def test_a_knee_that_turns_like_a_ball_has_no_axis() -> None:
-    model = with_knee(builtin("lower_limb_14dof"), "spherical")
+    model = with_knee(load_builtin("lower_limb_14dof"), "spherical")
     model = model.with_markers((*model.markers, *clusters()))
-    rng, q = np.random.default_rng(0), default_coordinates(model, 300)
+    rng, q = np.random.default_rng(0), repeat_default_pose(model, 300)
     times = np.linspace(0.0, 20.0, 300)
     for side in "rl":
         for rate, turn in ((1.0, "angle"), (1.7, "adduction"), (2.3, "rotation")):
             q[:, model.coordinate_names.index(f"knee_{turn}_{side}")] = 0.6 * np.sin(rate * times)
     session = Session(
         Subject("ball", "lower_limb_14dof", extra_markers={m.name: m.segment for m in clusters()}),
-        builtin("lower_limb_14dof"),
-        trial(model, "static", default_coordinates(model, 5), 0.0, rng),
+        load_builtin("lower_limb_14dof"),
+        trial(model, "static", repeat_default_pose(model, 5), 0.0, rng),
         (trial(model, "ball", q, 0.0, rng),),
         (),
     )
@@ -206,7 +210,8 @@ def test_a_real_hip_and_knee(recorded: Results) -> None:
     assert "hip_l: no functional centre" in reported
     regressed = calibrate(recorded.session, "MB")
     apart = np.subtract(
-        joint_centres(scaling.calibration.model)["hip_r"][1], joint_centres(regressed.model)["hip_r"][1]
+        find_joint_centres(scaling.calibration.model)["hip_r"][1],
+        find_joint_centres(regressed.model)["hip_r"][1],
     )
     # Harrington 12.3 (5.9) mm against CT (Mantovani 2016), functional up to 19 mm: within both together.
     assert np.linalg.norm(apart) < 0.031

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior, KnownMotion, identify_geometry
-from scaling_service.capabilities.consistent.recording import artefact_m
+from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
-from scaling_service.model.scaling import scaled
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody.tree import pose_markers
 
 RNG = np.random.default_rng(3)
 FACTORS = {"shank": 1.06, "thigh": 0.95, "torso": 1.03}
@@ -27,20 +27,20 @@ def _moved(marker: Marker) -> tuple[float, float, float]:
 
 
 def _truth() -> BodyModel:
-    model = scaled(builtin("squat_4dof"), {name: (f, f, f) for name, f in FACTORS.items()})
+    model = scale_model(load_builtin("squat_4dof"), {name: (f, f, f) for name, f in FACTORS.items()})
     moved = [Marker.at(m.name, m.segment, _moved(m)) if any(m.nominal) else m for m in model.markers]
     return model.with_markers(tuple(moved))
 
 
 def _known(truth: BodyModel) -> KnownMotion:
     q = np.column_stack([RNG.uniform(-1, 1, 40) for _ in range(4)])
-    return KnownMotion("squats", marker_positions(compile_model(truth), q, np.zeros(0)), q)
+    return KnownMotion("squats", pose_markers(compile_model(truth), q, np.zeros(0)), q)
 
 
 def test_lengths_and_markers_are_found_again() -> None:
-    truth, start = _truth(), builtin("squat_4dof")
+    truth, start = _truth(), load_builtin("squat_4dof")
     found = identify_geometry(
-        start, truth.marker_names, [_known(truth)], artefact_m(start), bound=0.5, axes="xy"
+        start, truth.marker_names, [_known(truth)], expect_artefacts(start), bound=0.5, axes="xy"
     )
     for name, factor in FACTORS.items():
         assert found.factors[name] == pytest.approx(factor, abs=1e-6)
@@ -51,21 +51,21 @@ def test_lengths_and_markers_are_found_again() -> None:
 
 
 def test_bounds_hold_and_are_reported() -> None:
-    truth, start = _truth(), builtin("squat_4dof")
+    truth, start = _truth(), load_builtin("squat_4dof")
     found = identify_geometry(
-        start, truth.marker_names, [_known(truth)], artefact_m(start), bound=0.02, axes="xy"
+        start, truth.marker_names, [_known(truth)], expect_artefacts(start), bound=0.02, axes="xy"
     )
     assert max(abs(f - 1.0) for f in found.factors.values()) <= 0.02 + 1e-9
     assert "scale.shank" in found.at_bound
 
 
 def test_a_prior_holds_where_little_is_seen() -> None:
-    truth, start = _truth(), builtin("squat_4dof")
+    truth, start = _truth(), load_builtin("squat_4dof")
     held = identify_geometry(
         start,
         truth.marker_names,
         [_known(truth)],
-        artefact_m(start),
+        expect_artefacts(start),
         bound=0.5,
         axes="xy",
         prior=GeometryPrior(1e-6, 1e-6),
@@ -74,8 +74,8 @@ def test_a_prior_holds_where_little_is_seen() -> None:
 
 
 def test_a_recording_without_markers_is_refused() -> None:
-    start = builtin("squat_4dof")
+    start = load_builtin("squat_4dof")
     known = _known(_truth())
     empty = replace(known, measured=np.full_like(known.measured, np.nan))
     with pytest.raises(TrialUnusable, match="no marker is seen"):
-        identify_geometry(start, start.marker_names, [empty], artefact_m(start), bound=0.5, axes="xy")
+        identify_geometry(start, start.marker_names, [empty], expect_artefacts(start), bound=0.5, axes="xy")

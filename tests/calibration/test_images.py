@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.parameters import after, axis_of, tilt_of
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.parameters import compose_tilts, compute_axis, tilt_of
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
 
@@ -118,9 +118,9 @@ def test_a_femur_and_a_tibia_of_different_sides_are_refused() -> None:
 
 def test_turns_of_an_axis_compose() -> None:
     first, second = (0.1, -0.2), (0.05, 0.3)
-    assert after(first, (0.0, 0.0)) == pytest.approx(first)
-    assert after((0.0, 0.0), second) == pytest.approx(second)
-    assert tilt_of(2.0 * axis_of(second)) == pytest.approx(second)
+    assert compose_tilts(first, (0.0, 0.0)) == pytest.approx(first)
+    assert compose_tilts((0.0, 0.0), second) == pytest.approx(second)
+    assert tilt_of(2.0 * compute_axis(second)) == pytest.approx(second)
 
 
 @pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
@@ -131,7 +131,7 @@ def test_a_femur_alone_sizes_its_segment_and_tells_of_the_rest(model: str) -> No
     subject = replace(who.session.subject, model=model)
     session = replace(who.session, subject=subject, images=alone)
     markers, found = calibrate(session, "MB"), calibrate(session, "EB")
-    true, ours = segment_lengths(who.truth), segment_lengths(found.model)
+    true, ours = measure_segment_lengths(who.truth), measure_segment_lengths(found.model)
     assert ours["femur_r"] == pytest.approx(true["femur_r"], abs=0.002)
     assert found.bone_sized == {"femur_r": "own"}
     assert found.sizes["femur_r"].sd < 0.006

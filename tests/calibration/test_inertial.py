@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inertia.cone import bodies_of, pseudo_inertia
+from scaling_service.capabilities.dynamics.inertia.cone import form_pseudo_inertia, list_bodies
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
     identify_inertia,
 )
-from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, inertial_prior
-from scaling_service.capabilities.kinetics.inverse_dynamics import dynamics_of
+from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, make_inertial_prior
+from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
 FREE = IdentificationSettings(mass_known=False)
@@ -32,7 +32,7 @@ def test_forces_without_noise_are_explained_also_where_they_were_not_fitted() ->
         np.testing.assert_allclose(fit.before, wrench_error(BODY, recording), rtol=1e-9)
         np.testing.assert_allclose(fit.after, wrench_error(found.model, recording), rtol=1e-3, atol=1e-6)
     assert (found.fits[1].after < 2.0 * found.noise).all()  # what a plate cannot resolve
-    assert total_mass(found.model) == pytest.approx(total_mass(BODY), abs=1e-9)
+    assert sum_mass(found.model) == pytest.approx(sum_mass(BODY), abs=1e-9)
     assert found.warnings == ()
 
 
@@ -42,18 +42,18 @@ def test_what_moved_is_known_as_well_as_it_says() -> None:
     for seed in range(12):
         person, _ = other_person(seed, 1.0)
         found = identify_inertia(BODY, [recorded(person, seed, 3.0)], noise=np.full(6, 3.0))
-        true = dict(zip(BODY.segment_names, inertias_of(person).mass, strict=True))
+        true = dict(zip(BODY.segment_names, gather_inertias(person).mass, strict=True))
         scores += [(p.after - true[p.segment]) / p.sd for p in found.parameters if p.quantity == "mass"]
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.25
 
 
 def test_it_comes_nearer_to_the_truth_than_the_table_and_more_so_with_less_noise() -> None:
-    prior = inertial_prior(BODY, PriorSpread(), mass_known=True, symmetric=True)
+    prior = make_inertial_prior(BODY, PriorSpread(), mass_known=True, symmetric=True)
     person, _ = other_person(5, 1.0)
-    true = inertias_of(person).parameters().ravel()
+    true = gather_inertias(person).parameters().ravel()
 
     def distance(model: object) -> float:
-        change = inertias_of(model).parameters().ravel() - true  # type: ignore[arg-type]
+        change = gather_inertias(model).parameters().ravel() - true  # type: ignore[arg-type]
         return float(np.linalg.norm(np.linalg.lstsq(prior.scale @ prior.basis, change, rcond=None)[0]))
 
     away = [distance(identify_inertia(BODY, [recorded(person, 3, noise)]).model) for noise in (0.1, 3.0)]
@@ -66,22 +66,24 @@ def test_only_directions_that_the_recording_determines_move() -> None:
     lively = recorded(person, 1, 3.0)
     still = replace(lively.dynamics.motion, qdot=np.zeros((600, 35)), qddot=np.zeros((600, 35)))
     still = replace(still, q=np.tile(still.q[:1], (600, 1)))
-    weight = dynamics_of(person, still).residual
-    root = dynamics_of(person, still).root
+    weight = compute_dynamics(person, still).residual
+    root = compute_dynamics(person, still).root
     moment = weight[:, 3:] + np.cross(root, weight[:, :3])
     loads = SegmentLoads(still.times, ("pelvis",), weight[:, None, :3], moment[:, None])
-    found = identify_inertia(BODY, [ForceRecording(dynamics_of(BODY, still, loads))], noise=np.full(6, 0.1))
+    found = identify_inertia(
+        BODY, [ForceRecording(compute_dynamics(BODY, still, loads))], noise=np.full(6, 0.1)
+    )
     assert 1 <= len(found.combinations) <= 2  # weight acts along one line: its place fore-aft and sideways
-    after = dynamics_of(found.model, still, loads).residual
-    assert np.abs(after).max() < 0.1 * np.abs(dynamics_of(BODY, still, loads).residual).max()
+    after = compute_dynamics(found.model, still, loads).residual
+    assert np.abs(after).max() < 0.1 * np.abs(compute_dynamics(BODY, still, loads).residual).max()
     assert not any(p.identifiable for p in found.parameters if p.quantity.startswith("I"))
 
 
 def test_the_plates_tell_the_total_mass_where_it_is_not_known() -> None:
-    inertias = inertias_of(BODY)
+    inertias = gather_inertias(BODY)
     heavier = with_inertias(BODY, replace(inertias, mass=1.06 * inertias.mass, tensor=1.06 * inertias.tensor))
     found = identify_inertia(BODY, [recorded(heavier, 1, 1.0)], settings=FREE)
-    assert total_mass(found.model) == pytest.approx(total_mass(heavier), rel=2e-3)
+    assert sum_mass(found.model) == pytest.approx(sum_mass(heavier), rel=2e-3)
 
 
 def test_left_and_right_change_alike_unless_asked_otherwise() -> None:
@@ -102,9 +104,9 @@ def test_forces_that_no_body_explains_leave_a_possible_body() -> None:
     external = absurd.dynamics.external + 20.0 * (strange.dynamics.external - absurd.dynamics.external)
     dynamics = replace(absurd.dynamics, external=external)
     found = identify_inertia(BODY, [ForceRecording(dynamics)], noise=np.ones(6))
-    inertias = inertias_of(found.model)
-    assert (np.linalg.eigvalsh(pseudo_inertia(inertias.parameters())) > 0).all()
-    for body in bodies_of(BODY):
+    inertias = gather_inertias(found.model)
+    assert (np.linalg.eigvalsh(form_pseudo_inertia(inertias.parameters())) > 0).all()
+    for body in list_bodies(BODY):
         assert (inertias.com[body.row] > body.low - 1e-6).all()
         assert (inertias.com[body.row] < body.high + 1e-6).all()
     assert any("moved by more than 3" in said for said in found.warnings)
@@ -140,7 +142,7 @@ def test_fitted_noise_makes_held_out_forces_worse_and_it_is_reported() -> None:
 
 
 def test_an_impossible_prior_is_made_possible_and_reported() -> None:
-    inertias = inertias_of(BODY)
+    inertias = gather_inertias(BODY)
     tensor = inertias.tensor.copy()
     tensor[2] = np.diag([1.0, 1.0, 3.0]) * inertias.tensor[2, 0, 0]
     found = identify_inertia(with_inertias(BODY, replace(inertias, tensor=tensor)), [recorded(BODY, 1, 1.0)])

@@ -11,26 +11,26 @@ from scipy.optimize import minimize
 from scaling_service.capabilities.dynamics.inertia.cone import (
     KEPT,
     Body,
-    bodies_of,
-    possible_minimum,
-    pseudo_inertia,
+    form_pseudo_inertia,
+    list_bodies,
+    minimise_within_cone,
 )
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     ForceRecording,
     count_repeats,
-    evidence_of,
-    most_likely_noise,
+    estimate_noise,
+    gather_evidence,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import (
     COM_SD,
     LENGTH_SD,
     MASS_SD,
     PriorSpread,
-    inertial_prior,
+    make_inertial_prior,
 )
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.inertia import apply_inertia_table
-from scaling_service.model.inertia import TABLE_NAMES, inertias_of, with_inertias
+from scaling_service.model.inertia import TABLE_NAMES, gather_inertias, with_inertias
 from scaling_service.numerics.multibody.mechanism import Inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
@@ -53,7 +53,7 @@ def test_the_pseudo_inertia_is_the_moment_matrix_of_the_mass() -> None:
     mass, at = cloud(0)
     bordered = np.column_stack([at, np.ones(len(at))])
     expected = np.einsum("k,ki,kj->ij", mass, bordered, bordered)
-    np.testing.assert_allclose(pseudo_inertia(parameters_of(mass, at)), expected, atol=1e-12)
+    np.testing.assert_allclose(form_pseudo_inertia(parameters_of(mass, at)), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("pull", [0.05, 3.0])
@@ -64,16 +64,16 @@ def test_the_minimum_is_that_of_another_solver(pull: float) -> None:
     curvature, slope = rng.uniform(1, 5, 4), pull * rng.normal(size=4)
     com = mean[1:4] / mean[0]
     body = Body(0, com - 0.03, com + 0.03)
-    found = possible_minimum(curvature, slope, mean[None], directions, (body,))
+    found = minimise_within_cone(curvature, slope, mean[None], directions, (body,))
     assert found is not None
-    prior = pseudo_inertia(mean)
+    prior = form_pseudo_inertia(mean)
 
     def cost(y: np.ndarray) -> float:
         return float(0.5 * y @ (curvature * y) - slope @ y)
 
     def slack(y: np.ndarray) -> np.ndarray:
         there = mean + directions @ y
-        left = np.linalg.eigvalsh(pseudo_inertia(there) - KEPT * prior)
+        left = np.linalg.eigvalsh(form_pseudo_inertia(there) - KEPT * prior)
         return np.concatenate([left, there[1:4] - body.low * there[0], body.high * there[0] - there[1:4]])
 
     other = minimize(
@@ -92,7 +92,7 @@ def test_the_priors_spread_is_that_between_the_tables() -> None:
     middle = [k for k, name in enumerate(BODY.segment_names) if not name.endswith("_l")]
     for sex, height, weight in (("M", 1.77, 75.0), ("F", 1.61, 58.0)):
         found = [
-            inertias_of(apply_inertia_table(BODY, t, sex=sex, height_m=height, mass_kg=weight).model)
+            gather_inertias(apply_inertia_table(BODY, t, sex=sex, height_m=height, mass_kg=weight).model)
             for t in TABLE_NAMES
         ]
         masses, centres = np.array([i.mass for i in found]), np.array([i.com for i in found])
@@ -107,8 +107,8 @@ def test_the_priors_spread_is_that_between_the_tables() -> None:
 
 
 def test_the_priors_slopes_are_derivatives() -> None:
-    prior = inertial_prior(BODY, PriorSpread(), mass_known=False, symmetric=False)
-    inertias, step, k = inertias_of(BODY), 1e-6, 7
+    prior = make_inertial_prior(BODY, PriorSpread(), mass_known=False, symmetric=False)
+    inertias, step, k = gather_inertias(BODY), 1e-6, 7
     com = inertias.com.copy()
     com[k, 0] += step * prior.sd[k, 1]
     mass = inertias.mass.copy()
@@ -127,7 +127,7 @@ def test_the_priors_slopes_are_derivatives() -> None:
 
 
 def test_known_mass_and_symmetry_bind_the_prior() -> None:
-    prior = inertial_prior(BODY, PriorSpread(), mass_known=True, symmetric=True)
+    prior = make_inertial_prior(BODY, PriorSpread(), mass_known=True, symmetric=True)
     np.testing.assert_allclose(prior.basis.T @ prior.basis, np.eye(prior.basis.shape[1]), atol=1e-12)
     masses = prior.scale[::10] @ prior.basis
     np.testing.assert_allclose(masses.sum(axis=0), 0.0, atol=1e-12)
@@ -142,8 +142,8 @@ def test_known_mass_and_symmetry_bind_the_prior() -> None:
 def test_normal_equations_tell_the_error_that_inverse_dynamics_has() -> None:
     person, _ = other_person(4)
     recording = recorded(person, 1, 2.0)
-    change = (inertias_of(person).parameters() - inertias_of(BODY).parameters()).ravel()
-    evidence = evidence_of(BODY, recording)
+    change = (gather_inertias(person).parameters() - gather_inertias(BODY).parameters()).ravel()
+    evidence = gather_evidence(BODY, recording)
     np.testing.assert_allclose(evidence.rms(np.zeros_like(change)), wrench_error(BODY, recording), rtol=1e-9)
     np.testing.assert_allclose(evidence.rms(change), wrench_error(person, recording), rtol=1e-6)
 
@@ -155,11 +155,11 @@ def test_one_nan_frame_is_left_out_and_none_left_is_reported() -> None:
     external[30], residual[30] = np.nan, np.nan
     spoilt = ForceRecording(replace(whole.dynamics, external=external, residual=residual))
     without = np.arange(len(external)) != 30
-    left, expected = evidence_of(BODY, spoilt), evidence_of(BODY, replace(whole, frames=without))
+    left, expected = gather_evidence(BODY, spoilt), gather_evidence(BODY, replace(whole, frames=without))
     assert left.frames == len(external) - 1
     np.testing.assert_allclose(left.slope, expected.slope, rtol=1e-12)
     with pytest.raises(TrialUnusable, match="no frame has both"):
-        evidence_of(BODY, replace(whole, frames=np.zeros(len(external), dtype=bool)))
+        gather_evidence(BODY, replace(whole, frames=np.zeros(len(external), dtype=bool)))
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
@@ -175,7 +175,7 @@ def test_repetition_of_an_autoregressive_error(rho: float) -> None:
 
 
 def test_boxes_hold_joints_markers_and_the_centre_of_mass() -> None:
-    bodies = {BODY.segment_names[b.row]: b for b in bodies_of(BODY)}
+    bodies = {BODY.segment_names[b.row]: b for b in list_bodies(BODY)}
     thigh = bodies["femur_r"]
     assert thigh.low[1] < -0.38  # down to the knee
     assert thigh.high[1] >= 0.0
@@ -187,7 +187,7 @@ def test_boxes_hold_joints_markers_and_the_centre_of_mass() -> None:
     assert (thigh.low <= markers.min(axis=0)).all()
     assert (markers.max(axis=0) <= thigh.high).all()
     light = with_inertias(BODY, Inertias.of_parameters(np.zeros((len(BODY.segments), 10))))
-    assert bodies_of(light) == ()
+    assert list_bodies(light) == ()
 
 
 @pytest.mark.parametrize(("count", "noise"), [(400, 0.5), (400, 5.0), (60, 2.0)])
@@ -200,5 +200,5 @@ def test_the_noise_is_found_although_a_fit_takes_up_freedom(count: int, noise: f
         errors = design @ rng.normal(size=40) + noise * rng.normal(size=count)
         gains, vectors = np.linalg.eigh(design.T @ design)
         slopes = vectors.T @ (design.T @ errors)
-        found.append(most_likely_noise(gains, slopes, float(errors @ errors), count))
+        found.append(estimate_noise(gains, slopes, float(errors @ errors), count))
     assert np.median(found) == pytest.approx(noise, rel=0.1)

@@ -19,8 +19,8 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings, Se
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.sto import read_sto
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import default_coordinates
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import repeat_default_pose
 from scaling_service.model.parameters import KneeKind, with_knee
 from scaling_service.model.subject import Session, Subject
 from scaling_service.recording.settings import ProcessingSettings
@@ -34,11 +34,11 @@ SPHERICAL = CalibrationSettings(knee="spherical")
 def loose(seed: int, kind: KneeKind = "spherical", seconds: float = 5.0) -> Session:
     """A person whose knees turn in three ways, recorded without any fault."""
     rng = np.random.default_rng(seed)
-    generic = builtin("lower_limb_14dof")
+    generic = load_builtin("lower_limb_14dof")
     truth = with_knee(generic, kind)
     trials = {}
     for name in ("hips", "walk"):
-        q = default_coordinates(truth, int(100 * seconds))
+        q = repeat_default_pose(truth, int(100 * seconds))
         plain = movement(generic, len(q), rng)
         for k, coordinate in enumerate(truth.coordinate_names):
             if coordinate in generic.coordinate_names:
@@ -46,7 +46,7 @@ def loose(seed: int, kind: KneeKind = "spherical", seconds: float = 5.0) -> Sess
             else:
                 q[:, k] = 0.12 * np.sin(np.linspace(0.0, rng.uniform(10.0, 30.0), len(q)))
         trials[name] = trial(truth, name, q, 0.0, rng)
-    standing = trial(truth, "static", default_coordinates(truth, 20), 0.0, rng)
+    standing = trial(truth, "static", repeat_default_pose(truth, 20), 0.0, rng)
     moving = [trials[name] for name in ("hips", "walk")]
     return Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
 

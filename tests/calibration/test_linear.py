@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly, setup_factors
+from scaling_service.capabilities.scaling.methods.marker_based import compute_setup_factors, scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.anatomy.hip_centre import hip_centres
-from scaling_service.model.builtin import builtin
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.subject import Measurement, ScaleSetup
 from tests.calibration.people import person
 
@@ -21,7 +21,9 @@ SETTINGS = CalibrationSettings(sizes="measured")
 
 def test_a_uniformly_larger_person_gets_one_factor_everywhere() -> None:
     k = 1.13
-    session = person(1, factors=dict.fromkeys(builtin("lower_limb_14dof").segment_names, (k, k, k))).session
+    session = person(
+        1, factors=dict.fromkeys(load_builtin("lower_limb_14dof").segment_names, (k, k, k))
+    ).session
     found = scale_linearly(session, SETTINGS).scale_factors
     assert found["pelvis"] == pytest.approx((k, k, k), rel=1e-12)
     assert found["tibia_r"] == pytest.approx((k, k, k), rel=1e-12)
@@ -46,7 +48,7 @@ def test_the_thigh_runs_from_the_regressed_hip_to_the_middle_of_the_epicondyles(
     session = person(3, shift_m=0.01).session
     at = session.static.position
     pelvis = [at(n) for n in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
-    hips = hip_centres(*pelvis)
+    hips = predict_hip_centres(*pelvis)
     knee = 0.5 * (at("RLFE") + at("RMFE"))
     length = np.linalg.norm(hips.right_ground - knee, axis=1).mean()
     generic = {m.name: np.array(m.nominal) for m in session.model.markers}
@@ -108,7 +110,7 @@ def test_a_set_up_scales_named_axes_in_its_order() -> None:
         mass_kg=None,
         placement=None,
     )
-    found = setup_factors(session.model, session.static, setup)
+    found = compute_setup_factors(session.model, session.static, setup)
     assert found["tibia_r"] == pytest.approx((2.0, 1.2, 2.0), rel=1e-9)
     assert found["femur_r"] == pytest.approx((1.2, 1.0, 1.2), rel=1e-9)
     assert found["pelvis"] == (1.0, 1.0, 1.0)
@@ -128,4 +130,4 @@ def test_markers_on_one_spot_cannot_be_measured() -> None:
         None,
     )
     with pytest.raises(TrialUnusable, match="less than 10 mm apart"):
-        setup_factors(session.model, session.static.with_markers(markers), setup)
+        compute_setup_factors(session.model, session.static.with_markers(markers), setup)

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task
-from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly, setup_factors
-from scaling_service.capabilities.scaling.methods.placement import frames_around
+from scaling_service.capabilities.scaling.methods.marker_based import compute_setup_factors, scale_linearly
+from scaling_service.capabilities.scaling.methods.placement import select_frames
 from scaling_service.capabilities.shared.settings import PAPER
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.core.errors import TrialUnusable
@@ -27,10 +27,10 @@ from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.trc import read_trc
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import compile_model
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import MarkerPlacement, Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.peers.opensim_scale import OpenSimScale, run_opensim_scale
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
@@ -108,7 +108,7 @@ NAMES = pytest.mark.parametrize("name", ["gait2354", "rajagopal_sizes", "rajagop
 def test_the_factors_are_the_tools(cases: Mapping[str, Case], name: str) -> None:
     session, tool = cases[name].session, cases[name].tool
     assert session.scale_setup is not None
-    found = setup_factors(session.model, cases[name].static, session.scale_setup)
+    found = compute_setup_factors(session.model, cases[name].static, session.scale_setup)
     assert tool.factors
     for segment, factors in tool.factors.items():
         assert found[segment] == pytest.approx(factors, rel=1e-9), segment
@@ -128,10 +128,10 @@ def test_the_markers_are_placed_where_the_tools_steps_lead(cases: Mapping[str, C
 def test_the_static_pose_costs_no_more_than_the_tools(cases: Mapping[str, Case], name: str) -> None:
     this = cases[name]
     assert this.session.scale_setup is not None
-    factors = setup_factors(this.session.model, this.static, this.session.scale_setup)
-    model = scaled(this.session.model, factors)
+    factors = compute_setup_factors(this.session.model, this.static, this.session.scale_setup)
+    model = scale_model(this.session.model, factors)
     weights = {m.name: this.placement.marker_weights.get(m.name, 0.0) for m in model.markers}
-    rows = frames_around(this.static, this.placement.time_range)
+    rows = select_frames(this.static, this.placement.time_range)
     still = replace(
         this.static.frames([0]), markers=np.nanmean(this.static.markers[rows], axis=0, keepdims=True)
     )
@@ -139,7 +139,7 @@ def test_the_static_pose_costs_no_more_than_the_tools(cases: Mapping[str, Case],
     costs = []
     for result in (this.exact, this.tool):
         pose = np.array([[result.pose[n] for n in model.coordinate_names]])
-        gap = marker_positions(task.tree, pose, task.p) - task.measured
+        gap = pose_markers(task.tree, pose, task.p) - task.measured
         costs.append(float((task.weights[:, None] * gap[0] ** 2).sum()))
     assert costs[0] <= costs[1]
 
@@ -157,9 +157,9 @@ def test_the_model_as_a_whole_is_the_tools(cases: Mapping[str, Case], name: str)
     order = [ours.coordinate_names.index(n) for n in theirs.coordinate_names]
     difference = probes(ours, ours, poses) - probes(theirs, ours, poses[:, order])
     assert np.abs(difference).max() < 1e-9
-    weighed = scaled(
+    weighed = scale_model(
         this.session.model,
-        setup_factors(this.session.model, this.static, setup),
+        compute_setup_factors(this.session.model, this.static, setup),
         mass_kg=setup.mass_kg,
         preserve_mass_distribution=setup.preserve_mass_distribution,
     )
@@ -175,7 +175,7 @@ def probes(model: BodyModel, order: BodyModel, poses: np.ndarray) -> np.ndarray:
         for segment in order.segment_names
         for k, point in enumerate(points)
     )
-    return marker_positions(compile_model(model.with_markers(marked)), poses, np.zeros(0))
+    return pose_markers(compile_model(model.with_markers(marked)), poses, np.zeros(0))
 
 
 def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], shared_data: Path) -> None:
@@ -211,10 +211,10 @@ def recording(times: list[float]) -> Trial:
 def test_a_time_range_takes_the_frames_around_it(
     time_range: tuple[float, float] | None, expected: tuple[int, int]
 ) -> None:
-    rows = frames_around(recording([0.983, 1.0, 1.017, 1.033]), time_range)
+    rows = select_frames(recording([0.983, 1.0, 1.017, 1.033]), time_range)
     assert (rows.start, rows.stop) == expected
 
 
 def test_a_time_range_outside_the_recording_is_refused() -> None:
     with pytest.raises(TrialUnusable, match=r"no frame between 2\.0 and 3\.0"):
-        frames_around(recording([0.0, 1.0]), (2.0, 3.0))
+        select_frames(recording([0.0, 1.0]), (2.0, 3.0))

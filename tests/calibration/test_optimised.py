@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.fitting import calibration_frames
-from scaling_service.capabilities.scaling.methods.optimised import selected_coordinates
+from scaling_service.capabilities.scaling.methods.fitting import choose_calibration_frames
+from scaling_service.capabilities.scaling.methods.optimised import select_coordinates
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
@@ -89,14 +89,14 @@ def test_the_cost_is_the_cumulative_kinematic_error_of_its_own_model() -> None:
     known = person(16, shift_m=0.006, noise_m=0.002, seconds=4.0)
     found = calibrate(known.session, "MB_am")
     names = [m.name for m in found.model.markers if m.weight > 0]
-    frames = calibration_frames(known.session.calibration, names, 100)
+    frames = choose_calibration_frames(known.session.calibration, names, 100)
     motion = inverse_kinematics(found.model, frames.trial)
     assert float((motion.residuals**2).sum()) == pytest.approx(found.cost, rel=1e-6)
 
 
 def test_frames_are_equally_spaced_over_all_trials() -> None:
     session = person(17, seconds=2.0).session
-    frames = calibration_frames((session.calibration[0], session.evaluation[0]), ("RASIS",), 100)
+    frames = choose_calibration_frames((session.calibration[0], session.evaluation[0]), ("RASIS",), 100)
     both = np.concatenate([t.position("RASIS") for t in (session.calibration[0], session.evaluation[0])])
     rows = np.linspace(0, 399, 100).round().astype(int)
     assert np.array_equal(frames.trial.markers[:, 0], both[rows])
@@ -123,4 +123,4 @@ def test_an_unknown_method_is_refused_with_the_known_ones() -> None:
 
 def test_table_1_of_the_paper() -> None:
     table = {"RPSIS": "xz", "L.ASIS": "xz", "RKNE": "", "LMFE": "xz", "RFH": "xz", "RANK": "", "RMM": "x"}
-    assert {name: selected_coordinates(name) for name in table} == table
+    assert {name: select_coordinates(name) for name in table} == table

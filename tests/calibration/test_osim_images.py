@@ -12,16 +12,19 @@ import pytest
 from scaling_service.capabilities.dynamics.saving import write_massive_model
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.optimised import tiltable_knees
-from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent, turning
+from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
+from scaling_service.capabilities.scaling.methods.osim_image_based import (
+    find_axis_in_parent,
+    find_turning_joints,
+)
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.shared.settings import PAPER, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.osim.models import read_osim, write_osim
-from scaling_service.model.anatomy.lengths import joint_ends, segment_lengths, straight_values
-from scaling_service.model.body import BodyModel, Vector, vector
-from scaling_service.model.parameters import axis_of
+from scaling_service.model.anatomy.lengths import find_joint_ends, measure_segment_lengths, straighten
+from scaling_service.model.body import BodyModel, Vector, to_vector
+from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import follow
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
@@ -43,7 +46,7 @@ def centres_in_image(found: Calibration) -> dict[str, np.ndarray]:
         f"{joint}_{side} {segment}": pose.rotation @ at + pose.origin
         for joint in ("hip", "knee", "ankle")
         for side in "rl"
-        for segment, at in joint_ends(found.model, joint, side).items()
+        for segment, at in find_joint_ends(found.model, joint, side).items()
         if (pose := found.image_poses.get(segment)) is not None
     }
 
@@ -54,8 +57,8 @@ def test_a_person_imaged_whole_comes_back() -> None:
     found = as_osim(who, evidence)
     for name, at in centres_in_image(found).items():
         assert at == pytest.approx(evidence.centres[name.split()[0]], abs=1e-6)
-    for name, length in segment_lengths(who.truth).items():
-        assert segment_lengths(found.model)[name] == pytest.approx(length, abs=1e-6)
+    for name, length in measure_segment_lengths(who.truth).items():
+        assert measure_segment_lengths(found.model)[name] == pytest.approx(length, abs=1e-6)
     motion = inverse_kinematics(found.model, who.session.evaluation[0])
     assert float(motion.distances.max()) < 0.001  # the thigh's turn about its long axis is another convention
 
@@ -65,11 +68,13 @@ def test_hips_further_apart_leave_the_pelvis_its_size() -> None:
     evidence = imaged(who, TILTS_DEG)
     right, left = (np.array(evidence.centres[f"hip_{side}"]) for side in "rl")
     out = 0.008 * (right - left) / np.linalg.norm(right - left)
-    apart = {"hip_r": vector(right + out), "hip_l": vector(left - out)}
+    apart = {"hip_r": to_vector(right + out), "hip_l": to_vector(left - out)}
     found = as_osim(who, replace(evidence, centres={**evidence.centres, **apart}))
     by_markers = calibrate(who.session, "MB")
     assert found.scale_factors["pelvis"] == pytest.approx(by_markers.scale_factors["pelvis"])
-    assert segment_lengths(found.model)["inter_hip"] == pytest.approx(np.linalg.norm(right - left) + 0.016)
+    assert measure_segment_lengths(found.model)["inter_hip"] == pytest.approx(
+        np.linalg.norm(right - left) + 0.016
+    )
     assert any("hip_r: its centre by" in note for note in found.warnings)
 
 
@@ -88,9 +93,9 @@ def test_a_leg_that_was_not_imaged_is_sized_like_the_imaged_one(side: str, other
     }
     x, y = np.radians(TILTS_DEG[f"knee_{side}"][:2])
     model = found.model
-    axes = {s: axis_in_parent(model.segment(f"tibia_{s}"), straight_values(model)) for s in "rl"}
+    axes = {s: find_axis_in_parent(model.segment(f"tibia_{s}"), straighten(model)) for s in "rl"}
     assert axes["r"][:2] == pytest.approx(-axes["l"][:2], abs=1e-9)
-    assert abs(axes[side][1]) == pytest.approx(abs(axis_of((x, y))[1]), abs=1e-6)
+    assert abs(axes[side][1]) == pytest.approx(abs(compute_axis((x, y))[1]), abs=1e-6)
 
 
 @pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
@@ -100,7 +105,7 @@ def test_bones_that_do_not_fit_the_markers_are_refused_or_reported(model: str) -
 
     def with_size(factor: float) -> Calibration:
         def grown(point: Vector) -> Vector:
-            return vector(factor * np.array(point))
+            return to_vector(factor * np.array(point))
 
         sized = replace(
             evidence,
@@ -153,14 +158,14 @@ def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
     for name, at in centres_in_image(found).items():
         assert 1e3 * np.linalg.norm(at - evidence.centres[name.split()[0]]) < 1.0, name
     model: BodyModel = found.model
-    values = straight_values(model)
+    values = straighten(model)
     chain = ("femur_r", "tibia_r", "talus_r", "calcn_r")
     for joint, parent, child in zip(("knee_r", "ankle_r", "subtalar_r"), chain, chain[1:], strict=False):
-        axis = axis_in_parent(model.segment(child), values)
+        axis = find_axis_in_parent(model.segment(child), values)
         shown = found.image_poses[parent].rotation.T @ np.array(evidence.axes[joint])
         assert np.degrees(np.arccos(min(1.0, abs(float(axis @ shown))))) < 0.1
     heel = model.segment("calcn_r").joints
-    centre = follow(heel[: turning(model.segment("calcn_r"))[0]], values)[1]
+    centre = follow(heel[: find_turning_joints(model.segment("calcn_r"))[0]], values)[1]
     off = found.image_poses["talus_r"].to_local(np.array(evidence.centres["subtalar_r"])) - centre
     assert 1e3 * np.linalg.norm(np.cross(off, axis)) < 1.0
     by_markers = follow(calibrate(session, "MB").model.segment("calcn_r").joints, values)
@@ -177,14 +182,14 @@ def test_joints_lie_where_real_bones_show_them(real, tmp_path: Path) -> None:
         marker_set=session.subject.marker_set,
     )
     assert path.read_text().count("PathPoint name=") == source.read_text().count("PathPoint name=")
-    written = segment_lengths(read_osim(path))
-    assert written == pytest.approx(segment_lengths(found.model), abs=1e-6)
+    written = measure_segment_lengths(read_osim(path))
+    assert written == pytest.approx(measure_segment_lengths(found.model), abs=1e-6)
 
 
 def test_knees_whose_axes_are_not_fitted_are_named(real) -> None:
     session, found = real
     kept = [s.joint_name for s in found.model.segments if s.name.startswith("tibia")]
-    tiltable = tiltable_knees(found.model)
+    tiltable = find_tiltable_knees(found.model)
     fitted = calibrate(session, "EB_am", known={"EB": found})
     said = " ".join(note for note in fitted.warnings if note.startswith("EB_am") and "turn in three" in note)
     assert [joint for joint in kept if joint in said] == [joint for joint in kept if joint not in tiltable]
@@ -194,7 +199,7 @@ def test_knees_whose_axes_are_not_fitted_are_named(real) -> None:
 def test_identified_inertia_is_written_into_a_model_on_bones(real, tmp_path: Path) -> None:
     session, found = real
     shank = found.model.segment("tibia_r")
-    heavier = replace(shank, mass=shank.mass + 0.5, com=vector(np.add(shank.com, (0.0, -0.01, 0.0))))
+    heavier = replace(shank, mass=shank.mass + 0.5, com=to_vector(np.add(shank.com, (0.0, -0.01, 0.0))))
     segments = tuple(heavier if s.name == shank.name else s for s in found.model.segments)
     model = replace(found.model, segments=segments)
     prepared = Prepared(Loaded(session), "EB", "model", found.model, {}, {}, found)
@@ -202,7 +207,7 @@ def test_identified_inertia_is_written_into_a_model_on_bones(real, tmp_path: Pat
     written = read_osim(tmp_path / "model.osim")
     assert written.segment("tibia_r").mass == pytest.approx(heavier.mass, abs=1e-9)
     assert written.segment("tibia_r").com == pytest.approx(heavier.com, abs=1e-9)
-    assert segment_lengths(written) == pytest.approx(segment_lengths(found.model), abs=1e-6)
+    assert measure_segment_lengths(written) == pytest.approx(measure_segment_lengths(found.model), abs=1e-6)
 
 
 def test_a_model_of_one_leg_is_brought_onto_its_bones() -> None:

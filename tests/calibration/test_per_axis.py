@@ -14,15 +14,15 @@ from scaling_service.capabilities.scaling.methods.marker_based import scale_line
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.scaling.saving import save
-from scaling_service.capabilities.scaling.sizes.measurements import fitted_factor, per_axis
+from scaling_service.capabilities.scaling.sizes.measurements import open_axes, read_fitted_factor
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.frames import pelvis_frame
-from scaling_service.model.anatomy.hip_centre import hip_centres
-from scaling_service.model.anatomy.lengths import joint_centres
-from scaling_service.model.builtin import builtin
+from scaling_service.model.anatomy.frames import build_pelvis_frame
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres
+from scaling_service.model.anatomy.lengths import find_joint_centres
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import ScaleSetup
 from tests.calibration.people import Person, person
@@ -52,7 +52,7 @@ def test_known_factors_are_read_back(broad: Person) -> None:
 def test_the_pelvis_is_as_high_as_the_regression_says(broad: Person) -> None:
     at = broad.session.static.position
     markers = [at(n) for n in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
-    hips = hip_centres(*markers)
+    hips = predict_hip_centres(*markers)
     below = -0.5 * (hips.right[:, 1].mean() + hips.left[:, 1].mean())
     assert scale_linearly(broad.session, OPEN).scale_factors["pelvis"][1] == pytest.approx(
         below / 0.0831, rel=1e-9
@@ -60,7 +60,9 @@ def test_the_pelvis_is_as_high_as_the_regression_says(broad: Person) -> None:
 
 
 def test_one_factor_is_the_default_and_a_uniform_person_hardly_differs() -> None:
-    session = person(32, factors=dict.fromkeys(builtin("lower_limb_14dof").segment_names, (1.1,) * 3)).session
+    session = person(
+        32, factors=dict.fromkeys(load_builtin("lower_limb_14dof").segment_names, (1.1,) * 3)
+    ).session
     assert all(
         len(set(f)) == 1 for f in scale_linearly(session, CalibrationSettings()).scale_factors.values()
     )
@@ -85,7 +87,7 @@ def test_a_breadth_that_no_marker_shows_follows_the_length(broad: Person) -> Non
 def test_a_pelvis_without_hips_keeps_its_mean_height() -> None:
     points = {n: np.zeros((1, 3)) for n in ("RASIS", "LASIS")}
     points = {n: p + np.array([0.0, 0.0, 0.1 if n[0] == "R" else -0.1]) for n, p in points.items()}
-    factors, notes = per_axis({"pelvis": (1.3,) * 3}, [points], points)
+    factors, notes = open_axes({"pelvis": (1.3,) * 3}, [points], points)
     assert factors["pelvis"] == pytest.approx((1.3, 1.3, 1.0))
     assert notes == ("MB: pelvis: depth and height not measured: as its mean factor",)
 
@@ -114,9 +116,9 @@ def test_the_fit_finds_lengths_and_breadths_without_noise() -> None:
 
 def test_factors_of_a_fit() -> None:
     values = {"scale.a": 1.1, "scale.b.y": 1.2, "scale.b.z": 1.0}
-    assert fitted_factor(values, "a") == (1.1, 1.1, 1.1)
-    assert fitted_factor(values, "b") == pytest.approx((1.1, 1.2, 1.0))
-    assert fitted_factor(values, "c") == (1.0, 1.0, 1.0)
+    assert read_fitted_factor(values, "a") == (1.1, 1.1, 1.1)
+    assert read_fitted_factor(values, "b") == pytest.approx((1.1, 1.2, 1.0))
+    assert read_fitted_factor(values, "c") == (1.0, 1.0, 1.0)
 
 
 def test_a_real_hip_lies_nearer_to_the_experts(shared_data: Path, tmp_path: Path) -> None:
@@ -124,7 +126,7 @@ def test_a_real_hip_lies_nearer_to_the_experts(shared_data: Path, tmp_path: Path
     folder = shared_data / "jia_mri"
     rows = (folder / "image_markers.csv").read_text(encoding="utf-8").splitlines()[1:]
     at = {row.split(",")[0]: np.array(row.split(",")[2:], dtype=float) / 1e3 for row in rows}
-    frame = pelvis_frame(*(at[name] for name in ("RASI", "LASI", "RPSI", "LPSI")))
+    frame = build_pelvis_frame(*(at[name] for name in ("RASI", "LASI", "RPSI", "LPSI")))
     expert = json.loads((folder / "reference_joints.json").read_text(encoding="utf-8"))["manual"]["hip_r"]
     true = frame.to_local(np.array(expert["centre_mm"]) / 1e3)[0]
     content = {
@@ -136,7 +138,7 @@ def test_a_real_hip_lies_nearer_to_the_experts(shared_data: Path, tmp_path: Path
     off = {}
     for scaling in ("uniform", "per-axis"):
         model = calibrate(session, "MB", CalibrationSettings(scaling=scaling)).model
-        off[scaling] = float(np.linalg.norm(np.subtract(joint_centres(model)["hip_r"][1], true)))
+        off[scaling] = float(np.linalg.norm(np.subtract(find_joint_centres(model)["hip_r"][1], true)))
     assert off["per-axis"] < 0.75 * off["uniform"]
     assert off["per-axis"] < 0.0123 + 0.0059  # Harrington against CT (Mantovani 2016): mean and one SD
 

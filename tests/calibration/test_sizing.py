@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
-from scaling_service.capabilities.scaling.sizes.points import person_points
+from scaling_service.capabilities.scaling.sizes.points import find_person_points
 from scaling_service.capabilities.scaling.sizes.sizing import Sizing, size_segments
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import load
 from scaling_service.model.anatomy.centres import read_pelvis
-from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.results import SegmentSize
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.virtual.subject import demo_session
+from scaling_service.virtual.subject import make_demo_session
 from tests.calibration.conventional import patient
 from tests.calibration.people import person
 
@@ -34,7 +34,10 @@ LEGS = ("inter_hip", "femur_r", "femur_l", "shank_r", "shank_l")
 def clinic() -> list[tuple[Sizing, Mapping[str, float], dict[str, np.ndarray]]]:
     """200 virtual persons with the conventional markers, sized; their true lengths and centres."""
     people = [patient(seed) for seed in range(PERSONS)]
-    return [(size_segments(who.session, SETTINGS), segment_lengths(who.truth), who.centres) for who in people]
+    return [
+        (size_segments(who.session, SETTINGS), measure_segment_lengths(who.truth), who.centres)
+        for who in people
+    ]
 
 
 def by_length(sizing: Sizing) -> dict[str, SegmentSize]:
@@ -42,7 +45,7 @@ def by_length(sizing: Sizing) -> dict[str, SegmentSize]:
 
 
 def test_intervals_of_lengths_cover_the_truth(clinic) -> None:
-    generic = segment_lengths(patient(0).session.model)
+    generic = measure_segment_lengths(patient(0).session.model)
     z = {
         name: np.array(
             [
@@ -73,7 +76,7 @@ def test_intervals_of_joint_centres_cover_the_truth(clinic) -> None:
 
 
 def test_the_estimate_is_nearer_than_distances_alone(clinic) -> None:
-    generic = segment_lengths(patient(0).session.model)
+    generic = measure_segment_lengths(patient(0).session.model)
     alone = SETTINGS.model_copy(update={"sizes": "measured"})
     plain, weighted = [], []
     for seed in range(40):
@@ -118,8 +121,8 @@ def test_a_taller_declared_person_is_longer_where_nothing_was_measured() -> None
 
 def test_one_psis_is_mirrored_at_the_middle_of_the_asis() -> None:
     trial = person(63).session.static
-    both = person_points(trial, standing=True, regression="harrington2007")
-    one = person_points(
+    both = find_person_points(trial, standing=True, regression="harrington2007")
+    one = find_person_points(
         trial.selected([n for n in trial.labels if n != "LPSIS"]), standing=True, regression="harrington2007"
     )
     np.testing.assert_allclose(one.points["LPSIS"], both.points["LPSIS"], atol=1e-12)
@@ -147,7 +150,7 @@ def without(session: Session, landmarks: set[str], *, static: bool = True) -> Se
     """The session as if some landmarks, or standing, had not been recorded."""
 
     def cut(trial: Trial | None) -> Trial | None:
-        return trial and trial.selected([n for n in trial.labels if canonical(n) not in landmarks])
+        return trial and trial.selected([n for n in trial.labels if find_canonical(n) not in landmarks])
 
     return replace(
         session,
@@ -185,7 +188,7 @@ def test_markers_taken_away_from_recordings_move_lengths_little(name: str, share
 
 @pytest.mark.parametrize("seed", range(3))
 def test_markers_taken_away_from_virtual_persons_move_lengths_little(seed: int) -> None:
-    _take_away(demo_session(seed)[0])
+    _take_away(make_demo_session(seed)[0])
 
 
 def _take_away(session: Session) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scaling_service as ss
-from scaling_service.model.builtin import builtin, lock_unmarked
+from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.numerics.multibody.laws import Array
 
 CHILDREN = ("HC030A", "HC031A", "HC032A", "HC033A", "HC036A", "HC038A")
@@ -18,7 +18,7 @@ LEGS_DEG = 5.0  # from the pelvis' tilt of legs alone; the rigid trunk itself pu
 
 
 def test_a_trunk_bends_in_the_middle_only_where_a_marker_shows_it() -> None:
-    model = builtin("full_body_35dof")
+    model = load_builtin("full_body_35dof")
     own = {m.name: m.segment for m in model.markers}
     whole, notes = lock_unmarked(model, own)
     assert whole == model
@@ -29,7 +29,7 @@ def test_a_trunk_bends_in_the_middle_only_where_a_marker_shows_it() -> None:
     assert "no recording shows a marker on the abdomen" in note
     lighter = {m.segment for m, before in zip(stiff.markers, model.markers, strict=True) if m != before}
     assert lighter == {"torso"}
-    legs = builtin("lower_limb_14dof")
+    legs = load_builtin("lower_limb_14dof")
     assert lock_unmarked(legs, {}) == (legs, ())
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones, without_undetermined
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
@@ -19,17 +19,17 @@ from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.motion.bones import Posed, estimate_bones, learn_skin_sizes
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import ik, track
-from scaling_service.capabilities.motion.uncertainty import SkinField, skin_fields
+from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
 from scaling_service.capabilities.subject.loading import open_subject
-from scaling_service.core.progress import silent
-from scaling_service.model.anatomy.secondary import secondary_rotations
+from scaling_service.core.progress import show_nothing
+from scaling_service.model.anatomy.secondary import list_secondary_rotations
 from scaling_service.model.body import BodyModel, Coordinate, Expectation, Joint, Law, Marker, Segment
-from scaling_service.model.compile import compile_model, law_value, parameter_values
+from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
 from scaling_service.model.document import from_document, to_document
-from scaling_service.model.poses import segment_poses
+from scaling_service.model.poses import pose_segments
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.capabilities.test_skin import HELD_OUT, true_rotations
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -66,7 +66,7 @@ def _recorded(model: BodyModel, skin: Array | None = None, frames: int = 300) ->
     q = np.zeros((frames, len(model.coordinates)))
     for k in range(q.shape[1] - 3):
         q[:, k] = 0.3 * np.sin(2.0 * np.pi * (0.3 + 0.1 * k) * time)
-    markers = marker_positions(compile_model(model, model.marker_names), q, parameter_values(model))
+    markers = pose_markers(compile_model(model, model.marker_names), q, list_parameter_values(model))
     markers += rng.normal(0.0, 2e-4, markers.shape) + (0.0 if skin is None else skin)
     return Task.of(model, Trial("t", time, model.marker_names, markers, 100.0)), q
 
@@ -114,7 +114,7 @@ def test_sizes_of_skin_between_pinned_bones_are_those_put_in_and_without_pins_no
         sd = np.array([true.get(n, 0.0) for n in names])
         task, q = _recorded(model, rng.normal(size=(300, len(names), 3)) * sd[:, None])
         held = np.zeros(q.shape, dtype=bool)
-        fields = [_field(task, 8e-3, "skin")] if pins else list(skin_fields(task))
+        fields = [_field(task, 8e-3, "skin")] if pins else list(list_skin_fields(task))
         learnt = learn_skin_sizes([Posed(task, q, held)], [fields])
         assert set(learnt) == (set(true) if pins else set())
         for name, size in learnt.items():
@@ -125,17 +125,17 @@ def test_sizes_of_skin_between_pinned_bones_are_those_put_in_and_without_pins_no
 def test_a_tibia_turns_inwards_as_its_knee_flexes(side: str) -> None:
     """Walker 1988: 13.2 deg at 60 deg of flexion, inwards on either side."""
     model = _leg(side)
-    found = {r.coordinate: r for r in secondary_rotations(model)}
+    found = {r.coordinate: r for r in list_secondary_rotations(model)}
     assert set(found) == {"knee_x", "knee_y"}
     assert found["knee_x"].law == Law()
     law = found["knee_y"].law
-    inwards = np.degrees([law_value(law, {"knee_z": np.radians(-f)}) for f in (0.0, 60.0)])
+    inwards = np.degrees([evaluate_law(law, {"knee_z": np.radians(-f)}) for f in (0.0, 60.0)])
     assert inwards == pytest.approx([0.0, 13.18 if side == "r" else -13.18], abs=0.02)
 
 
 def test_a_model_keeps_what_is_known_of_its_bones_on_paper() -> None:
     model = _leg()
-    rotation = next(r for r in secondary_rotations(model) if r.law.terms)
+    rotation = next(r for r in list_secondary_rotations(model) if r.law.terms)
     known = BoneKnowledge({"skin_0": 0.004}, (Expectation(rotation.coordinate, rotation.law, 0.07),))
     kept = known.added_to(model)
     assert from_document(to_document(kept)) == kept != model
@@ -151,7 +151,8 @@ def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
     fit = fit_recordings(SearchContext(model, [Recording(trial, "fit")]))
     kinds = ("marker_offset", "soft_tissue_artefact")
     offset, skin = (
-        next(c for c in candidates(fit.scene, [k]) if c.where == ("skin_0",) and not c.trials) for k in kinds
+        next(c for c in propose_candidates(fit.scene, [k]) if c.where == ("skin_0",) and not c.trials)
+        for k in kinds
     )
     fit = replace(fit, effects=(Estimate(offset, np.full(3, 0.005)),))
     for equivalents, left_mm, kept in (({skin: 0.3}, 5.0, False), ({skin: 0.3}, 1.1, True), ({}, 5.0, True)):
@@ -172,7 +173,7 @@ def living(shared_data: Path) -> dict[str, tuple[float, float]]:
         pytest.skip("recordings over bones of known pose are not here")
     for name, trial in HELD_OUT.items():
         loaded = open_subject(root / name / "subject.yaml", AS_MEASURED)
-        made = prepare(loaded, DiscoverSettings(start="none"), AS_MEASURED, 0.5, silent)
+        made = prepare(loaded, DiscoverSettings(start="none"), AS_MEASURED, 0.5, show_nothing)
         model = made.model
         known = learn_bones(model, fit_recordings(SearchContext(model, made.recordings)))
         before = ik(root / name / "model.osim", [root / name / f"{trial}.trc"])
@@ -196,7 +197,7 @@ def test_bones_come_nearer_to_where_pins_and_fluoroscopy_saw_them(
 
 def _bone_error(model: BodyModel, q: Array, true: dict[str, Array]) -> float:
     """RMS angle between found and true turn of every bone against its parent, deg."""
-    poses, names = segment_poses(model, q), list(model.segment_names)
+    poses, names = pose_segments(model, q), list(model.segment_names)
     squares = []
     for parent, child in zip(true, list(true)[1:], strict=False):
         found = [_matrices(poses[:, names.index(bone), 3:]) for bone in (parent, child)]

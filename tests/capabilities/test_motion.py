@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.run import track
-from scaling_service.capabilities.motion.saving import poses_table, trial_document
+from scaling_service.capabilities.motion.saving import make_trial_document, tabulate_poses
 from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.results import Motion
@@ -69,7 +69,7 @@ def test_locked_coordinates_are_certain_and_those_at_the_end_of_their_range_are_
     assert (tracked.uncertainty.sd[:, 2] == 0.0).all()
     assert np.isnan(tracked.uncertainty.sd[30:, 0]).all()
     assert np.isfinite(tracked.uncertainty.sd[:30, 0]).all()
-    assert trial_document(tracked, _box(locked=True)).frames_at_range_end == {"tx": 30}
+    assert make_trial_document(tracked, _box(locked=True)).frames_at_range_end == {"tx": 30}
 
 
 def _box(*, locked: bool) -> BodyModel:
@@ -103,7 +103,7 @@ def test_what_markers_do_not_determine_has_no_standard_deviation() -> None:
     assert np.isfinite(tracked.uncertainty.sd[:40, knee]).all()
     left = tracked.motion.coordinates.index("knee_angle_l")
     assert np.isfinite(tracked.uncertainty.sd[:, left]).all()
-    assert trial_document(tracked, made.model).frames_not_determined["knee_angle_r"] == 40
+    assert make_trial_document(tracked, made.model).frames_not_determined["knee_angle_r"] == 40
     origins, _ = _poses(made.model, tracked.motion)
     assert np.isnan(origins[40:80, made.model.segment_names.index("tibia_r")]).all()
     assert np.isfinite(origins[:, made.model.segment_names.index("tibia_l")]).all()
@@ -143,7 +143,7 @@ def test_poses_are_those_of_opensim(tmp_path: Path) -> None:
 
 def _poses(model: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """Origins, m, and body-fixed angles, rad, each (n_frames, n_segments, 3)."""
-    both = poses_table(motion, model).data[:, 1:].reshape(len(motion.times), -1, 6)
+    both = tabulate_poses(motion, model).data[:, 1:].reshape(len(motion.times), -1, 6)
     return both[..., :3], np.radians(both[..., 3:])
 
 

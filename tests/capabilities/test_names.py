@@ -11,14 +11,14 @@ from scaling_service.capabilities.shared.names import (
     HIP_REGRESSION_NAMES,
     TABLE_NAMES,
     check_methods,
-    method_names,
+    list_method_names,
 )
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS
 
 
 def test_names_are_those_of_what_there_is() -> None:
-    assert method_names() == tuple(METHODS)
+    assert list_method_names() == tuple(METHODS)
     assert tuple(HIP_REGRESSIONS) == HIP_REGRESSION_NAMES
     assert BONES == BONE_NAMES
     assert inertia.TABLE_NAMES == TABLE_NAMES

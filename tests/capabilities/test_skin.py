@@ -11,7 +11,7 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import TrackedTrial, ik, track
-from scaling_service.capabilities.motion.uncertainty import published_sd, skin_fields
+from scaling_service.capabilities.motion.uncertainty import list_skin_fields, look_up_published_sd
 from scaling_service.numerics.multibody.laws import Array
 from tests.capabilities.recorded import recorded
 
@@ -25,9 +25,9 @@ HELD_OUT = {
 
 
 def test_published_sizes_go_by_the_segments_name() -> None:
-    assert published_sd("femur_r") == published_sd("thigh_left") == pytest.approx(0.012)
-    assert published_sd("calcn_l") < published_sd("tibia_l") < published_sd("femur_l")
-    assert published_sd("segment7") > 0.0
+    assert look_up_published_sd("femur_r") == look_up_published_sd("thigh_left") == pytest.approx(0.012)
+    assert look_up_published_sd("calcn_l") < look_up_published_sd("tibia_l") < look_up_published_sd("femur_l")
+    assert look_up_published_sd("segment7") > 0.0
 
 
 def test_deviations_grow_most_where_skin_moves_most_and_not_at_all_on_pins() -> None:
@@ -38,7 +38,7 @@ def test_deviations_grow_most_where_skin_moves_most_and_not_at_all_on_pins() -> 
     wider = np.sqrt(skin**2 - none**2).mean(axis=0)
     assert wider[names.index("hip_rotation_r")] > wider[names.index("pelvis_list")] > 0.0
     task = Task.of(made.model, made.trial)
-    on_skin = {k for field in skin_fields(task) for k in field.markers.tolist()}
+    on_skin = {k for field in list_skin_fields(task) for k in field.markers.tolist()}
     assert on_skin == set(range(len(task.markers)))
 
 
@@ -70,13 +70,13 @@ def test_two_markers_in_one_place_are_followed() -> None:
 def test_a_segment_that_is_never_seen_whole_leans_on_published_sizes() -> None:
     made = recorded("lower_limb_14dof", 60, 3)
     task = Task.of(made.model, made.trial)
-    first = next(f for f in skin_fields(task) if len(f.markers) > 2)
+    first = next(f for f in list_skin_fields(task) if len(f.markers) > 2)
     measured = task.measured.copy()
     for frame in range(len(measured)):
         measured[frame, first.markers[frame % len(first.markers)]] = np.nan
-    alone = next(f for f in skin_fields(replace(task, measured=measured)) if len(f.markers) > 2)
+    alone = next(f for f in list_skin_fields(replace(task, measured=measured)) if len(f.markers) > 2)
     segment = made.model.marker(task.markers[first.markers[0]]).segment
-    assert np.sqrt(alone.covariance[0, 0]) == pytest.approx(published_sd(segment))
+    assert np.sqrt(alone.covariance[0, 0]) == pytest.approx(look_up_published_sd(segment))
 
 
 def true_rotations(path: Path) -> dict[str, Array]:

@@ -13,15 +13,15 @@ import yaml
 from scaling_service.capabilities.discovery import demo as discover_demo
 from scaling_service.capabilities.discovery.command import show
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
-from scaling_service.capabilities.discovery.result import DiscoverResults, discovery_document
-from scaling_service.capabilities.discovery.text import headline
+from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
+from scaling_service.capabilities.discovery.text import write_headline
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.cli import main
 from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.documents.results import RepairNote
 from scaling_service.files.trc import write_trc
 from scaling_service.model.trial import Trial
-from scaling_service.virtual.subject import virtual_subject
+from scaling_service.virtual.subject import make_virtual_subject
 from tests.jobs.hidden_case import SHORT, found, session
 
 _ONE = HiddenDocument(kind="marker_swap", where=["LLM", "LMM"], parameters={"start_s": 2.0})
@@ -29,7 +29,7 @@ _ONE = HiddenDocument(kind="marker_swap", where=["LLM", "LMM"], parameters={"sta
 
 @pytest.fixture(scope="module")
 def document() -> DiscoveryDocument:
-    return discovery_document(replace(found(), hidden=(_ONE,)), ["model.json"])
+    return make_discovery_document(replace(found(), hidden=(_ONE,)), ["model.json"])
 
 
 def said(document: DiscoveryDocument, capsys: pytest.CaptureFixture[str]) -> str:
@@ -81,8 +81,10 @@ def test_where_no_member_of_a_class_stands_out_the_class_is_reported(
     out = said(document.model_copy(update={"effects": [effect]}), capsys)
     assert "or another of its class" in out
     assert any(line.startswith("Class") and "one of 20" in line for line in out.splitlines())
-    assert "named only as a class" in headline("found", [effect], None, [], held_out=True)
-    assert "named only as a class" not in headline("found", document.effects[:1], None, [], held_out=True)
+    assert "named only as a class" in write_headline("found", [effect], None, [], held_out=True)
+    assert "named only as a class" not in write_headline(
+        "found", document.effects[:1], None, [], held_out=True
+    )
 
 
 def test_how_the_files_were_read_is_said(
@@ -148,7 +150,7 @@ def test_the_demo_searches_what_it_hid(monkeypatch: pytest.MonkeyPatch) -> None:
     assert results.hidden is not None
     assert [h.kind for h in results.hidden] == ["soft_tissue_artefact", "marker_swap"]
     recorded = given[0].session
-    plain = virtual_subject(2, SHORT)
+    plain = make_virtual_subject(2, SHORT)
     assert recorded.model == plain.model
     moved = {
         name: np.nanmax(np.linalg.norm(trial.markers - plain.trials[name].markers, axis=2), axis=0)

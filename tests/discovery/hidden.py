@@ -7,18 +7,18 @@ from functools import cache
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, virtual_subject
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_virtual_subject
 
 TRIALS = {"knee_r": "fit", "gait_1": "fit", "gait_2": "held_out"}
 NOISE_M = 1e-3
@@ -27,7 +27,7 @@ NOISE_M = 1e-3
 @cache
 def person(seed: int = 1) -> VirtualSubject:
     """Someone whose skin does not move, seen by perfect cameras."""
-    return virtual_subject(seed, VirtualSettings(artefact=0, noise=0, gaps=0, functional_s=5.0))
+    return make_virtual_subject(seed, VirtualSettings(artefact=0, noise=0, gaps=0, functional_s=5.0))
 
 
 def recorded(
@@ -51,7 +51,7 @@ def recorded(
         trial, q = someone.trials[name], someone.motions[name]
         if more is not None:
             q = np.column_stack([q, np.resize(more, len(q))])
-        places = marker_positions(compile_model(truth, trial.labels), q, parameter_values(truth))
+        places = pose_markers(compile_model(truth, trial.labels), q, list_parameter_values(truth))
         places = places + noise_m * rng.normal(size=places.shape)
         made.append(Recording(Trial(name, trial.times.copy(), trial.labels, places, 100.0), role))  # type: ignore[arg-type]
     return made
@@ -62,7 +62,9 @@ def choice(seed: int = 1) -> tuple[Candidate, ...]:
     """All that could be missing in this person's recordings."""
     someone = person(seed)
     return tuple(
-        candidates(fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).scene)
+        propose_candidates(
+            fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).scene
+        )
     )
 
 

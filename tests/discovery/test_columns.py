@@ -8,10 +8,10 @@ import pytest
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.profiles import evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators
-from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.discovery.hidden import choice, person, recorded
 
 KINDS = (
@@ -36,11 +36,11 @@ def test_a_column_is_what_a_small_effect_does(kind: str) -> None:
             for sign in (1.0, -1.0):
                 body = with_effects(someone.model, [Estimate(candidate, sign * step)], "")
                 tree = compile_model(body, item.markers)
-                sides.append(marker_positions(tree, item.q, parameter_values(body)))
+                sides.append(pose_markers(tree, item.q, list_parameter_values(body)))
             wanted = (sides[0] - sides[1]) / 2e-6
             spots = [part.spot for part in column.parts]
             _, _, made = Generators.of(item, spots).at(item, slice(0, len(item.q)))
-            courses = values_of([part.profile for part in column.parts], item)
+            courses = evaluate_profiles([part.profile for part in column.parts], item)
             gains = np.array([part.gain for part in column.parts])
             got = np.einsum("nsr,sn,s->nr", made, courses, gains).reshape(wanted.shape) * item.floor[:, None]
             np.testing.assert_allclose(got, wanted, atol=2e-6)

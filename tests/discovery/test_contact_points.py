@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.discovery.effects.external_contact import _is_of_a_plate, find_touches
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.laws.contacts import Spell, fitted_point
+from scaling_service.capabilities.discovery.laws.contacts import Spell, fit_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
@@ -47,14 +47,14 @@ def distance(point: Array) -> float:
 def test_a_turning_force_shows_its_point(sway: WrenchFit) -> None:
     item = pushed(sway, 60.0, 0.6, 1.5)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
-    assert distance(fitted_point([spell], "torso").point) < 0.02
+    assert distance(fit_point([spell], "torso").point) < 0.02
 
 
 def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
     """Noise alone would say where on it: the moment about the point found is none all the same."""
     item = pushed(sway, 60.0, 0.6, 1.5, turning=False)
     spell = Spell(item, np.flatnonzero(item.usable & (item.times > 0.7) & (item.times < 1.4)))
-    apart = fitted_point([spell], "torso").point - np.array(POINT)
+    apart = fit_point([spell], "torso").point - np.array(POINT)
     along = np.array([1.0, 0.3, 0.0]) / np.hypot(1.0, 0.3)
     assert np.linalg.norm(np.cross(apart, along)) < 0.05
 
@@ -70,7 +70,7 @@ def test_a_push_is_reported_however_long_it_lasts(sway: WrenchFit, lasting_s: fl
 def test_what_is_off_where_a_plate_presses_is_no_contact(sway: WrenchFit) -> None:
     """A force at a standing foot and at the sole below a shank, as a plate's fault looks."""
     spell = Spell(sway, np.flatnonzero(sway.usable))
-    foot, shank = fitted_point([spell], "calcn_r"), fitted_point([spell], "tibia_r")
+    foot, shank = fit_point([spell], "calcn_r"), fit_point([spell], "tibia_r")
     assert _is_of_a_plate(spell, foot)
     origin, axes = (places[spell.rows] for places in sway.segment_frame("tibia_r"))
     pressed = sway.contacts.ground.centre_of_pressure()[spell.rows]

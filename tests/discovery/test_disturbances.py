@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from tests.discovery.hidden import hide, person, recorded
 
 
@@ -85,7 +85,7 @@ def test_markers_that_were_smoothed_are_reported_with_what_they_lack() -> None:
         at = [k for k, label in enumerate(trial.labels) if label in ("RFH", "RLM", "RMM")]
         rate = trial.rate_hz
         flat = markers[:, at].reshape(len(markers), -1)
-        markers[:, at] = butterworth(flat, rate_hz=rate, cutoff_hz=1.2, order=2).values.reshape(
+        markers[:, at] = filter_butterworth(flat, rate_hz=rate, cutoff_hz=1.2, order=2).values.reshape(
             -1, len(at), 3
         )
         return markers
@@ -154,7 +154,7 @@ def test_an_effect_yields_to_a_law_that_explains_more(
     taken = MARKERS.squares(without) - MARKERS.squares(known)
     law = Disturbance(("markers",), "any law", share * taken, 0.0, 0.0)
     monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
-    assert disturbance.outdoes(law, without, known) is yields
+    assert disturbance.is_better_than_effects(law, without, known) is yields
 
 
 @pytest.mark.parametrize(("there", "is_free"), [(0.9, False), (0.2, True)])
@@ -166,7 +166,7 @@ def test_a_marker_on_its_own_way_in_a_held_out_recording_is_compared_with_what_l
     square = sum(item.square for item in fit.tracked if item.role == "held_out")
     alone = Candidate(free_marker.KIND, ("RFH",), (), trials=("gait_2",), change=Masked("RFH"))
     own = Fitted.of_any_course(0.95 * square, 0.0, 1e-9)
-    monkeypatch.setattr(free_marker, "_fitted", lambda _fit: [(alone, own)])
+    monkeypatch.setattr(free_marker, "_fit_markers", lambda _fit: [(alone, own)])
     skin = replace(NOTHING, gain=0.01 * square)  # little where it was fitted
     law = ScoredCandidate(
         Candidate("soft_tissue_artefact", ("RFH",), ()),

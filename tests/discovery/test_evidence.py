@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.statistics import fit_each
 from scaling_service.capabilities.discovery.evidence.sums import Evidence
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.loads import columns_of
-from scaling_service.capabilities.discovery.laws.profiles import values_of
+from scaling_service.capabilities.discovery.laws.loads import compute_columns
+from scaling_service.capabilities.discovery.laws.profiles import evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
@@ -41,7 +41,7 @@ def plainly(item: TrackedTrial, candidates: list[Candidate]) -> tuple[Array, Arr
     for candidate in candidates:
         for column in candidate.columns:
             gap, pose, spots = Generators.of(item, [p.spot for p in column.parts]).at(item, slice(0, n))
-            course = values_of([p.profile for p in column.parts], item)
+            course = evaluate_profiles([p.profile for p in column.parts], item)
             gains = candidate.holds_in(item.name) * np.array([p.gain for p in column.parts])
             made.append(np.einsum("nsr,sn,s->nr", spots, course, gains))
     raw = np.stack(made, axis=2)
@@ -132,9 +132,11 @@ def test_loads_made_together_are_those_made_one_by_one(tmp_path_factory: pytest.
     prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, BLOCK_S)
     now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
     wrench = now.wrenches[0]
-    loads = [column.load for c in candidates(now.scene) if c.seen_in == "wrench" for column in c.columns]
+    loads = [
+        column.load for c in propose_candidates(now.scene) if c.seen_in == "wrench" for column in c.columns
+    ]
     loads = list(dict.fromkeys(load for load in loads if load is not None))
     assert len({type(load) for load in loads}) >= 8
-    made = columns_of(loads, wrench)
+    made = compute_columns(loads, wrench)
     for k, load in enumerate(loads):
         np.testing.assert_allclose(made[:, :, k], load.column(wrench), rtol=1e-9, atol=1e-9)

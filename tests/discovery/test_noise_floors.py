@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
-from scaling_service.capabilities.discovery.observations.tracked import marker_noise
+from scaling_service.capabilities.discovery.observations.tracked import estimate_marker_noise
 from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -73,4 +73,4 @@ def test_a_smoothed_marker_is_not_believed_to_have_no_noise() -> None:
     path = np.random.default_rng(0).normal(size=(500, 5, 3)) * NOISE_M
     path[:, 2] *= 0.01
     path[:, 3] *= 50.0
-    np.testing.assert_allclose(marker_noise(path) / NOISE_M, [1.0, 1.0, 0.5, 2.0, 1.0], rtol=0.15)
+    np.testing.assert_allclose(estimate_marker_noise(path) / NOISE_M, [1.0, 1.0, 0.5, 2.0, 1.0], rtol=0.15)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.laws.contacts import onset
+from scaling_service.capabilities.discovery.laws.contacts import estimate_onset
 from scaling_service.numerics.multibody.laws import Array
 
 TIMES = np.arange(0.0, 2.0, 0.01)
@@ -34,7 +34,7 @@ def test_a_beginning_is_found_under_noise(name: str) -> None:
     off, reported = [], []
     for _ in range(30):
         noise = np.convolve(rng.normal(size=len(TIMES) + 4), np.ones(5) / np.sqrt(5.0), "valid")
-        found, sd = onset(TIMES, 30.0 * COURSES[name](TIMES - BEGINNING) + noise, 1.0, 5.0)
+        found, sd = estimate_onset(TIMES, 30.0 * COURSES[name](TIMES - BEGINNING) + noise, 1.0, 5.0)
         off.append(found - BEGINNING)
         reported.append(sd)
     assert np.median(np.abs(off)) < 0.06
@@ -43,5 +43,5 @@ def test_a_beginning_is_found_under_noise(name: str) -> None:
 
 
 def test_what_begins_before_the_first_frame_begins_there() -> None:
-    found, _ = onset(TIMES, np.ones(len(TIMES)), 0.01, 1.0)
+    found, _ = estimate_onset(TIMES, np.ones(len(TIMES)), 0.01, 1.0)
     assert found < TIMES[5]

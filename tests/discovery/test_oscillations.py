@@ -10,8 +10,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
 from scaling_service.capabilities.discovery.effects import catalogue
-from scaling_service.capabilities.discovery.effects.catalogue import known_effects
-from scaling_service.capabilities.discovery.effects.masses import nearest_bone, within_reach
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
+from scaling_service.capabilities.discovery.effects.masses import is_within_reach, make_nearest_bone_test
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.search.discover import discover
@@ -70,9 +70,9 @@ def test_noise_makes_what_oscillates_neither_smaller_nor_slower() -> None:
 
 
 def test_a_load_hangs_within_reach_and_at_its_own_bone() -> None:
-    assert within_reach(np.array([2.0, 0.6, 0.0, 0.0]))
-    assert not within_reach(np.array([2.0, 0.0, -7.0, 0.0]))
-    near = nearest_bone(person().model)
+    assert is_within_reach(np.array([2.0, 0.6, 0.0, 0.0]))
+    assert not is_within_reach(np.array([2.0, 0.0, -7.0, 0.0]))
+    near = make_nearest_bone_test(person().model)
     thigh, shank = near("femur_r"), near("tibia_r")
     assert shank(np.array([2.0, 0.1, -0.4, 0.0]))  # 0.2 m down the shank
     assert not thigh(np.array([2.0, 0.1, -1.2, 0.0]))  # the same place
@@ -93,17 +93,17 @@ def test_an_effect_of_another_distribution_is_known(monkeypatch: pytest.MonkeyPa
     )
     points = {"scaling_service.effects": [SimpleNamespace(load=lambda: lift)]}
     monkeypatch.setattr(catalogue, "entry_points", lambda group: points[group])
-    catalogue.known_effects.cache_clear()
+    catalogue.find_effects.cache_clear()
     try:
-        assert catalogue.known_effects()["shoe_lift"].meaning == lift.meaning
-        assert len(catalogue.known_effects()) == 23
+        assert catalogue.find_effects()["shoe_lift"].meaning == lift.meaning
+        assert len(catalogue.find_effects()) == 23
     finally:
-        catalogue.known_effects.cache_clear()
+        catalogue.find_effects.cache_clear()
 
 
 def test_every_effect_is_a_sum_of_columns_searches_for_itself_or_asks_a_question() -> None:
-    assert len(known_effects()) == 22
-    for kind, effect in known_effects().items():
+    assert len(find_effects()) == 22
+    for kind, effect in find_effects().items():
         ways = (effect.candidates, effect.search, effect.question)
         assert sum(way is not None for way in ways) == 1, kind
         assert len(effect.meaning) > 10

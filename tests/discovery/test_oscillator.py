@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from scaling_service.capabilities.discovery.observations.oscillator import (
-    oscillate,
-    oscillator_taps,
-    pulled,
-    pulled_taps,
+    compute_pull,
+    make_oscillator_taps,
+    make_pull_taps,
+    simulate_oscillator,
 )
 
 STEP, FREQUENCY, DAMPING = 0.01, 3.0, 0.2
@@ -16,7 +16,7 @@ W = 2.0 * np.pi * FREQUENCY
 
 
 def test_a_steady_pull_holds_it_still_from_the_first_frame_on() -> None:
-    place, speed = oscillate(np.full((200, 3), 2.5), STEP, FREQUENCY, DAMPING)
+    place, speed = simulate_oscillator(np.full((200, 3), 2.5), STEP, FREQUENCY, DAMPING)
     np.testing.assert_allclose(place, 2.5 / W**2, rtol=1e-9)
     np.testing.assert_allclose(speed, 0.0, atol=1e-12)
 
@@ -24,7 +24,7 @@ def test_a_steady_pull_holds_it_still_from_the_first_frame_on() -> None:
 def test_a_wave_makes_it_swing_as_the_closed_form_says() -> None:
     """u = Re(e^{i v t} / (w^2 - v^2 + 2 i z w v)) once what it began with has died away."""
     times, v = STEP * np.arange(1000), 2.0 * np.pi * 2.2
-    place, speed = oscillate(np.cos(v * times), STEP, FREQUENCY, DAMPING)
+    place, speed = simulate_oscillator(np.cos(v * times), STEP, FREQUENCY, DAMPING)
     steady = np.exp(1j * v * times) / (W**2 - v**2 + 2j * DAMPING * W * v)
     late = times > 4.0
     np.testing.assert_allclose(place[late], steady.real[late], atol=2e-3 * np.abs(steady[0]))
@@ -34,20 +34,20 @@ def test_a_wave_makes_it_swing_as_the_closed_form_says() -> None:
 def test_points_on_a_wave_are_pulled_as_the_closed_form_says() -> None:
     v = 2.0 * np.pi * 2.2
     times = STEP * np.arange(400)
-    pull = pulled(np.cos(v * times)[:, None], STEP)[:, 0]
+    pull = compute_pull(np.cos(v * times)[:, None], STEP)[:, 0]
     inside = slice(50, -50)
     np.testing.assert_allclose(pull[inside], (v**2 * np.cos(v * times))[inside], atol=2e-3 * v**2)
 
 
 def test_taps_are_the_filters_far_from_the_ends() -> None:
     places = np.random.default_rng(1).normal(size=(600, 1))
-    of_places, of_pull = pulled_taps(STEP)
-    pull = pulled(places, STEP)[:, 0]
+    of_places, of_pull = make_pull_taps(STEP)
+    pull = compute_pull(places, STEP)[:, 0]
     left, right = np.convolve(pull, of_pull, "same"), np.convolve(places[:, 0], of_places, "same")
     inside = slice(200, -200)
     # A difference is no spline: near the cutoff they are a few per cent apart.
     assert np.sqrt(np.mean((left - right)[inside] ** 2)) < 0.2 * np.sqrt(np.mean(right[inside] ** 2))
-    of_force, of_place = oscillator_taps(STEP, FREQUENCY, DAMPING)
-    moved = oscillate(pull, STEP, FREQUENCY, DAMPING)[0]
+    of_force, of_place = make_oscillator_taps(STEP, FREQUENCY, DAMPING)
+    moved = simulate_oscillator(pull, STEP, FREQUENCY, DAMPING)[0]
     one, other = np.convolve(moved, of_place)[: len(pull)], np.convolve(pull, of_force)[: len(pull)]
     np.testing.assert_allclose(one[inside], other[inside], atol=1e-9 * np.abs(other).max() + 1e-12)

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.disturbances.plates import LAWS, crossing, curving
-from scaling_service.capabilities.discovery.disturbances.readings import following_readings
+from scaling_service.capabilities.discovery.disturbances.plates import LAWS, propose_crossing, propose_curving
+from scaling_service.capabilities.discovery.disturbances.readings import find_following_readings
 from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
 from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
@@ -52,7 +52,7 @@ def changed(laboratory: SearchContext, change: Callable[[GroundForces], GroundFo
 
 def test_crosstalk_is_predicted_where_it_was_not_fitted(laboratory: SearchContext) -> None:
     fit = changed(laboratory, partial(leaking, share=SHARE))
-    (found,) = following_readings(fit)
+    (found,) = find_following_readings(fit)
     assert found.p < 0.01  # eight blocks of half a second, of a swaying of its own course each
     assert found.held_out < 0.01
     assert found.expected > 0.5 * WRENCH.above_noise(fit)
@@ -61,7 +61,7 @@ def test_crosstalk_is_predicted_where_it_was_not_fitted(laboratory: SearchContex
 
 
 def test_right_plates_are_predicted_no_better_than_by_chance(laboratory: SearchContext) -> None:
-    (found,) = following_readings(changed(laboratory, partial(leaking, share=0.0)))
+    (found,) = find_following_readings(changed(laboratory, partial(leaking, share=0.0)))
     assert found.p > 0.05
 
 
@@ -97,11 +97,11 @@ def test_wrong_plugs_are_reported_as_what_they_are(
     said: str,
 ) -> None:
     fit = changed(laboratory, fault)
-    (one,) = [c for c in crossing(fit) if c.where == ("plate_1",)]
+    (one,) = [c for c in propose_crossing(fit) if c.where == ("plate_1",)]
     (found,) = score_candidates(fit, [one], 1)
     assert found.fitted.size[:4] == pytest.approx(size, abs=0.2)
     assert found.fitted.gain > 0.9 * WRENCH.above_noise(fit)
-    (describe,) = [law.describe for law in LAWS if law.candidates is crossing]
+    (describe,) = [law.describe for law in LAWS if law.candidates is propose_crossing]
     assert describe is not None
     assert said in describe(found)[1]
 
@@ -130,7 +130,7 @@ def bent(ground: GroundForces) -> GroundForces:
 
 def test_a_gain_that_grows_with_the_load_is_reported_with_its_size(laboratory: SearchContext) -> None:
     fit = changed(laboratory, bent)
-    (one,) = [c for c in curving(fit) if c.where == ("plate_1",)]
+    (one,) = [c for c in propose_curving(fit) if c.where == ("plate_1",)]
     (found,) = score_candidates(fit, [one], 1)
     assert found.fitted.size[1] == pytest.approx(0.1, rel=0.25)  # of what it reads, which is more
     assert found.fitted.gain > 0.9 * WRENCH.above_noise(fit)

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.search.estimation import estimate, misfit
+from scaling_service.capabilities.discovery.search.estimation import compute_misfit, estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.rivals import better_rival, rename
+from scaling_service.capabilities.discovery.search.rivals import find_better_rival, rename
 from scaling_service.capabilities.discovery.start import Prepared, prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.body import Vector
@@ -79,7 +79,7 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
 ) -> None:
     recordings = [scaled(r, gain) for r in prepared.recordings]
     start = fit_recordings(SearchContext(prepared.model, recordings))
-    choice = [c for c in candidates(start.scene) if not c.trials]
+    choice = [c for c in propose_candidates(start.scene) if not c.trials]
     right, wrong = (c for c in choice if c.kind == "plate_gain")
     other = next(c for c in choice if c.kind == "plate_position")
     early = replace(passed(Estimate(wrong, np.zeros(1))), rivals=(wrong, right))
@@ -94,7 +94,7 @@ def test_a_rival_that_needs_fewer_numbers_for_more_gets_the_name(prepared: Prepa
     """A bias that is as large as the weight makes it is a gain."""
     recordings = [scaled(r, 1.1) for r in prepared.recordings]
     start = fit_recordings(SearchContext(prepared.model, recordings))
-    choice = [c for c in candidates(start.scene) if not c.trials and c.where == ("plate_1",)]
+    choice = [c for c in propose_candidates(start.scene) if not c.trials and c.where == ("plate_1",)]
     bias = next(c for c in choice if c.kind == "plate_bias")
     gain = next(c for c in choice if c.kind == "plate_gain")
     turn = next(c for c in choice if c.kind == "plate_rotation")
@@ -121,7 +121,7 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
         return ScoredCandidate(candidate, fitted, size * level, HeldOut(gain, unseen_p, folds=False))
 
     options = [option(rival, 60.0, p), option(mine, 20.0, 1e-4)]
-    found = better_rival(passed(Estimate(mine, np.zeros(1))), options, DiscoverySettings())
+    found = find_better_rival(passed(Estimate(mine, np.zeros(1))), options, DiscoverySettings())
     assert (found is options[0]) == taken
     assert found is None or taken
 
@@ -130,7 +130,7 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
 def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vector) -> None:
     recordings = pushed(prepared)
     scene = fit_recordings(SearchContext(prepared.model, recordings)).scene
-    load = next(c for c in candidates(scene) if c.kind == "plate_gain" and not c.trials)
+    load = next(c for c in propose_candidates(scene) if c.kind == "plate_gain" and not c.trials)
     early = touching(segment, point)
     later = passed(Estimate(load, np.zeros(1)))
     now = fit_recordings(SearchContext(prepared.model, recordings), (), [early.effect, later.effect])
@@ -140,4 +140,4 @@ def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vecto
     assert contact.segment == "torso"
     assert np.linalg.norm(np.subtract(contact.point, POINT)) < 0.02
     assert len(after.effects) == len(kept) == 2
-    assert misfit(after) < misfit(now)
+    assert compute_misfit(after) < compute_misfit(now)

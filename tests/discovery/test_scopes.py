@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
@@ -51,7 +51,7 @@ def test_scopes_are_all_trials_each_and_all_since_each() -> None:
     scene = Scene(person().model, (STUCK,), (), ("a", "b", "c"), (), ("a",))
     assert scene.scopes == ((), ("a",), ("b",), ("c",), ("b", "c"))
     assert scene.scopes_with_forces == ((),)
-    assert [c.trials for c in candidates(scene, ["marker_offset"])] == list(scene.scopes)
+    assert [c.trials for c in propose_candidates(scene, ["marker_offset"])] == list(scene.scopes)
 
 
 def option(*trials: str) -> ScoredCandidate:

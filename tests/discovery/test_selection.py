@@ -14,9 +14,9 @@ from scaling_service.capabilities.discovery.evidence.settings import DiscoverySe
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.search.selection import _usual_first, score_all, select
+from scaling_service.capabilities.discovery.search.selection import _put_usual_first, score_all, select
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from tests.discovery.hidden import hide, person, recorded, sized
 from tests.jobs.hand_made import LOAD
 
@@ -45,7 +45,7 @@ def test_a_large_effect_casts_no_shadow() -> None:
 
 def test_of_likes_the_one_of_a_usual_size_is_named() -> None:
     """A foot three times as heavy explains no more than a load that it carries."""
-    model = builtin("full_body_35dof")
+    model = load_builtin("full_body_35dof")
     now: Any = SimpleNamespace(model=model, settings=DiscoverySettings())
     heavy = replace(LOAD.candidate, kind="segment_mass", columns=LOAD.candidate.columns[:1])
     gains, held = np.array([9.0, 11.0, 10.0, 12.0]), HeldOut(0.5, 1e-3, folds=False)
@@ -59,4 +59,4 @@ def test_of_likes_the_one_of_a_usual_size_is_named() -> None:
     for factor, first in ((2.0, load.candidate), (0.1, heavy)):
         best = scored(heavy, [factor * mass], 0.5)
         among = ScoredCandidates([best, load], 2, ((), ()), ())
-        assert _usual_first([best, load], among, now)[0].candidate == first
+        assert _put_usual_first([best, load], among, now)[0].candidate == first

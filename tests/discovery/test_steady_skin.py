@@ -9,7 +9,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import lsim
 
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
+from scaling_service.capabilities.discovery.laws.steady_skin import find_oscillating_markers, track_steady
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -85,7 +85,7 @@ def test_only_the_markers_whose_skin_swings_are_moved() -> None:
 
     track_steady(trial, walk(), [swing(0.5)], follow)
     still = [k for k, name in enumerate(trial.labels) if name not in THIGH]
-    assert oscillating_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
+    assert find_oscillating_markers(trial, [swing(0.5)]) == tuple(sorted(THIGH, key=trial.index))
     assert all(np.nanmax(each[still]) == 0.0 for each in moved)
     assert float(np.min(moved[0][[trial.index(name) for name in THIGH]])) > 0.001
 
@@ -99,6 +99,6 @@ def test_a_recording_without_the_marker_is_followed_as_it_is() -> None:
         followed.append(changed)
         return near
 
-    assert oscillating_markers(trial, [swing(1.0)]) == ()
+    assert find_oscillating_markers(trial, [swing(1.0)]) == ()
     assert track_steady(trial, item, [swing(1.0)], follow) is item
     assert followed == [trial]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
@@ -38,7 +38,7 @@ class Laboratory:
 
     def __init__(self, folder: Path) -> None:
         self.model, self.bare = _laboratory(folder, None)
-        self.choice = tuple(candidates(fit_recordings(SearchContext(self.model, self.bare)).scene))
+        self.choice = tuple(propose_candidates(fit_recordings(SearchContext(self.model, self.bare)).scene))
         self.skin = self.of("soft_tissue_artefact", *TRUNK, driver="thoracic_extension")
         self.moved = self.with_(folder, named(self.skin, 3.0, 0.0, 0.0))
 

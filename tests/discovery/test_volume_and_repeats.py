@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.disturbances.repeats import _Steps
-from scaling_service.capabilities.discovery.disturbances.volume import moving_volume
+from scaling_service.capabilities.discovery.disturbances.volume import find_moving_volume
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.search.discover import discover
 from scaling_service.model.trial import Trial
@@ -67,7 +67,7 @@ def lost_for_a_while(trial: Trial) -> Array:
 
 @pytest.mark.parametrize("change", [lambda trial: trial.markers, lost_for_a_while])
 def test_noise_alone_moves_no_volume(change: Callable[[Trial], Array]) -> None:
-    assert not list(moving_volume(fitted(change)))
+    assert not list(find_moving_volume(fitted(change)))
 
 
 def test_frames_that_are_shown_again_are_left_out() -> None:

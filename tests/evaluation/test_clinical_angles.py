@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.clinical_angles import (
-    clinical_angles,
-    clinical_cycles,
-    clinical_landmarks,
-    clinical_rates,
+    compute_clinical_angles,
+    compute_clinical_rates,
+    cut_clinical_cycles,
+    find_clinical_landmarks,
     track_landmarks,
 )
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.motion.saving import write_clinical_angles
-from scaling_service.capabilities.scaling.clinical_gait import clinical_gait
+from scaling_service.capabilities.scaling.clinical_gait import compute_clinical_gait
 from scaling_service.files.osim.models import read_osim
-from scaling_service.model.anatomy.frames import ANGLES, SIDES, conventional_angles
+from scaling_service.model.anatomy.frames import ANGLES, SIDES, compute_conventional_angles
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.virtual.subject import VirtualSettings, demo_session
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session
 from tests.capabilities.recorded import recorded
 
 SAME = {
@@ -57,9 +57,9 @@ def wandering(model: BodyModel) -> Motion:
 
 @pytest.mark.parametrize("name", ["lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"])
 def test_hips_and_knees_of_built_in_models_are_their_own_coordinates(name: str) -> None:
-    model = builtin(name)
+    model = load_builtin(name)
     motion = wandering(model)
-    found = clinical_angles(model, motion)
+    found = compute_clinical_angles(model, motion)
     for side in SIDES:
         for angle, coordinate in SAME.items():
             own = motion.q[:, motion.coordinates.index(f"{coordinate}_{side}")]
@@ -70,9 +70,9 @@ def test_hips_and_knees_of_built_in_models_are_their_own_coordinates(name: str) 
 
 
 def test_a_foot_is_level_in_the_neutral_pose_and_bends_with_the_ankle() -> None:
-    model = builtin("lower_limb_feet_18dof")
+    model = load_builtin("lower_limb_feet_18dof")
     bend = np.linspace(-0.3, 0.3, 7)
-    found = clinical_angles(model, moving(model, ankle_angle_r=bend))
+    found = compute_clinical_angles(model, moving(model, ankle_angle_r=bend))
     torsion = np.radians(
         15.0
     )  # of the malleoli in the built-in model: they bear the conventional shank's plane
@@ -87,9 +87,9 @@ def test_a_foot_is_level_in_the_neutral_pose_and_bends_with_the_ankle() -> None:
 
 
 def test_what_a_model_lacks_locks_or_a_recording_does_not_tell_is_left_out() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     motion = wandering(model)
-    found = clinical_angles(model, motion)
+    found = compute_clinical_angles(model, motion)
     assert "ankle_dorsiflexion" not in found.values["r"]
     assert "knee_adduction" not in found.values["r"]
     assert found.left_out == (
@@ -99,7 +99,7 @@ def test_what_a_model_lacks_locks_or_a_recording_does_not_tell_is_left_out() -> 
     q = motion.q.copy()
     q[4, motion.coordinates.index("hip_flexion_r")] = np.nan
     seen = tuple(name for name in motion.estimated if name != "knee_angle_l")
-    found = clinical_angles(model, replace(motion, q=q, estimated=seen))
+    found = compute_clinical_angles(model, replace(motion, q=q, estimated=seen))
     assert np.isnan(found.values["r"]["knee_flexion"]).tolist() == [k == 4 for k in range(20)]
     assert np.isfinite(found.values["l"]["hip_flexion"]).all()
     assert np.isnan(found.values["l"]["knee_flexion"]).all()
@@ -113,17 +113,17 @@ def test_what_a_model_lacks_locks_or_a_recording_does_not_tell_is_left_out() -> 
 def test_tilt_is_doubtful_where_only_the_front_of_the_pelvis_is_followed(
     followed: tuple[str, ...], doubt: bool
 ) -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     motion = replace(wandering(model), markers=("LASIS", "RASIS", "RLFE", "RPSIS", "LPSIS"))
     residuals = np.full((20, 5, 3), np.nan)
     residuals[3:, [name in followed for name in motion.markers]] = 0.001
-    found = clinical_angles(model, replace(motion, residuals=residuals))
+    found = compute_clinical_angles(model, replace(motion, residuals=residuals))
     assert any("no marker behind" in sentence for sentence in found.doubtful) == doubt
 
 
 def test_a_planar_model_has_none_of_them() -> None:
-    model = builtin("squat_4dof")
-    found = clinical_angles(model, wandering(model))
+    model = load_builtin("squat_4dof")
+    found = compute_clinical_angles(model, wandering(model))
     assert not found.values["r"]
     assert not found.values["l"]
     assert len(found.left_out) == 3
@@ -131,13 +131,13 @@ def test_a_planar_model_has_none_of_them() -> None:
 
 def test_turns_against_the_way_do_not_depend_on_where_it_leads() -> None:
     """Two strides, the second at a right angle to the first: pelvis and foot count from each stride's way."""
-    model = builtin("lower_limb_feet_18dof")
+    model = load_builtin("lower_limb_feet_18dof")
     t = np.arange(201) / 100.0
     first = t < 1.0
     turned = np.where(first, 0.0, np.pi / 2) + 0.1 * np.sin(2.0 * np.pi * t)
     x, z = np.minimum(t, 1.0), -np.maximum(t - 1.0, 0.0)
     motion = moving(model, pelvis_tx=x, pelvis_tz=z, pelvis_rotation=turned)
-    found = clinical_cycles([(clinical_angles(model, motion), [(0.0, 0.98), (1.02, 2.0)])], "r")
+    found = cut_clinical_cycles([(compute_clinical_angles(model, motion), [(0.0, 0.98), (1.02, 2.0)])], "r")
     assert found is not None
     assert found.cycles == (("walk", 0.0, 0.98), ("walk", 1.02, 2.0))
     rotation = found.values["pelvis_internal_rotation"]
@@ -148,15 +148,15 @@ def test_turns_against_the_way_do_not_depend_on_where_it_leads() -> None:
 
 
 def test_no_cycle_within_what_is_known_is_none() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     motion = moving(model, pelvis_tx=np.full(50, np.nan))
-    assert clinical_cycles([(clinical_angles(model, motion), [(0.1, 0.4)])], "l") is None
-    assert clinical_cycles([], "r") is None
+    assert cut_clinical_cycles([(compute_clinical_angles(model, motion), [(0.1, 0.4)])], "l") is None
+    assert cut_clinical_cycles([], "r") is None
 
 
 @pytest.fixture(scope="module")
 def walker():
-    return demo_session(4, VirtualSettings(functional_s=3.0, strides=4.0))
+    return make_demo_session(4, VirtualSettings(functional_s=3.0, strides=4.0))
 
 
 def test_a_walk_of_a_virtual_person_is_read_from_held_out_trials(walker) -> None:
@@ -169,7 +169,7 @@ def test_a_walk_of_a_virtual_person_is_read_from_held_out_trials(walker) -> None
         for t in session.dynamic
     }
     fitted = {trial.name for trial in session.calibration}
-    gait = clinical_gait(person.model, motions, session.dynamic, fitted)
+    gait = compute_clinical_gait(person.model, motions, session.dynamic, fitted)
     assert gait.held_out
     assert gait.reason == ""
     assert set(gait.recordings) == set(motions)
@@ -181,7 +181,7 @@ def test_a_walk_of_a_virtual_person_is_read_from_held_out_trials(walker) -> None
         )  # Schwartz 2008, with this person's own gait
         assert gait.profile.variable_scores[side]["knee_flexion"] < np.radians(15.0)
     assert gait.profile.score is None  # without feet
-    none = clinical_gait(person.model, motions, [t for t in session.dynamic if t.name in fitted], ())
+    none = compute_clinical_gait(person.model, motions, [t for t in session.dynamic if t.name in fitted], ())
     assert not none.cycles
     assert none.reason
 
@@ -191,7 +191,7 @@ def test_an_opensim_model_bends_its_knee_as_far_as_its_coordinate_says(shared_da
     """Rajagopal's knee glides and turns a little while it bends."""
     model = read_osim(shared_data / "rajagopal_walk" / "Rajagopal2016.osim")
     bend = np.radians(np.linspace(0.0, 60.0, 13))
-    found = clinical_angles(model, moving(model, knee_angle_r=bend, hip_flexion_l=bend)).values
+    found = compute_clinical_angles(model, moving(model, knee_angle_r=bend, hip_flexion_l=bend)).values
     knee = found["r"]["knee_flexion"]
     np.testing.assert_allclose(np.degrees(knee - knee[0]), np.degrees(bend), atol=3.0)
     np.testing.assert_allclose(
@@ -214,7 +214,7 @@ def test_labels_of_a_trial_do_not_matter(walker) -> None:
         names,
     )
     bare = trial.selected(["X1"])
-    gait = clinical_gait(person.model, {trial.name: motion}, [bare])
+    gait = compute_clinical_gait(person.model, {trial.name: motion}, [bare])
     assert not gait.cycles
     assert gait.reason == "no marker of the pelvis is seen"
     assert np.isfinite(gait.recordings[trial.name].values["r"]["knee_flexion"]).all()
@@ -224,13 +224,13 @@ def test_rates_are_those_of_the_angles() -> None:
     """Central differences of the angles themselves, coordinate by coordinate."""
     made = recorded("lower_limb_feet_18dof", 6, 3)
     model, q = made.model, made.q
-    names, rates = clinical_rates(model)
+    names, rates = compute_clinical_rates(model)
     assert set(names) == {(side, name) for side in SIDES for name in ANGLES}
 
     def angles(values: np.ndarray) -> np.ndarray:
         motion = moving(model, **dict(zip(model.coordinate_names, values.T, strict=True)))
-        points = track_landmarks(model, motion, clinical_landmarks(model))
-        return np.stack([conventional_angles(points, side)[name] for side, name in names], axis=1)
+        points = track_landmarks(model, motion, find_clinical_landmarks(model))
+        return np.stack([compute_conventional_angles(points, side)[name] for side, name in names], axis=1)
 
     found, step = rates(q), 1e-5
     for k in range(q.shape[1]):

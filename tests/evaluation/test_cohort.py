@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import friedmanchisquare
 
-from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
+from scaling_service.capabilities.cohort.statistics import CohortSettings, compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import (
     TRUTH,
     Following,
@@ -16,7 +16,7 @@ from scaling_service.capabilities.cohort.summary import (
     SubjectSummary,
 )
 from scaling_service.core.streams import stream
-from scaling_service.numerics.statistics.complete import panels
+from scaling_service.numerics.statistics.complete import list_panels
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
@@ -61,7 +61,7 @@ def cohort():
 
 @pytest.fixture(scope="module")
 def statistics(cohort):
-    return cohort_statistics(cohort, METHODS, settings=QUICK)
+    return compute_cohort_statistics(cohort, METHODS, settings=QUICK)
 
 
 def test_lengths_have_the_mean_sd_and_friedman_of_other_libraries(cohort, statistics):
@@ -97,7 +97,7 @@ def test_axes_and_shifts_are_of_the_methods_that_fit_them(statistics):
 
 
 def test_the_order_of_subjects_changes_nothing(cohort, statistics):
-    turned = cohort_statistics(cohort[::-1], METHODS, settings=QUICK)
+    turned = compute_cohort_statistics(cohort[::-1], METHODS, settings=QUICK)
     assert turned == statistics
 
 
@@ -116,7 +116,7 @@ def test_a_known_difference_along_the_cycle_is_found_where_it_is(statistics):
 
 def test_without_images_angles_are_compared_to_mb_am_and_that_is_said():
     some = [_subject(k, METHODS[:3]) for k in range(6)]
-    found = cohort_statistics(some, METHODS, settings=QUICK)
+    found = compute_cohort_statistics(some, METHODS, settings=QUICK)
     assert [gate.method for gate in found.opensim_limits.methods] == list(METHODS[:3])
     assert found.curve("knee_angle_r").reference == "MB_am"
     assert any("compared with MB_am" in note for note in found.notes)
@@ -124,7 +124,7 @@ def test_without_images_angles_are_compared_to_mb_am_and_that_is_said():
 
 def test_those_who_lack_methods_are_named_and_counted_where_they_can_be(cohort):
     mixed = [*cohort, *(_subject(k, METHODS[:3]) for k in (20, 21))]
-    found = cohort_statistics(mixed, METHODS, settings=QUICK)
+    found = compute_cohort_statistics(mixed, METHODS, settings=QUICK)
     five, three = found.segment_lengths_mm
     assert five.compared.methods == list(METHODS)
     assert five.compared.excluded == {"S20": "no EB, EB_am", "S21": "no EB, EB_am"}
@@ -141,7 +141,7 @@ def test_those_who_lack_methods_are_named_and_counted_where_they_can_be(cohort):
 def test_those_who_did_not_walk_are_left_out_with_the_reason(cohort):
     sat = {m: replace(method, curves={}) for m, method in cohort[0].methods.items()}
     resting = replace(cohort[0], methods=sat, strides={"r": 0}, no_strides={"r": "walk: the person sat"})
-    found = cohort_statistics([resting, *cohort[1:]], METHODS, settings=QUICK).curve("knee_angle_r")
+    found = compute_cohort_statistics([resting, *cohort[1:]], METHODS, settings=QUICK).curve("knee_angle_r")
     assert found.compared.excluded == {"S00": "walk: the person sat"}
     assert set(found.strides) == {f"S{k:02d}" for k in range(1, 12)}
 
@@ -151,13 +151,13 @@ def test_nobody_walked():
         replace(s, methods={m: replace(x, curves={}) for m, x in s.methods.items()})
         for s in (_subject(k) for k in range(3))
     ]
-    found = cohort_statistics(still, METHODS, settings=QUICK)
+    found = compute_cohort_statistics(still, METHODS, settings=QUICK)
     assert found.joint_angles == []
     assert any("not compared" in note for note in found.notes)
 
 
 def test_one_subject_has_means_and_no_test_and_that_is_said():
-    found = cohort_statistics([_subject(0)], METHODS, settings=QUICK)
+    found = compute_cohort_statistics([_subject(0)], METHODS, settings=QUICK)
     length = found.quantity("segment_lengths_mm", "femur_r")
     assert length.friedman is None
     assert length.sd == {}
@@ -168,7 +168,9 @@ def test_one_subject_has_means_and_no_test_and_that_is_said():
 
 
 def test_too_few_subjects_to_decide_is_said():
-    found = cohort_statistics([_subject(k, ("MB", "EB_am")) for k in range(4)], METHODS, settings=QUICK)
+    found = compute_cohort_statistics(
+        [_subject(k, ("MB", "EB_am")) for k in range(4)], METHODS, settings=QUICK
+    )
     assert "too few" in found.curve("knee_angle_r").note  # 2^3 sign changes: p is 1/8 at least
 
 
@@ -192,7 +194,7 @@ def test_agreement_with_images_and_with_the_truth():
         )
     found = {
         (a.quantity, a.method, a.reference): a
-        for a in cohort_statistics(people, METHODS, settings=QUICK).agreement
+        for a in compute_cohort_statistics(people, METHODS, settings=QUICK).agreement
     }
     femur = found["femur_r", "MB", "EB"]
     assert femur.bias_mm.value == pytest.approx(5.0)
@@ -211,7 +213,7 @@ def test_agreement_with_images_and_with_the_truth():
 def test_too_few_for_agreement_are_named():
     two = [_subject(k) for k in range(2)]
     others = [_subject(k, METHODS[:3]) for k in range(2, 6)]
-    found = cohort_statistics([*two, *others], METHODS, settings=QUICK)
+    found = compute_cohort_statistics([*two, *others], METHODS, settings=QUICK)
     assert found.agreement == []
     assert any("only S00, S01 can be compared with EB" in note for note in found.notes)
 
@@ -222,15 +224,15 @@ def test_opensims_limits_count_subjects_and_trials():
         SubjectSummary("A", {"MB": MethodSummary(trials={"one": good, "two": good})}),
         SubjectSummary("B", {"MB": MethodSummary(trials={"one": good, "two": bad})}),
     ]
-    (gate,) = cohort_statistics(people, METHODS, settings=QUICK).opensim_limits.methods
+    (gate,) = compute_cohort_statistics(people, METHODS, settings=QUICK).opensim_limits.methods
     assert (gate.subjects, gate.subjects_passed, gate.trials, gate.trials_passed) == (2, 1, 4, 3)
 
 
 def test_panels_are_the_sets_that_subjects_have():
     has = {"A": "xyz", "B": "xy", "C": "xz", "D": "x", "E": ""}
-    found = {p.methods: p for p in panels(has, "xyz")}
+    found = {p.methods: p for p in list_panels(has, "xyz")}
     assert list(found) == [("x", "y", "z"), ("x", "y"), ("x", "z")]
     assert found["x", "y"].subjects == ("A", "B")
     assert found["x", "y"].excluded == {"C": "no y", "D": "no y", "E": "no value"}
-    assert panels({"A": "x", "B": "x"}, "xyz")[0].subjects == ("A", "B")
-    assert panels({"A": ""}, "xyz") == ()
+    assert list_panels({"A": "x", "B": "x"}, "xyz")[0].subjects == ("A", "B")
+    assert list_panels({"A": ""}, "xyz") == ()

@@ -7,7 +7,7 @@ import pytest
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, ValueMissing
-from scaling_service.numerics.statistics.waveforms import Curves, normalised_cycles
+from scaling_service.numerics.statistics.waveforms import Curves, normalise_cycles
 
 TIMES = np.arange(301) / 100.0
 ANGLES = np.column_stack([np.sin(2 * np.pi * TIMES), TIMES**3 - TIMES])
@@ -15,7 +15,7 @@ NAMES = ("hip_flexion_r", "knee_angle_r")
 
 
 def cut(cycles: list[tuple[float, float]], values: np.ndarray = ANGLES, nodes: int = 101) -> np.ndarray:
-    return normalised_cycles(TIMES, values, cycles, NAMES, trial="Walking01", nodes=nodes)
+    return normalise_cycles(TIMES, values, cycles, NAMES, trial="Walking01", nodes=nodes)
 
 
 def test_nodes_lie_evenly_between_the_events() -> None:
@@ -55,7 +55,7 @@ def test_events_that_make_no_cycle(cycle: tuple[float, float], message: str) -> 
 
 def test_names_that_do_not_fit() -> None:
     with pytest.raises(ValueError, match="do not fit"):
-        normalised_cycles(TIMES, ANGLES, [(0.0, 1.0)], ("one",), trial="Walking01")
+        normalise_cycles(TIMES, ANGLES, [(0.0, 1.0)], ("one",), trial="Walking01")
 
 
 def test_missing_nodes_are_named() -> None:

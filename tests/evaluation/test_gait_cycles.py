@@ -13,12 +13,12 @@ from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gai
 from scaling_service.core.streams import stream
 from scaling_service.files.recording import read_recording
 from scaling_service.files.sto import read_sto
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import decide
 from scaling_service.recording.pipeline import process
 from scaling_service.virtual.motion import draw_style
-from scaling_service.virtual.subject import VirtualSettings, demo_session
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session
 
 SEEDS = range(6)
 LONG = VirtualSettings(strides=6.0, functional_s=4.0, gait_trials=1)
@@ -26,7 +26,7 @@ LONG = VirtualSettings(strides=6.0, functional_s=4.0, gait_trials=1)
 
 @pytest.fixture(scope="module")
 def persons():
-    return [demo_session(seed, LONG) for seed in SEEDS]
+    return [make_demo_session(seed, LONG) for seed in SEEDS]
 
 
 def _true_contacts(person, trial, side):
@@ -180,7 +180,7 @@ def test_contacts_agree_with_force_plates(shared_data: Path, markers, forces, si
 
 def _processed(path: Path) -> Trial:
     raw = read_recording(path)
-    roles = {label: role for label in raw.labels if (role := canonical(label)) is not None}
+    roles = {label: role for label in raw.labels if (role := find_canonical(label)) is not None}
     return process(raw, decide(raw, roles=roles), {})
 
 

@@ -7,14 +7,14 @@ import pytest
 
 from scaling_service.capabilities.scaling.clinical_gait import (
     VARIABLES,
-    gait_profile,
-    gait_variable_score,
-    schwartz2008,
-    typical_score,
+    compute_gait_profile,
+    compute_gait_variable_score,
+    compute_typical_score,
+    read_schwartz2008,
 )
 from scaling_service.core.errors import InputError
 
-REFERENCE = schwartz2008()
+REFERENCE = read_schwartz2008()
 PERCENT = np.linspace(0.0, 100.0, 101)
 
 
@@ -29,7 +29,7 @@ def shifted(offsets: dict[str, float]) -> dict[str, np.ndarray]:
 
 def test_a_curve_off_by_a_constant_scores_the_constant() -> None:
     offsets = {name: 0.01 * (k + 1) * (-1) ** k for k, name in enumerate(VARIABLES)}
-    profile = gait_profile({"r": shifted(offsets), "l": shifted(offsets)}, REFERENCE)
+    profile = compute_gait_profile({"r": shifted(offsets), "l": shifted(offsets)}, REFERENCE)
     for name, offset in offsets.items():
         assert profile.variable_scores["r"][name] == pytest.approx(abs(offset))
     assert profile.side_scores["l"] == pytest.approx(0.01 * np.sqrt(np.mean(np.arange(1.0, 10.0) ** 2)))
@@ -38,7 +38,7 @@ def test_a_curve_off_by_a_constant_scores_the_constant() -> None:
 def test_the_pelvis_counts_once_and_as_on_the_left() -> None:
     left = dict.fromkeys(VARIABLES, 0.1)
     right = {name: 0.9 if name.startswith("pelvis") else 0.2 for name in VARIABLES}
-    profile = gait_profile({"r": shifted(right), "l": shifted(left)}, REFERENCE)
+    profile = compute_gait_profile({"r": shifted(right), "l": shifted(left)}, REFERENCE)
     assert profile.score == pytest.approx(np.sqrt((9 * 0.1**2 + 6 * 0.2**2) / 15))
     assert profile.side_scores["r"] == pytest.approx(np.sqrt((3 * 0.9**2 + 6 * 0.2**2) / 9))
 
@@ -47,23 +47,25 @@ def test_a_swing_about_the_reference_scores_its_rms_and_cycles_are_averaged() ->
     mean = np.zeros(51)
     sine = np.sin(np.linspace(0.0, 2.0 * np.pi, 51))
     rms = np.sqrt(np.mean(sine**2))
-    assert gait_variable_score(np.stack([sine, 3.0 * sine, np.full(51, np.nan)]), mean) == pytest.approx(
-        2.0 * rms
-    )
+    assert compute_gait_variable_score(
+        np.stack([sine, 3.0 * sine, np.full(51, np.nan)]), mean
+    ) == pytest.approx(2.0 * rms)
 
 
 def test_without_all_nine_there_are_variable_scores_only() -> None:
     most = dict.fromkeys(VARIABLES[:-1], 0.1)
-    profile = gait_profile({"r": shifted(most), "l": shifted(dict.fromkeys(VARIABLES, 0.1))}, REFERENCE)
+    profile = compute_gait_profile(
+        {"r": shifted(most), "l": shifted(dict.fromkeys(VARIABLES, 0.1))}, REFERENCE
+    )
     assert set(profile.variable_scores["r"]) == set(most)
     assert set(profile.side_scores) == {"l"}
     assert profile.score is None
-    assert gait_profile({}, REFERENCE).score is None
+    assert compute_gait_profile({}, REFERENCE).score is None
 
 
 def test_nodes_that_do_not_meet_are_refused() -> None:
     with pytest.raises(InputError, match="76 nodes"):
-        gait_variable_score(np.zeros((1, 76)), np.zeros(51))
+        compute_gait_variable_score(np.zeros((1, 76)), np.zeros(51))
 
 
 def test_the_reference_is_that_of_the_paper() -> None:
@@ -78,6 +80,6 @@ def test_the_reference_is_that_of_the_paper() -> None:
         assert np.degrees(band.mean[[0, 35]]) == pytest.approx([start, late], abs=0.051)
         assert np.degrees(band.sd.mean()) == pytest.approx(sd, abs=0.051)
     assert {band.mean.shape for band in REFERENCE.bands.values()} == {(51,)}
-    assert np.degrees(typical_score(REFERENCE)) == pytest.approx(
+    assert np.degrees(compute_typical_score(REFERENCE)) == pytest.approx(
         np.degrees(np.sqrt(np.mean([np.mean(REFERENCE.bands[n].sd ** 2) for n in VARIABLES])))
     )

@@ -10,10 +10,10 @@ import pytest
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.clinical_gait import clinical_of
+from scaling_service.capabilities.scaling.clinical_gait import describe_clinical_gait
 from scaling_service.capabilities.scaling.comparison.evidence import average_errors
 from scaling_service.capabilities.scaling.run import compare
-from scaling_service.capabilities.scaling.saving import method_document
+from scaling_service.capabilities.scaling.saving import make_method_document
 from scaling_service.cli import main
 from tests.jobs.laboratory import document, laboratory, write_subject
 
@@ -47,14 +47,14 @@ def test_a_trial_that_shows_no_marker_does_not_count() -> None:
 def test_the_document_holds_both_means(tmp_path: Path) -> None:
     results = compare(laboratory(tmp_path), ("MB", "MB_am"))
     for scaling in results.scalings.values():
-        written = method_document(scaling, results, clinical_of(scaling, results))
+        written = make_method_document(scaling, results, describe_clinical_gait(scaling, results))
         errors = written.kinematic_error_mm
         assert written.fitted_mean_mm == errors["hips"].mean
         assert written.held_out_mean_mm == errors["walk"].mean
         assert written.held_out_ratio == pytest.approx(errors["walk"].mean / errors["hips"].mean, abs=1e-3)
     alone = replace(results, loaded=replace(results.loaded, session=replace(results.session, calibration=())))
     scaling = results.scalings["MB"]
-    written = method_document(scaling, alone, clinical_of(scaling, alone))
+    written = make_method_document(scaling, alone, describe_clinical_gait(scaling, alone))
     assert (written.fitted_mean_mm, written.held_out_ratio) == (None, None)
 
 

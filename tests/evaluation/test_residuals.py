@@ -8,8 +8,8 @@ import pytest
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
+    compute_residual_indicator,
     evaluate_residuals,
-    residual_indicator,
 )
 from scaling_service.core.errors import InputError, TrialUnusable
 
@@ -31,17 +31,17 @@ def test_the_indicator_is_equation_7() -> None:
         np.sqrt(sum(f * f for f in residual[:, k]) / 50) / (80 * 9.80665) / (1 if k < 3 else 1.8)
         for k in range(6)
     ]
-    np.testing.assert_allclose(residual_indicator(residual, 80.0, 1.8), expected, rtol=1e-12)
+    np.testing.assert_allclose(compute_residual_indicator(residual, 80.0, 1.8), expected, rtol=1e-12)
 
 
 def test_samples_are_judged_together_as_one_by_one_and_missing_frames_left_out() -> None:
     rng = np.random.default_rng(1)
     residual = rng.normal(size=(4, 30, 6))
     residual[2, 7, 3] = np.nan
-    together = residual_indicator(residual, 70.0, 1.7)
-    alone = residual_indicator(np.delete(residual[2], 7, axis=0), 70.0, 1.7)
+    together = compute_residual_indicator(residual, 70.0, 1.7)
+    alone = compute_residual_indicator(np.delete(residual[2], 7, axis=0), 70.0, 1.7)
     np.testing.assert_allclose(together[2], alone, rtol=1e-12)
-    assert np.isnan(residual_indicator(np.full((3, 6), np.nan), 70.0, 1.7)).all()
+    assert np.isnan(compute_residual_indicator(np.full((3, 6), np.nan), 70.0, 1.7)).all()
 
 
 def test_gates_compare_with_the_net_external_force() -> None:
@@ -73,4 +73,4 @@ def test_frames_are_counted_and_none_is_an_error() -> None:
 @pytest.mark.parametrize(("mass", "height"), [(0.0, 1.8), (-3.0, 1.8), (70.0, 180.0), (70.0, 0.0)])
 def test_a_mass_or_height_that_is_no_persons_is_refused(mass: float, height: float) -> None:
     with pytest.raises(InputError, match=r"subject\.(mass_kg|height_m)"):
-        residual_indicator(np.ones((3, 6)), mass, height)
+        compute_residual_indicator(np.ones((3, 6)), mass, height)

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, marker_uncertainty
+from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, propagate_marker_errors
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     UNIFORM_RANGE,
     MotionDatabase,
     PlateNoise,
-    levels_of,
-    slopes_through_zero,
+    draw_levels,
+    fit_slopes_through_zero,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     UncertaintySettings,
     WrenchUncertainty,
-    blames_inertia,
     describe_verdict,
+    is_inertia_dominant,
     propagate,
 )
 from scaling_service.core.errors import InputError
@@ -85,7 +85,7 @@ def test_a_level_is_uniform_and_its_dispersion_a_range() -> None:
     """An indicator that is the error itself is dispersed by the level's own width."""
     errors = np.linspace(0.01, 0.021, 5000)
     database = MotionDatabase(0.01, np.zeros(6), errors, errors, np.tile(errors[:, None], (1, 6)))
-    levels = levels_of(database, (0.5, 1.0), 4000, 0)
+    levels = draw_levels(database, (0.5, 1.0), 4000, 0)
     for level, width in zip(levels, (0.005, 0.01), strict=True):
         np.testing.assert_allclose(level.dispersion, width, rtol=0.03)
     assert pytest.approx(np.sqrt(12)) == UNIFORM_RANGE
@@ -94,7 +94,7 @@ def test_a_level_is_uniform_and_its_dispersion_a_range() -> None:
 def test_slopes_are_least_squares_through_zero() -> None:
     rng = np.random.default_rng(0)
     x, y = np.arange(1.0, 6.0), rng.normal(size=(5, 6)) + 3
-    slopes, r2, _ = slopes_through_zero(x, y)
+    slopes, r2, _ = fit_slopes_through_zero(x, y)
     for k in range(6):
         expected, left, _, _ = np.linalg.lstsq(x[:, None], y[:, k], rcond=None)
         assert slopes[k] == pytest.approx(expected[0])
@@ -106,7 +106,7 @@ def test_markers_blame_inertia_where_its_variance_is_the_larger() -> None:
     measurement = rng.normal(size=(100_000, 2))
     inertial = rng.normal(size=(100_000, 2)) * [1.1, 0.9]
     dr = np.sqrt(((measurement + inertial) ** 2).mean(axis=0))
-    assert blames_inertia(dr, np.ones(2)).tolist() == [True, False]
+    assert is_inertia_dominant(dr, np.ones(2)).tolist() == [True, False]
 
 
 def test_verdicts_say_what_stands_above() -> None:
@@ -122,10 +122,10 @@ def test_verdicts_say_what_stands_above() -> None:
 def test_markers_known_to_be_exact_bring_nothing_and_errors_scale() -> None:
     given = recording()
     names = given.motion.markers
-    once = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.001), shared=0.0)
-    twice = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
+    once = propagate_marker_errors(given, sd_m=dict.fromkeys(names, 0.001), shared=0.0)
+    twice = propagate_marker_errors(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
     np.testing.assert_allclose(twice.sd, 2 * once.sd, rtol=1e-9)
-    alone = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.0) | {"RLFE": 0.001}, shared=0.0)
+    alone = propagate_marker_errors(given, sd_m=dict.fromkeys(names, 0.0) | {"RLFE": 0.001}, shared=0.0)
     np.testing.assert_allclose(alone.shares[names.index("RLFE")], 1.0)
 
 
@@ -133,7 +133,7 @@ def test_markers_of_light_distal_segments_carry_least() -> None:
     """Muller et al. 2017 expect it (sec. 3.3): a hand's marker hardly matters, a trunk's does."""
     given = recording()
     names = list(given.motion.markers)
-    found = marker_uncertainty(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
+    found = propagate_marker_errors(given, sd_m=dict.fromkeys(names, 0.002), shared=0.0)
     horizontal = found.shares[:, [0, 2]].mean(axis=1)
     hands = [horizontal[names.index(n)] for n in ("RMH2", "RMH5", "LMH2", "LMH5")]
     trunk = [horizontal[names.index(n)] for n in ("C7", "T10", "CLAV", "STRN")]
@@ -142,7 +142,7 @@ def test_markers_of_light_distal_segments_carry_least() -> None:
 
 def test_windows_are_taken_by_what_they_add() -> None:
     given = recording()
-    noise = marker_uncertainty(given)
+    noise = propagate_marker_errors(given)
     choice = choose_frames(given, noise, window_s=1.0, count=3)
     gains = [w.gain for w in choice.windows]
     assert gains == sorted(gains, reverse=True)

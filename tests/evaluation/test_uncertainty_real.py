@@ -15,7 +15,7 @@ from scaling_service.files.forces import read_forces
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.trc import read_trc
 from scaling_service.recording.plates import synchronise
-from scaling_service.recording.plates_feet import assign_plates, foot_loads
+from scaling_service.recording.plates_feet import assign_foot_loads, assign_plates
 
 FRAMES = 300
 
@@ -31,7 +31,7 @@ def test_a_real_squat(shared_data: Path) -> None:
         for side, letter in (("r", "r"), ("l", "L"))
     }
     forces = synchronise(read_forces(folder / "squats1_grf.mot"), motion.times, cutoff_hz=5.0)
-    loads = foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
+    loads = assign_foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
     recording = Recording(model, motion, loads, 1.68)
     found = propagate(recording, UncertaintySettings(samples=60, motions=120))
     linear = propagate_linearly(recording)

@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.uncertainty.linear import LAGS, wrench_jacobians
+from scaling_service.capabilities.dynamics.uncertainty.linear import LAGS, compute_wrench_jacobians
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
     LowPass,
     PointBody,
     Reference,
-    second_difference,
+    difference_twice,
 )
 from scaling_service.capabilities.kinetics.inverse_dynamics import evaluate_residuals, inverse_dynamics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from tests.evaluation.uncertain import recording
 
@@ -88,12 +88,12 @@ def test_the_difference_is_exact_for_polynomials() -> None:
     step = x[1] - x[0]
     for degree in range(2, 10):
         expected = degree * (degree - 1) * x[HALO:-HALO] ** (degree - 2)
-        np.testing.assert_allclose(second_difference(x**degree, step), expected, atol=1e-9)
+        np.testing.assert_allclose(difference_twice(x**degree, step), expected, atol=1e-9)
 
 
 def test_derivatives_are_those_of_the_residual() -> None:
     reference = Reference.of(recording(), "all")
-    block = next(wrench_jacobians(reference))
+    block = next(compute_wrench_jacobians(reference))
     place, frame = 60, int(block.rows[60])
     for row, k in enumerate(reference.varied.tolist()):
         if row % 5:
@@ -112,7 +112,7 @@ def test_derivatives_are_those_of_the_residual() -> None:
 @pytest.mark.parametrize("n", [40, 300, 1111, 4000])
 def test_the_band_matrix_is_the_filter(n: int) -> None:
     noise = np.random.default_rng(n).normal(size=(3, n))
-    expected = butterworth(noise.T, rate_hz=100.0, cutoff_hz=5.0).values.T
+    expected = filter_butterworth(noise.T, rate_hz=100.0, cutoff_hz=5.0).values.T
     np.testing.assert_allclose(LowPass(100.0, 5.0, 4).apply(noise), expected, atol=5e-6)
 
 

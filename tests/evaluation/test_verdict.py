@@ -13,7 +13,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
     MethodEvidence,
     Verdict,
 )
-from scaling_service.capabilities.scaling.comparison.rules import agreement
+from scaling_service.capabilities.scaling.comparison.rules import measure_agreement
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 
 RIGHT = frozenset({"hip_r", "knee_r", "ankle_r"})
@@ -163,7 +163,7 @@ def test_agreement_is_over_what_was_imaged() -> None:
     eb = replace(EB, lengths={"femur_r": 0.430, "femur_l": 0.430}, hip_centres={"hip_r": (0.0, 0.0, 0.08)})
     near = replace(MB, lengths={"femur_r": 0.436, "femur_l": 0.5}, hip_centres={"hip_r": (0.003, 0.0, 0.084)})
     found = verdict(near, eb, imaged=RIGHT)
-    apart = agreement(Evidence((near, eb), RIGHT))["MB"]
+    apart = measure_agreement(Evidence((near, eb), RIGHT))["MB"]
     assert apart.lengths == pytest.approx({"femur_r": 0.006})
     assert apart.hips == pytest.approx({"hip_r": 0.005})
     speaks = {f.method: f.speaks for f in found.findings if f.rule == "image"}

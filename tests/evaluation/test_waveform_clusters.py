@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from scaling_service.numerics.statistics.permutation_tests import (
     Rearrangements,
-    critical_value,
-    curve_test,
-    largest_masses,
+    assess_curve,
+    find_critical_value,
+    find_largest_masses,
 )
-from scaling_service.numerics.statistics.waveforms import paired_t_test
+from scaling_service.numerics.statistics.waveforms import compare_paired
 from tests.evaluation.curves import NODES, bump, smooth
 
 
@@ -31,7 +31,7 @@ def test_a_straight_edge_is_crossed_where_it_is() -> None:
         return np.where(which[:, None] == 0, curve, heights[which, None] * (NODES == 50))
 
     which = Rearrangements(np.arange(32, dtype=np.int8)[:, None], exact=True)
-    found = curve_test("t", statistic, (5,), which, alpha=0.13)
+    found = assess_curve("t", statistic, (5,), which, alpha=0.13)
     assert found.threshold == 3.5  # four of 32 reach it
     assert found.p == 2 / 32  # 10 and 20
     hill, slope = found.clusters
@@ -45,7 +45,7 @@ def test_a_straight_edge_is_crossed_where_it_is() -> None:
     )
     assert (hill.p, hill.p_peak) == (2 / 32, 2 / 32)  # masses 49, 20, 4, 3.5; peaks 10, 20, 4, 3.5
     assert (slope.p, slope.p_peak) == (1 / 32, 2 / 32)
-    same = curve_test("t", lambda items: np.tile(curve, (len(items), 1)), (5,), which, alpha=0.5)
+    same = assess_curve("t", lambda items: np.tile(curve, (len(items), 1)), (5,), which, alpha=0.5)
     assert (same.threshold, same.p, same.clusters) == (np.inf, 1.0, ())
 
 
@@ -54,7 +54,7 @@ def test_a_straight_edge_is_crossed_where_it_is() -> None:
 def test_ends_of_clusters_lie_on_the_threshold(seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, second = smooth(rng, 8) + 1.5 * bump(40), smooth(rng, 8) + 1.5 * bump(90)
-    found = paired_t_test(first, second, rng)
+    found = compare_paired(first, second, rng)
     for cluster in found.clusters:
         for end in (cluster.start, cluster.end):
             height = np.interp(end, NODES, found.statistic) * np.sign(cluster.peak)
@@ -84,14 +84,16 @@ def test_masses_are_sums_of_runs(seed: int, threshold: float) -> None:
         ]
         return max(sums, default=0.0)
 
-    np.testing.assert_allclose(largest_masses(curves, threshold), [by_hand(c) for c in curves], rtol=1e-12)
+    np.testing.assert_allclose(
+        find_largest_masses(curves, threshold), [by_hand(c) for c in curves], rtol=1e-12
+    )
 
 
 @given(st.lists(st.integers(0, 12), min_size=1, max_size=60), st.floats(0.01, 0.99))
 @settings(deadline=None)
 def test_a_threshold_is_the_smallest_rare_value(maxima: list[int], alpha: float) -> None:
     values = np.array(maxima, dtype=float)
-    found = critical_value(values, alpha)
+    found = find_critical_value(values, alpha)
     shares = {v: np.mean(values >= v) for v in values}
     rare = [v for v, share in shares.items() if share <= alpha + 1e-9]
     assert found == min(rare, default=np.inf)

@@ -10,8 +10,8 @@ import pytest
 
 from scaling_service.numerics.statistics.waveforms import (
     WaveformSettings,
-    paired_t_test,
-    repeated_measures_anova,
+    analyse_repeated_measures,
+    compare_paired,
 )
 from tests.evaluation.curves import smooth
 
@@ -25,8 +25,8 @@ def false_positives(
         rng = np.random.default_rng([22, n, k, i])
         values = scale * smooth(rng, n, k) + 2.0 * smooth(rng, n, 1)
         found += (
-            repeated_measures_anova(values, rng, chosen).significant,
-            paired_t_test(values[:, 0], values[:, 1], rng, chosen).significant,
+            analyse_repeated_measures(values, rng, chosen).significant,
+            compare_paired(values[:, 0], values[:, 1], rng, chosen).significant,
         )
     return tuple(found / experiments)
 

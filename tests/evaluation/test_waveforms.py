@@ -13,15 +13,15 @@ from scaling_service.numerics.statistics.permutation_tests import (
     CurveTest,
     PairedT,
     RepeatedMeasuresF,
-    orders,
-    signs,
+    draw_orders,
+    draw_signs,
 )
 from scaling_service.numerics.statistics.waveforms import (
     Curves,
     WaveformSettings,
+    analyse_repeated_measures,
+    compare_paired,
     compare_waveforms,
-    paired_t_test,
-    repeated_measures_anova,
 )
 from tests.evaluation.curves import bump, smooth
 
@@ -66,7 +66,7 @@ def test_t_is_scipys_and_its_square_is_f() -> None:
 
 def test_statistics_of_a_batch_are_those_of_rearranged_data() -> None:
     values = np.random.default_rng(3).normal(size=(5, 3, 7))
-    some = orders(5, 3, 40, np.random.default_rng(4)).items
+    some = draw_orders(5, 3, 40, np.random.default_rng(4)).items
     found = RepeatedMeasuresF(values)(some)
     for row, order in zip(found, some, strict=True):
         moved = np.take_along_axis(values, order[:, :, None].astype(int), axis=1)
@@ -75,25 +75,25 @@ def test_statistics_of_a_batch_are_those_of_rearranged_data() -> None:
 
 def test_a_batch_does_not_depend_on_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
     values = smooth(np.random.default_rng(5), 6, 3)
-    before = repeated_measures_anova(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
+    before = analyse_repeated_measures(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
     monkeypatch.setattr("scaling_service.numerics.statistics.permutation_tests._BATCH", 1)
-    after = repeated_measures_anova(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
+    after = analyse_repeated_measures(values, np.random.default_rng(6), WaveformSettings(rearrangements=300))
     assert after.threshold == pytest.approx(before.threshold, rel=1e-9)
     assert after.p == before.p
 
 
 def test_few_rearrangements_are_all_taken() -> None:
     rng = np.random.default_rng(0)
-    flips = signs(6, 32, rng)
+    flips = draw_signs(6, 32, rng)
     assert flips.exact
     assert len({tuple(row) for row in flips.items}) == 32
     assert (flips.items[0] == 1).all()
-    assert not signs(6, 31, rng).exact
-    every = orders(3, 3, 36, rng)
+    assert not draw_signs(6, 31, rng).exact
+    every = draw_orders(3, 3, 36, rng)
     assert every.exact
     assert len({row.tobytes() for row in every.items}) == 36
     assert (every.items[0] == np.arange(3)).all()
-    drawn = orders(3, 3, 35, rng)
+    drawn = draw_orders(3, 3, 35, rng)
     assert (drawn.exact, len(drawn.items)) == (False, 35)
     assert (drawn.items[0] == np.arange(3)).all()
     assert (np.sort(drawn.items, axis=2) == np.arange(3)).all()
@@ -105,7 +105,7 @@ def test_p_of_an_exact_test_is_the_share_counted_by_hand() -> None:
         f_by_regression(np.stack([values[s, list(order)] for s, order in enumerate(choice)])).max()
         for choice in product(permutations(range(3)), repeat=3)
     ]
-    found = repeated_measures_anova(values, np.random.default_rng(0))
+    found = analyse_repeated_measures(values, np.random.default_rng(0))
     assert (found.exact, found.rearrangements) == (True, 36)
     share = np.mean(np.array(everything) >= f_by_regression(values).max() * (1 - 1e-9))
     assert found.p == pytest.approx(share)
@@ -116,12 +116,12 @@ def test_an_exact_test_errs_no_more_than_it_says() -> None:
     values = np.random.default_rng(8).normal(size=(4, 3, 6))
     chosen = WaveformSettings(alpha=0.1)
     results = [
-        repeated_measures_anova(
+        analyse_repeated_measures(
             np.take_along_axis(values, order[:, :, None].astype(int), axis=1),
             np.random.default_rng(0),
             chosen,
         )
-        for order in orders(4, 3, 216, np.random.default_rng(0)).items
+        for order in draw_orders(4, 3, 216, np.random.default_rng(0)).items
     ]
     rejected = np.mean([r.significant for r in results])
     assert rejected == pytest.approx(21 / 216)  # the largest share of 216 that is no more than 0.1
@@ -138,7 +138,7 @@ def test_six_subjects_cannot_decide_four_pairs() -> None:
     assert (test.threshold, test.smallest_p, test.can_decide) == (np.inf, 1 / 32, False)
     assert test.p == 1 / 32
     assert not test.significant
-    single = paired_t_test(values[:, 0], values[:, 4], np.random.default_rng(1))
+    single = compare_paired(values[:, 0], values[:, 4], np.random.default_rng(1))
     assert single.can_decide
     assert [c.p for c in single.clusters] == [1 / 32]
 
@@ -149,7 +149,7 @@ def test_offsets_of_subjects_units_and_direction_do_not_matter() -> None:
     chosen = WaveformSettings(rearrangements=500)
 
     def tested(curves: np.ndarray) -> CurveTest:
-        return repeated_measures_anova(curves, np.random.default_rng(11), chosen)
+        return analyse_repeated_measures(curves, np.random.default_rng(11), chosen)
 
     plain, moved = tested(values), tested(57.3 * values + 100.0 * smooth(rng, 8, 1))
     assert plain.significant
@@ -157,8 +157,8 @@ def test_offsets_of_subjects_units_and_direction_do_not_matter() -> None:
     assert moved.threshold == pytest.approx(plain.threshold, rel=1e-6)
     turned = tested(values[:, :, ::-1])
     assert [100.0 - c.end for c in turned.clusters] == pytest.approx([c.start for c in plain.clusters])
-    swapped = paired_t_test(values[:, 0], values[:, 1], np.random.default_rng(12))
-    forward = paired_t_test(values[:, 1], values[:, 0], np.random.default_rng(12))
+    swapped = compare_paired(values[:, 0], values[:, 1], np.random.default_rng(12))
+    forward = compare_paired(values[:, 1], values[:, 0], np.random.default_rng(12))
     np.testing.assert_array_equal(swapped.statistic, -forward.statistic)
     assert [c.p for c in swapped.clusters] == [c.p for c in forward.clusters]
 
@@ -166,15 +166,15 @@ def test_offsets_of_subjects_units_and_direction_do_not_matter() -> None:
 def test_equal_methods_do_not_differ() -> None:
     one = smooth(np.random.default_rng(13), 7)
     for other in (one, one * (1 + 1e-15)):
-        test = paired_t_test(one, other, np.random.default_rng(0))
+        test = compare_paired(one, other, np.random.default_rng(0))
         assert (test.p, test.significant, float(np.abs(test.statistic).max())) == (1.0, False, 0.0)
-        anova = repeated_measures_anova(np.stack([one, other, one], axis=1), np.random.default_rng(0))
+        anova = analyse_repeated_measures(np.stack([one, other, one], axis=1), np.random.default_rng(0))
         assert (anova.p, anova.significant) == (1.0, False)
 
 
 def test_a_constant_difference_is_certain_and_finite() -> None:
     one = smooth(np.random.default_rng(14), 7)
-    test = paired_t_test(one + 0.1, one, np.random.default_rng(0))
+    test = compare_paired(one + 0.1, one, np.random.default_rng(0))
     assert np.isfinite(test.statistic).all()
     assert test.statistic.min() > 1e4
     assert (test.p, [(c.start, c.end) for c in test.clusters]) == (1 / 64, [(0.0, 100.0)])

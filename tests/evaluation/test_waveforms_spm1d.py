@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
-from scaling_service.numerics.statistics.waveforms import paired_t_test, repeated_measures_anova
+from scaling_service.numerics.statistics.waveforms import analyse_repeated_measures, compare_paired
 from tests.evaluation.curves import bump, smooth
 
 
@@ -46,10 +46,10 @@ def test_agrees_with_random_field_theory(seed: int, amplitude: float) -> None:
     values = smooth(rng, 26, 5) + 2.0 * smooth(rng, 26, 1)
     values[:, 0] += amplitude * bump(30)
     values[:, 3] -= amplitude * bump(75)
-    assert_agree(repeated_measures_anova(values, rng), peer_anova(spm1d, values))
+    assert_agree(analyse_repeated_measures(values, rng), peer_anova(spm1d, values))
     first, second = values[:, 0], values[:, 3]
     peer = spm1d.stats.ttest_paired(first, second).inference(0.05, two_tailed=True)
-    assert_agree(paired_t_test(first, second, rng), peer)
+    assert_agree(compare_paired(first, second, rng), peer)
 
 
 @pytest.mark.benchmark
@@ -61,7 +61,7 @@ def test_thresholds_against_spm1d_at_length() -> None:
         rng = np.random.default_rng([23, i])
         values = smooth(rng, 26, 5) + 2.0 * smooth(rng, 26, 1)
         clock = time.perf_counter()
-        f, t = repeated_measures_anova(values, rng), paired_t_test(values[:, 0], values[:, 1], rng)
+        f, t = analyse_repeated_measures(values, rng), compare_paired(values[:, 0], values[:, 1], rng)
         seconds[0] += time.perf_counter() - clock
         clock = time.perf_counter()
         peer_f = peer_anova(spm1d, values)

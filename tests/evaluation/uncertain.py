@@ -5,14 +5,18 @@ from __future__ import annotations
 from functools import cache
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
-from scaling_service.studies.muller2017.excitation import ExcitationSettings, ExcitedPerson, excited_person
+from scaling_service.studies.muller2017.excitation import (
+    ExcitationSettings,
+    ExcitedPerson,
+    make_excited_person,
+)
 
 SHORT = ExcitationSettings(seconds=8.0)
 
 
 @cache
 def person() -> ExcitedPerson:
-    return excited_person(7, SHORT, ("in_order",))
+    return make_excited_person(7, SHORT, ("in_order",))
 
 
 def recording() -> Recording:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.files.c3d import c3d_plates, read_c3d
+from scaling_service.files.c3d import read_c3d, read_c3d_plates
 from scaling_service.files.c3d_file import C3dFile
 
 CORNERS = [[[600.0], [600.0], [0.0], [0.0]], [[400.0], [0.0], [0.0], [400.0]], [[0.0]] * 4]
@@ -32,7 +32,7 @@ def made(kind: int = 2, *, units: tuple[str, ...] = ("N",) * 3 + ("Nmm",) * 3, *
 
 
 def test_numbers_become_si_and_the_clock_is_that_of_the_samples() -> None:
-    recording = c3d_plates(made())
+    recording = read_c3d_plates(made())
     (plate,) = recording.plates
     np.testing.assert_allclose(recording.times, np.arange(40) / 1000)
     np.testing.assert_allclose(plate.signals[1], [1.0, 101.0, 201.0, 0.301, 0.401, 0.501])
@@ -42,24 +42,24 @@ def test_numbers_become_si_and_the_clock_is_that_of_the_samples() -> None:
 
 
 def test_units_of_moments_are_believed_and_missing_ones_are_reported() -> None:
-    metres = c3d_plates(made(units=("N",) * 3 + ("N.m",) * 3))
+    metres = read_c3d_plates(made(units=("N",) * 3 + ("N.m",) * 3))
     np.testing.assert_allclose(metres.plates[0].signals[0, 3:], [300.0, 400.0, 500.0])
-    silent = c3d_plates(made(units=()))
+    silent = read_c3d_plates(made(units=()))
     np.testing.assert_allclose(silent.plates[0].signals[0, 3:], [0.3, 0.4, 0.5])
     assert [r.what for r in silent.repairs] == ["unit"]
 
 
 def test_a_calibration_matrix_turns_volts_into_forces() -> None:
-    plate = c3d_plates(made(4, units=("V",) * 6)).plates[0]
+    plate = read_c3d_plates(made(4, units=("V",) * 6)).plates[0]
     np.testing.assert_allclose(plate.signals[0], [0, 300, 800, 150, 240, 350])  # N mm: 500 x 300 / 1000
 
 
 def test_a_baseline_is_taken_off_only_where_nobody_stands() -> None:
     low = replace(made(ZERO=[1, 2]), analog=np.full((40, 6), 3.0))
-    empty = c3d_plates(low)
+    empty = read_c3d_plates(low)
     np.testing.assert_array_equal(empty.plates[0].signals, 0.0)
     assert [r.what for r in empty.repairs] == ["baseline"]
-    stood_on = c3d_plates(made(ZERO=[1, 2]))
+    stood_on = read_c3d_plates(made(ZERO=[1, 2]))
     assert [r.what for r in stood_on.repairs] == ["baseline_refused"]
     assert stood_on.plates[0].signals[0, 2] == 200.0
 
@@ -80,7 +80,7 @@ def test_a_baseline_is_taken_off_only_where_nobody_stands() -> None:
 )
 def test_what_cannot_be_used_is_refused_by_name(file: C3dFile, said: str) -> None:
     with pytest.raises(TrialUnusable, match=said) as caught:
-        c3d_plates(file)
+        read_c3d_plates(file)
     assert caught.value.remedy
     assert caught.value.field
 

@@ -9,7 +9,7 @@ import pytest
 from scaling_service.capabilities.subject.loading import with_stated_sizes
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.reading import check_document
-from scaling_service.files.c3d import read_c3d, stated_sizes
+from scaling_service.files.c3d import read_c3d, read_stated_sizes
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import MeasuredSizes
 from tests.files.made import random_trial
@@ -45,7 +45,7 @@ def test_vicons_processing_group_is_read_from_the_file(tmp_path):
 
 @pytest.mark.parametrize(("height", "width"), [(1480.0, 104.0), (148.0, 10.4), (1.48, 0.104)])
 def test_the_unit_is_the_one_that_a_person_can_have(height, width):
-    found = stated_sizes({"PROCESSING": {"Height": [height], "RKneeWidth": [width]}})
+    found = read_stated_sizes({"PROCESSING": {"Height": [height], "RKneeWidth": [width]}})
     assert (found.height_m, found.lengths_m) == (1.48, {"knee_width_r": 0.104})
 
 
@@ -53,8 +53,8 @@ def test_what_was_not_entered_or_is_no_persons_is_left_out():
     stated = {
         "PROCESSING": {"Height": [0.0], "Bodymass": [0.0], "LKneeWidth": [900.0], "RKneeWidth": ["wide"]}
     }
-    assert not stated_sizes(stated)
-    assert not stated_sizes({})
+    assert not read_stated_sizes(stated)
+    assert not read_stated_sizes({})
 
 
 def test_the_subject_file_counts_before_the_recordings_and_says_so(tmp_path):

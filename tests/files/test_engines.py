@@ -18,8 +18,8 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.files.engines import list_limbs, write_biomod, write_mjcf
 from scaling_service.files.osim.models import read_osim
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
-from scaling_service.model.poses import placed_markers, segment_poses
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
+from scaling_service.model.poses import place_markers, pose_segments
 from tests.calibration.people import person
 from tests.files.osim.hand_made import hand_made
 
@@ -94,15 +94,15 @@ def check_poses(model: BodyModel, engine: str) -> None:
     axes = [axis for limb in list_limbs(model) for axis in limb.axes]
     values = np.stack([np.broadcast_to(axis.value(columns), N_POSES) for axis in axes], axis=1)
     origins, markers = ENGINES[engine](model, values)
-    np.testing.assert_allclose(origins, segment_poses(model, q)[..., :3], rtol=0, atol=ATOL)
-    wanted = placed_markers(model, model.marker_names, q)
+    np.testing.assert_allclose(origins, pose_segments(model, q)[..., :3], rtol=0, atol=ATOL)
+    wanted = place_markers(model, model.marker_names, q)
     np.testing.assert_allclose(markers.reshape(wanted.shape), wanted, rtol=0, atol=ATOL)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("which", [*BUILTIN_NAMES, "hand made"])
 def test_an_engine_has_every_segment_and_marker_where_we_have_it(which: str, engine: str) -> None:
-    check_poses(hand_made() if which == "hand made" else builtin(which), engine)
+    check_poses(hand_made() if which == "hand made" else load_builtin(which), engine)
 
 
 def test_what_is_not_carried_is_listed() -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.files.sto import Table, motion_table, read_sto, write_sto
+from scaling_service.files.sto import Table, read_sto, tabulate_motion, write_sto
 from tests.files.made import SHARED_FOLDER, outcome
 
 
@@ -112,7 +112,7 @@ def test_damage_gives_a_table_or_a_clear_refusal(tmp_path, data):
 def test_motion_is_in_degrees_and_metres():
     q = np.array([[np.pi / 2, 1.0], [np.pi, -2.0]])
     kinds = {"hip": "rotation", "tx": "translation"}
-    table = motion_table("m", [0.0, 0.1], list(kinds), list(kinds.values()), q)
+    table = tabulate_motion("m", [0.0, 0.1], list(kinds), list(kinds.values()), q)
     np.testing.assert_allclose(table.data, [[0, 90, 1], [0.1, 180, -2]])
     assert table.in_degrees is True
     assert table.columns == ("time", "hip", "tx")
@@ -137,7 +137,7 @@ def test_opensim_reads_what_is_written(tmp_path):
     for name, values in (("whole.mot", q), ("holed.mot", holed)):
         write_sto(
             tmp_path / name,
-            motion_table("m", np.arange(4) / 100, ["hip", "tx"], ["rotation", "translation"], values),
+            tabulate_motion("m", np.arange(4) / 100, ["hip", "tx"], ["rotation", "translation"], values),
         )
     script = (
         "import opensim, numpy as np\n"

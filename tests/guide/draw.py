@@ -13,7 +13,7 @@ from pathlib import Path
 
 from scaling_service.guide.pages import FOLDER
 from scaling_service.service.http.documentation import describe
-from scaling_service.service.page.schema import openapi
+from scaling_service.service.page.schema import make_openapi
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / ".github" / "ARCHITECTURE.md"
@@ -39,7 +39,7 @@ def _edges(layers: list[str]) -> list[str]:
 
 def describe_http() -> str:
     """The page on HTTP, with a service on this machine."""
-    return describe(openapi(), "http://127.0.0.1:8000") + "\n"
+    return describe(make_openapi(), "http://127.0.0.1:8000") + "\n"
 
 
 def main() -> None:

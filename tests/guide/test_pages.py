@@ -15,7 +15,7 @@ import pytest
 import scaling_service
 from scaling_service.cli import main
 from scaling_service.guide import pages
-from scaling_service.guide.notebooks import text_of
+from scaling_service.guide.notebooks import read_output
 from scaling_service.guide.site import make_site, write_site
 from tests.guide import notebooks
 from tests.guide.renew import MEASURES, PAPERS, measure_bank
@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RUN = [
     name
-    for name in pages.names()
+    for name in pages.list_pages()
     if name not in notebooks.NAMES
     and any(block.language in ("bash", "python") for block in blocks(pages.read_page(name)))
 ]
@@ -68,7 +68,7 @@ QUICK = ("notebook-compare", "notebook-scale")
 def test_a_notebook_prints_and_draws_what_it_shows(name: str) -> None:
     found = notebooks.execute(name, draw=False)
     for cell, outputs in zip(notebooks.read(name)["cells"], found, strict=True):
-        shown, printed = ("\n".join(map(text_of, each)) for each in (cell.get("outputs", []), outputs))
+        shown, printed = ("\n".join(map(read_output, each)) for each in (cell.get("outputs", []), outputs))
         assert_shown(shown, printed)
         drawn = sum("image/png" in output.get("data", ()) for output in cell.get("outputs", []))
         assert drawn == printed.splitlines().count("Figure")
@@ -102,7 +102,7 @@ def test_what_is_shown_must_be_printed() -> None:
 
 def test_commands_that_need_other_machines_exist(capsys: pytest.CaptureFixture[str]) -> None:
     """Those in blocks that are not run: every command and option is one of the program's."""
-    shells = [b for n in pages.names() for b in blocks(pages.read_page(n)) if b.language == "sh"]
+    shells = [b for n in pages.list_pages() for b in blocks(pages.read_page(n)) if b.language == "sh"]
     found = [words for block in shells for words in commands(block.text)]
     assert len(found) > 10
     for words in found:
@@ -115,7 +115,7 @@ def test_commands_that_need_other_machines_exist(capsys: pytest.CaptureFixture[s
 
 def test_links_lead_somewhere() -> None:
     site = make_site()
-    for name in pages.names():
+    for name in pages.list_pages():
         html = site[f"{name}.html"].decode()
         assert html.count("<h1") == 1
         for target in re.findall(r'(?:href|src)="([^"]+)"', html):
@@ -128,7 +128,7 @@ def test_links_lead_somewhere() -> None:
 
 
 def test_no_figure_is_missing_and_no_mark_is_left() -> None:
-    for name in pages.names():
+    for name in pages.list_pages():
         assert "{{" not in pages.read_page(name)
 
 
@@ -205,7 +205,7 @@ def test_it_opens_and_searches_offline(visitor: object) -> None:
 
 def test_it_fits_a_phone(visitor: object) -> None:
     page = visitor
-    for name in pages.names():
+    for name in pages.list_pages():
         page.goto(page.url.rpartition("/")[0] + f"/{name}.html")
         assert page.evaluate("document.documentElement.scrollWidth") <= 360, name
 

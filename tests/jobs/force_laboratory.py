@@ -9,14 +9,14 @@ import yaml
 
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
-from scaling_service.model.inertia import total_mass
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.inertia import sum_mass
 from scaling_service.virtual.plates import MARKER_NOISE_M, record_on_plates, write_forces
 
 
 def document(**changes: Any) -> dict[str, Any]:
     """The laboratory's subject document, with top-level keys replaced."""
-    mass = round(total_mass(builtin("full_body_35dof")), 3)
+    mass = round(sum_mass(load_builtin("full_body_35dof")), 3)
     return {
         "subject": {"id": "S01", "sex": "M", "height_m": 1.762, "mass_kg": mass},
         "model": "full_body_35dof",

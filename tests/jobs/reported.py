@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scaling_service.capabilities.scaling.clinical_gait import clinical_of
-from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+from scaling_service.capabilities.scaling.clinical_gait import describe_clinical_gait
+from scaling_service.capabilities.scaling.comparison.evidence import gather_evidence
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.result import Results
-from scaling_service.capabilities.scaling.saving import comparison_document, method_document
+from scaling_service.capabilities.scaling.saving import make_comparison_document, make_method_document
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.report.reading import Node, read
 
@@ -19,14 +19,14 @@ MOST_BYTES = 8e6
 
 def document_of(results: Results, truth: TruthDocument | None = None) -> ComparisonDocument:
     methods = {
-        name: method_document(scaling, results, clinical_of(scaling, results))
+        name: make_method_document(scaling, results, describe_clinical_gait(scaling, results))
         for name, scaling in results.scalings.items()
     }
-    return comparison_document(results, methods, truth, judge(evidence_of(results)))
+    return make_comparison_document(results, methods, truth, judge(gather_evidence(results)))
 
 
 def html_of(results: Results, document: ComparisonDocument) -> str:
-    evidence = evidence_of(results)
+    evidence = gather_evidence(results)
     return report_page(results, document, evidence, judge(evidence)).html()
 
 

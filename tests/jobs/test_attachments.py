@@ -19,7 +19,7 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.osim.muscles import read_attachments
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from tests.jobs.recorded import imaged_walker_document, walker_document
 
 pytest.importorskip("opensim")
@@ -79,7 +79,7 @@ def test_attachments_go_where_the_known_map_takes_them(followed: tuple[Results, 
 def test_the_rest_of_the_model_stays(followed: tuple[Results, Path]) -> None:
     _, folder = followed
     plain, moved = (read_osim(folder / name / "EB" / "model.osim") for name in ("plain", "out"))
-    assert segment_lengths(moved) == pytest.approx(segment_lengths(plain), abs=1e-12)
+    assert measure_segment_lengths(moved) == pytest.approx(measure_segment_lengths(plain), abs=1e-12)
     assert moved.markers == plain.markers
 
 

@@ -13,7 +13,7 @@ from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.scaling.saving import write_bones
 from scaling_service.files.mesh import read_mesh
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone, ImageEvidence
 from tests.calibration.people import imaged, person
@@ -65,7 +65,7 @@ def test_files_are_in_metres_and_read_again(
 def test_the_skeleton_stands(calibration: Calibration, evidence: ImageEvidence, tmp_path: Path) -> None:
     write_bones(tmp_path, calibration, evidence.bones)
     scene = trimesh.load_scene(tmp_path / "bones.glb")
-    frames = neutral_frames(calibration.model)
+    frames = pose_neutral_frames(calibration.model)
     assert set(scene.graph.nodes_geometry) == {"femur_r", "tibia_r"}
     for name in ("femur_r", "tibia_r"):
         transform, geometry = scene.graph[name]

@@ -14,11 +14,11 @@ import yaml
 from pydantic import ValidationError
 
 from scaling_service.capabilities.datasets.catalogue import Dataset, find_dataset, read_catalogue
-from scaling_service.capabilities.datasets.run import next_commands
+from scaling_service.capabilities.datasets.run import list_next_commands
 from scaling_service.cli.app import app
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.reference import find_reference_folder, read_reference
 
 CATALOGUE = read_catalogue()
 
@@ -40,7 +40,7 @@ def test_each_subject_file_is_valid_and_names_only_what_is_there(name: str) -> N
 def test_the_next_commands_exist_and_name_what_is_there(name: str, tmp_path: Path) -> None:
     dataset, known = CATALOGUE[name], typer.main.get_command(app)
     there = {"subject.yaml", *(file.saved_as for file in dataset.files)}
-    for command in next_commands(dataset, tmp_path / "a folder"):
+    for command in list_next_commands(dataset, tmp_path / "a folder"):
         program, verb, *words = shlex.split(command)
         assert program == "scaling-service"
         assert verb in known.list_commands(typer.Context(known))
@@ -91,7 +91,7 @@ def _top(**changes: object) -> Callable[[dict[str, Any]], None]:
     ],
 )
 def test_a_dataset_that_cannot_be_used(spoil: Callable[[dict[str, Any]], None], said: str) -> None:
-    document = read_reference(reference_folder() / "datasets.yaml")["datasets"]["functional"]
+    document = read_reference(find_reference_folder() / "datasets.yaml")["datasets"]["functional"]
     spoil(document)
     with pytest.raises(ValidationError, match=said):
         Dataset.model_validate(document)

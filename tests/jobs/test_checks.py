@@ -14,7 +14,7 @@ from scaling_service.capabilities.subject.checks import (
     require_landmarks,
     require_measurements,
 )
-from scaling_service.capabilities.subject.reading import input_hashes, load_subject
+from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
 from scaling_service.core.errors import InputError, MarkerMissing, SubjectInvalid, TrialUnusable
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
@@ -160,4 +160,4 @@ def test_a_link_keeps_its_own_name(tmp_path: Path) -> None:
     file = write_subject(tmp_path, document())
     subject = load_subject(file)
     assert [path.stem for path in subject.evaluation] == ["walk"]
-    assert set(input_hashes(subject, file)) == {"S01.yaml", "standing.trc", "hips.trc", "walk.trc"}
+    assert set(hash_input_files(subject, file)) == {"S01.yaml", "standing.trc", "hips.trc", "walk.trc"}

@@ -11,17 +11,17 @@ import pytest
 from scaling_service.capabilities.scaling.clinical_gait import (
     VARIABLES,
     ClinicalGait,
-    clinical_document,
-    clinical_gait,
+    compute_clinical_gait,
+    make_clinical_document,
     write_clinical,
 )
 from scaling_service.model.results import Motion
-from scaling_service.virtual.subject import VirtualSettings, demo_session
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session
 
 
 @pytest.fixture(scope="module")
 def gait() -> ClinicalGait:
-    session, person = demo_session(4, VirtualSettings(functional_s=3.0, strides=4.0))
+    session, person = make_demo_session(4, VirtualSettings(functional_s=3.0, strides=4.0))
     names = person.model.coordinate_names
     motions = {}
     for trial in session.dynamic:
@@ -30,7 +30,9 @@ def gait() -> ClinicalGait:
         motions[trial.name] = Motion(
             trial.name, trial.times, names, q, (), np.empty((trial.n_frames, 0, 3)), names
         )
-    return clinical_gait(person.model, motions, session.dynamic, {t.name for t in session.calibration})
+    return compute_clinical_gait(
+        person.model, motions, session.dynamic, {t.name for t in session.calibration}
+    )
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -60,7 +62,7 @@ def test_tables_hold_every_frame_and_every_cycle(gait: ClinicalGait, tmp_path: P
 
 
 def test_the_document_sums_the_cycles_up(gait: ClinicalGait) -> None:
-    document = clinical_document(gait)
+    document = make_clinical_document(gait)
     for side in ("r", "l"):
         found, values = document.sides[side], gait.cycles[side].values
         assert len(found.cycles) == len(gait.cycles[side].cycles)

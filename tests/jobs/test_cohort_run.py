@@ -21,20 +21,20 @@ from scaling_service.capabilities.cohort.outcomes import (
     Done,
     NothingPossible,
     Outcome,
-    possible_methods,
     run_members,
+    select_possible_methods,
 )
 from scaling_service.capabilities.cohort.run import BatchResult, summarise_cohort
-from scaling_service.capabilities.cohort.saving import table
+from scaling_service.capabilities.cohort.saving import write_table
 from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.threads import Serial
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Subject
 from scaling_service.studies.puchaud2019.run import VirtualPerson
-from scaling_service.virtual.subject import VirtualSettings, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
 from tests.calibration.people import imaged, person
 
 SHORT = VirtualSettings(functional_s=3.0, gait_trials=1)
@@ -90,7 +90,7 @@ def test_virtual_people_are_measured_against_the_truth(people, alone):
     assert [o.status for o in alone.outcomes] == ["done"] * 3
     assert [o.groups for o in alone.outcomes] == [{"site": "north"}] * 3
     assert [s.id for s in alone.document.subjects] == ["virtual_3", "virtual_1", "virtual_2"]
-    truth = segment_lengths(virtual_subject(1, SHORT).model)
+    truth = measure_segment_lengths(make_virtual_subject(1, SHORT).model)
     summary = alone.outcomes[1].summary
     assert summary is not None
     assert summary.true_lengths == truth
@@ -111,14 +111,14 @@ def test_virtual_people_are_measured_against_the_truth(people, alone):
 
 
 def test_the_table_of_angles_has_every_curve_in_degrees(alone):
-    rows = list(csv.DictReader(io.StringIO(table("angles.csv", alone.outcomes))))
+    rows = list(csv.DictReader(io.StringIO(write_table("angles.csv", alone.outcomes))))
     assert len(rows) == 3 * 2 * 8
     row = next(r for r in rows if (r["subject"], r["method"]) == ("virtual_1", "MB_am"))
     curve = alone.outcomes[1].summary.methods["MB_am"].curves[row["coordinate"]]
     assert [float(row[f"deg_at_{k}_percent"]) for k in (0, 50, 100)] == pytest.approx(
         np.degrees([curve[k] for k in (0, 50, 100)]), abs=1e-4
     )
-    lengths = list(csv.DictReader(io.StringIO(table("lengths.csv", alone.outcomes))))
+    lengths = list(csv.DictReader(io.StringIO(write_table("lengths.csv", alone.outcomes))))
     assert {r["method"] for r in lengths} == {*METHODS, TRUTH}
 
 
@@ -216,13 +216,13 @@ def test_an_unknown_method_is_refused_before_any_work():
 
 def test_methods_are_possible_with_what_there_is(tmp_path):
     bare = Subject(id="S", model="lower_limb_14dof")
-    assert possible_methods(bare)[0] == ("MB",)
-    assert possible_methods(bare)[1]["EB_am"] == "no bones"
+    assert select_possible_methods(bare)[0] == ("MB",)
+    assert select_possible_methods(bare)[1]["EB_am"] == "no bones"
     moved = replace(bare, calibration=(tmp_path / "hips.trc",))
-    assert possible_methods(moved, ["MB_am", "EB"]) == (("MB_am",), {"EB": "no bones"})
+    assert select_possible_methods(moved, ["MB_am", "EB"]) == (("MB_am",), {"EB": "no bones"})
     whole = replace(moved, bones={"pelvis": tmp_path / "pelvis.stl"})
-    assert possible_methods(whole)[1] == {}
-    assert "built-in" in possible_methods(replace(whole, model=str(tmp_path / "m.osim")))[1]["EB"]
+    assert select_possible_methods(whole)[1] == {}
+    assert "built-in" in select_possible_methods(replace(whole, model=str(tmp_path / "m.osim")))[1]["EB"]
 
 
 def test_a_leg_that_was_not_imaged_has_no_image_based_length():
@@ -233,5 +233,5 @@ def test_a_leg_that_was_not_imaged_has_no_image_based_length():
     assert set(summary.methods["EB"].lengths) == {"femur_r", "shank_r"}
     assert set(summary.methods["EB"].knee_axes) == {"r"}
     assert set(summary.centres["EB"]["MB"]) == {"hip_r", "knee_r", "ankle_r"}
-    true = segment_lengths(someone.truth)
+    true = measure_segment_lengths(someone.truth)
     assert summary.methods["EB"].lengths["femur_r"] == pytest.approx(true["femur_r"], abs=1e-6)

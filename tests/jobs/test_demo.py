@@ -9,8 +9,8 @@ from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.documents.results import TruthDocument
-from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.virtual.subject import virtual_subject
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.virtual.subject import make_virtual_subject
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +79,6 @@ def test_the_seed_decides_the_person(demonstration: tuple[Results, TruthDocument
     results, truth = demonstration
     assert results.session.subject.id == "virtual_3"
     for seed, same in ((3, True), (4, False)):
-        lengths = segment_lengths(virtual_subject(seed).model)
+        lengths = measure_segment_lengths(make_virtual_subject(seed).model)
         close = [abs(1e3 * lengths[name] - true) < 1e-3 for name, true in truth.segment_lengths_mm.items()]
         assert all(close) is same

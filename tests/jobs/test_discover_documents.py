@@ -14,11 +14,11 @@ from scaling_service.capabilities.discovery.document import (
     QuantityDocument,
     UnexplainedDocument,
 )
-from scaling_service.capabilities.discovery.effects.catalogue import known_effects
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.numbers import format_quantity
-from scaling_service.capabilities.discovery.result import discovery_document
+from scaling_service.capabilities.discovery.result import make_discovery_document
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.text import headline, meaning
+from scaling_service.capabilities.discovery.text import describe_meaning, write_headline
 from tests.jobs.hand_made import LOAD, LOCKED, SCALE, TOUCH, findings
 from tests.jobs.hidden_case import found
 
@@ -36,7 +36,7 @@ KINDS = {
 def written(*effects: NamedEffect) -> dict[str, Any]:
     """As it stands in the file."""
     results = replace(found(), findings=findings(*effects))
-    text = json.dumps(discovery_document(results).model_dump(mode="json"), allow_nan=False)
+    text = json.dumps(make_discovery_document(results).model_dump(mode="json"), allow_nan=False)
     content: dict[str, Any] = json.loads(text)
     assert DiscoveryDocument.model_validate(content).model_dump(mode="json") == content
     return content
@@ -97,8 +97,8 @@ def test_effects_without_columns_have_their_own_numbers() -> None:
 
 
 def test_every_kind_has_a_meaning() -> None:
-    assert set(known_effects()) == KINDS
-    assert all(len(meaning(kind)) > 10 for kind in known_effects())
+    assert set(find_effects()) == KINDS
+    assert all(len(describe_meaning(kind)) > 10 for kind in find_effects())
 
 
 def test_a_mass_has_its_unit_once() -> None:
@@ -123,5 +123,5 @@ def test_effects_that_explain_little_are_not_the_whole_headline(after: float, sa
     left = UnexplainedDocument(
         where=["LCPG"], observable="marker", unit="mm", law="none", rms=42.0, floor=2.0
     )
-    said = headline("found", [], level, [left], held_out=True)
+    said = write_headline("found", [], level, [left], held_out=True)
     assert ("left unexplained, above all at LCPG (42 mm)" in said) is says

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.forces import usable_frames
-from scaling_service.capabilities.discovery.laws.apply import corrected_forces
+from scaling_service.capabilities.discovery.forces import find_usable_frames
+from scaling_service.capabilities.discovery.laws.apply import correct_forces
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Contact, Estimate
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
-from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
+from scaling_service.capabilities.discovery.observations.performed import perform_on_plates
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.recordings import forces_table, write_contacts, write_corrected
+from scaling_service.capabilities.discovery.recordings import tabulate_forces, write_contacts, write_corrected
 from scaling_service.capabilities.discovery.search.naming import find_separating_movement
 from scaling_service.capabilities.discovery.start import Prepared, prepare
 from scaling_service.capabilities.subject.loading import open_subject
@@ -45,7 +45,7 @@ def test_recordings_with_forces_have_contacts(prepared: Prepared) -> None:
 
 def test_forces_come_back_as_they_were_written(prepared: Prepared) -> None:
     ground = next(iter(prepared.forces.values())).ground
-    again = read_forces_from_table(forces_table("again", ground), "again.mot")
+    again = read_forces_from_table(tabulate_forces("again", ground), "again.mot")
     np.testing.assert_allclose(again.force, ground.force, atol=1e-9)
     np.testing.assert_allclose(again.moment, ground.moment, atol=1e-9)
 
@@ -71,22 +71,22 @@ def test_a_step_beside_the_plates_does_not_count() -> None:
     n = 50
     ground = ground_of([[0.0, 0.0]] * n + [[700.0, 0.0]] * n)
     made = contacts([[-1, -1]] * n + [[0, -1]] * n, [[True, True]] * n + [[True, False]] * n)
-    assert not usable_frames(ground, made)[:n].any()
-    assert usable_frames(ground, made)[n:].all()
+    assert not find_usable_frames(ground, made)[:n].any()
+    assert find_usable_frames(ground, made)[n:].all()
 
 
 def test_a_foot_whose_plate_was_lost_does_count() -> None:
     n = 50
     ground = ground_of([[350.0, 0.0]] * n)
     made = contacts([[0, -1]] * n, [[True, True]] * n)
-    assert usable_frames(ground, made).all()
+    assert find_usable_frames(ground, made).all()
 
 
 def test_a_load_that_is_nobodys_does_not_count() -> None:
     n = 20
     ground = ground_of([[350.0, 350.0]] * n)
     made = contacts([[0, -1]] * n, [[True, True]] * n)
-    assert not usable_frames(ground, made).any()
+    assert not find_usable_frames(ground, made).any()
 
 
 def test_folders_without_forces_say_so(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_a_bias_is_taken_off_readings_only() -> None:
     ground = ground_of(loads.tolist())
     column = Column("fx_N", 1.0, load=PlateBias("plate_1", 0))
     bias = Estimate(Candidate("plate_bias", ("plate_1",), (column,)), np.array([12.0]))
-    mended = corrected_forces(ground, ground.times, [bias])
+    mended = correct_forces(ground, ground.times, [bias])
     expected = np.where(loads[:, :1] > 0.0, [-12.0, 350.0, 0.0], 0.0)
     np.testing.assert_allclose(mended.force[:, 0], expected)
     np.testing.assert_allclose(mended.force[:, 1], ground.force[:, 1])
@@ -165,7 +165,7 @@ def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_pat
 def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepared) -> None:
     """The plates give what the movement needs, and standing still that is the weight."""
     known = fit_recordings(SearchContext(prepared.model, prepared.recordings)).wrenches[0]
-    standing, squat = (performed_on_plates(known, movement) for movement in ("quiet standing", "a squat"))
+    standing, squat = (perform_on_plates(known, movement) for movement in ("quiet standing", "a squat"))
     assert standing is not None
     assert squat is not None
     for made in (standing, squat):
@@ -180,7 +180,7 @@ def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepar
 def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared) -> None:
     """Standing, a tilted vertical pulls as a plate's bias does; two plates' biases always look alike."""
     now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
-    every = list(candidates(now.scene))
+    every = list(propose_candidates(now.scene))
     tilt = next(c for c in every if c.kind == "gravity_tilt")
     biases = [c for c in every if c.kind == "plate_bias" and not c.trials and len(c.columns) == 6]
     leaning = Estimate(tilt, np.array([0.01, 0.0]))

@@ -10,32 +10,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.loads import Inertial, PlateGain, Tilt
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.models import (
-    corrected_model,
-    osim_plan,
-    own_models,
+    correct_model,
+    make_own_models,
+    plan_osim,
     write_corrected_osim,
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.scaling.methods.osim_image_based import Registration
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.files.osim.models import read_osim, write_osim
-from scaling_service.model.anatomy.lengths import straight_values
+from scaling_service.model.anatomy.lengths import straighten
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.results import Array, Calibration
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.jobs.hidden_case import session
 
 NEEDS_OPENSIM = pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
 
-MODEL = builtin("lower_limb_14dof")
+MODEL = load_builtin("lower_limb_14dof")
 SCENE = Scene(MODEL, MODEL.marker_names, ("hip_flexion_r", "knee_angle_r"), ("a", "b"))
 
 
@@ -45,14 +45,14 @@ def one(found: Iterable[Candidate], size: list[float], *where: str, trials: tupl
     return Estimate(candidate, np.array(size))
 
 
-TILT = one(candidates(SCENE, ["joint_axis_tilt"]), [0.05, -0.03], "knee_r")
-LENGTH = one(candidates(SCENE, ["segment_length"]), [0.04], "femur_r")
-OFFSET = one(candidates(SCENE, ["marker_offset"]), [0.01, -0.02, 0.005], "RFH")
-CENTRE = one(candidates(SCENE, ["joint_centre_offset"]), [0.004, 0.01, -0.006], "hip_l")
-GLIDE = one(candidates(SCENE, ["coupled_motion"]), [0.005, 0.002, 0.0], "knee_r")
-SKIN = one(candidates(SCENE, ["soft_tissue_artefact"]), [0.01, 0.0, 0.02], "RLFE")
-SWINGING = one(candidates(SCENE, ["skin_wobble"]), [1.0], "RLFE")
-ONCE = one(candidates(SCENE, ["marker_offset"]), [0.01, 0.0, 0.0], "LFH", trials=("b",))
+TILT = one(propose_candidates(SCENE, ["joint_axis_tilt"]), [0.05, -0.03], "knee_r")
+LENGTH = one(propose_candidates(SCENE, ["segment_length"]), [0.04], "femur_r")
+OFFSET = one(propose_candidates(SCENE, ["marker_offset"]), [0.01, -0.02, 0.005], "RFH")
+CENTRE = one(propose_candidates(SCENE, ["joint_centre_offset"]), [0.004, 0.01, -0.006], "hip_l")
+GLIDE = one(propose_candidates(SCENE, ["coupled_motion"]), [0.005, 0.002, 0.0], "knee_r")
+SKIN = one(propose_candidates(SCENE, ["soft_tissue_artefact"]), [0.01, 0.0, 0.02], "RLFE")
+SWINGING = one(propose_candidates(SCENE, ["skin_wobble"]), [1.0], "RLFE")
+ONCE = one(propose_candidates(SCENE, ["marker_offset"]), [0.01, 0.0, 0.0], "LFH", trials=("b",))
 FREE = Estimate(
     Candidate(
         "missing_dof", ("knee_l",), (), note="extra turn",
@@ -87,7 +87,7 @@ def placed(model: BodyModel, coordinates: tuple[str, ...], q: Array) -> Array:
     wide = np.zeros((len(q), len(model.coordinates)))
     for k, name in enumerate(coordinates):
         wide[:, model.coordinate_names.index(name)] = q[:, k]
-    return marker_positions(compile_model(model, names), wide, parameter_values(model))
+    return pose_markers(compile_model(model, names), wide, list_parameter_values(model))
 
 
 @NEEDS_OPENSIM
@@ -97,7 +97,7 @@ def test_opensim_has_what_was_found(tmp_path: Path) -> None:
     notes = write_corrected_osim(tmp_path / "model.osim", what, prepared())
     assert notes == ()
     read = read_osim(tmp_path / "model.osim")
-    ours = corrected_model(what)
+    ours = correct_model(what)
     q = np.random.default_rng(0).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
     np.testing.assert_allclose(
         placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
@@ -113,14 +113,14 @@ def test_opensim_has_what_was_found(tmp_path: Path) -> None:
 
 
 def test_what_opensim_cannot_hold_is_left_out_and_said() -> None:
-    plan = osim_plan(fit_of(SKIN, OFFSET, SWINGING), prepared())
+    plan = plan_osim(fit_of(SKIN, OFFSET, SWINGING), prepared())
     assert [said.split(":")[0].split(" at ")[0] for said in plan.left_out] == [
         "soft_tissue_artefact",
         "skin_wobble",
     ]
     assert all(law.is_constant for m in plan.model.markers for law in m.laws)
-    assert plan.model.marker("RFH").nominal == corrected_model(fit_of(OFFSET)).marker("RFH").nominal
-    assert not all(law.is_constant for law in corrected_model(fit_of(SKIN)).marker("RLFE").laws)
+    assert plan.model.marker("RFH").nominal == correct_model(fit_of(OFFSET)).marker("RFH").nominal
+    assert not all(law.is_constant for law in correct_model(fit_of(SKIN)).marker("RLFE").laws)
 
 
 @NEEDS_OPENSIM
@@ -130,10 +130,10 @@ def test_the_file_that_the_model_came_from_is_changed(tmp_path: Path) -> None:
     write_osim(source, MODEL)
     generic = read_osim(source)
     what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=generic)
-    assert osim_plan(what, prepared(generic, source)).amended
-    assert not osim_plan(fit_of(GLIDE, model=generic), prepared(generic, source)).amended
+    assert plan_osim(what, prepared(generic, source)).amended
+    assert not plan_osim(fit_of(GLIDE, model=generic), prepared(generic, source)).amended
     assert write_corrected_osim(tmp_path / "model.osim", what, prepared(generic, source)) == ()
-    read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
+    read, ours = read_osim(tmp_path / "model.osim"), correct_model(what)
     q = np.random.default_rng(1).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
     np.testing.assert_allclose(
         placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
@@ -149,16 +149,16 @@ def test_joints_that_an_image_moved_stay_moved(tmp_path: Path) -> None:
     found = Registration(generic)
     found.resize({"femur_r": 1.05, "tibia_r": 0.97})
     found.shift(found.model.segment("tibia_r"), np.array([0.004, 0.002, -0.003]))
-    values = straight_values(found.model)
+    values = straighten(found.model)
     found.turn(found.model.segment("tibia_r"), np.array([0.1, -0.05, 0.99]), values)
     found.turn_child(found.model.segment("tibia_r"), np.array([0.05, 0.0, -0.02]), np.array([0.0, 0.01, 0.0]))
     factors = {name: (ratio,) * 3 for name, ratio in found.ratios.items()}
     imaged = Calibration("EB", found.model, generic, factors, joint_moves=found.moves)
     before = replace(prepared(generic, source), calibration=imaged, model=found.model)
     what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=found.model)
-    assert osim_plan(what, before).amended
+    assert plan_osim(what, before).amended
     assert write_corrected_osim(tmp_path / "model.osim", what, before) == ()
-    read, ours = read_osim(tmp_path / "model.osim"), corrected_model(what)
+    read, ours = read_osim(tmp_path / "model.osim"), correct_model(what)
     q = np.random.default_rng(2).uniform(-0.5, 0.5, (20, len(ours.coordinates)))
     np.testing.assert_allclose(
         placed(read, ours.coordinate_names, q), placed(ours, ours.coordinate_names, q), atol=2e-6
@@ -172,17 +172,17 @@ def test_what_is_not_the_models_leaves_its_file_alone() -> None:
         Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, load=PlateGain("plate_1")),)), ONE
     )
     leaning = Estimate(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
-    plan = osim_plan(fit_of(plate, leaning), source)
+    plan = plan_osim(fit_of(plate, leaning), source)
     assert plan.amended
-    assert plan.model == corrected_model(fit_of())
+    assert plan.model == correct_model(fit_of())
     assert len(plan.left_out) == 1
     assert "gravity" in plan.left_out[0]
 
 
 def test_what_holds_in_one_recording_only_has_a_model_of_its_own() -> None:
     what = fit_of(OFFSET, ONCE)
-    assert corrected_model(what).marker("LFH") == MODEL.marker("LFH")
-    own = own_models(what)
+    assert correct_model(what).marker("LFH") == MODEL.marker("LFH")
+    own = make_own_models(what)
     assert own.keys() == {"b"}
     assert own["b"].marker("LFH").nominal[0] == pytest.approx(MODEL.marker("LFH").nominal[0] + 0.01)
-    assert own["b"].marker("RFH") == corrected_model(what).marker("RFH")
+    assert own["b"].marker("RFH") == correct_model(what).marker("RFH")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
-from scaling_service.capabilities.discovery.figures import draw_candidates, heat_maps
-from scaling_service.capabilities.discovery.report import discovery_page
+from scaling_service.capabilities.discovery.figures import draw_candidates, make_heat_maps
+from scaling_service.capabilities.discovery.report import build_discovery_page
 from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.scene import draw_largest_change
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
@@ -97,7 +97,7 @@ def test_what_an_earlier_search_wrote_goes(tmp_path: Path) -> None:
 
 
 def test_the_heat_maps_show_the_exchange_and_its_end() -> None:
-    maps = {m.trial: m for m in heat_maps(found())}
+    maps = {m.trial: m for m in make_heat_maps(found())}
     assert maps.keys() == {"knee_r", "knee_l", "gait_1"}
     swapped = maps["knee_l"]
     row = list(swapped.places).index("LLM")
@@ -148,6 +148,6 @@ def test_nothing_found_is_a_page_too(document: DiscoveryDocument) -> None:
     empty = document.model_copy(
         update={"verdict": "nothing", "effects": [], "held_out_trials": [], "unexplained": []}
     )
-    html = discovery_page(found(), empty).html()
+    html = build_discovery_page(found(), empty).html()
     assert "Nothing was named, so nothing changed" in html
     assert "No recording was held out" in html

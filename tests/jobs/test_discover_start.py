@@ -14,8 +14,8 @@ from scaling_service.capabilities.discovery.checks import (
     check_fits,
     check_lengths,
     describe_limits,
-    mirrored,
-    typical_distance,
+    measure_typical_distance,
+    mirror_labels,
 )
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
@@ -23,8 +23,8 @@ from scaling_service.capabilities.discovery.start import free_parameters, prepar
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.builtin import builtin
-from scaling_service.model.scaling import scaled
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from tests.jobs.hidden_case import session
 from tests.jobs.laboratory import laboratory
@@ -81,13 +81,15 @@ def test_what_the_calibration_freed_is_free() -> None:
 def test_a_model_of_the_person_fits() -> None:
     whole = session()
     check_fits(whole.model, whole.dynamic, scaled=False)
-    assert typical_distance(whole.model, whole.dynamic[0]) < 0.002
+    assert measure_typical_distance(whole.model, whole.dynamic[0]) < 0.002
 
 
 def test_a_model_in_other_units_is_refused_first() -> None:
     """A model whose lengths are a thousandth: every marker is then a body's size away."""
     whole = session()
-    small = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3))
+    small = scale_model(
+        load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3)
+    )
     with pytest.raises(TrialUnusable, match="does not fit this recording at all") as caught:
         prepare(Loaded(replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert caught.value.file == "knee_r"
@@ -97,8 +99,10 @@ def test_a_model_in_other_units_is_refused_first() -> None:
 def test_a_model_of_another_size_is_refused_where_it_is_taken_as_it_is() -> None:
     """Twice the usual spread of stature: a model of a person, but not of this one."""
     whole = session()
-    tall = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1.15,) * 3))
-    assert UNSCALED_M < typical_distance(tall, whole.dynamic[0]) < LARGEST_M
+    tall = scale_model(
+        load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1.15,) * 3)
+    )
+    assert UNSCALED_M < measure_typical_distance(tall, whole.dynamic[0]) < LARGEST_M
     for scaled_here, said in ((False, "does not have this person's size"), (True, "does not follow")):
         with pytest.raises(TrialUnusable, match=said):
             check_fits(tall, whole.dynamic, scaled=scaled_here)
@@ -107,10 +111,12 @@ def test_a_model_of_another_size_is_refused_where_it_is_taken_as_it_is() -> None
 @pytest.mark.parametrize("size", [0.9, 1.1])
 def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -> None:
     whole = session()
-    other = scaled(builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (size,) * 3))
+    other = scale_model(
+        load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (size,) * 3)
+    )
     check_fits(other, whole.dynamic, scaled=True)
     with pytest.raises(TrialUnusable, match="left and the right"):
-        check_fits(whole.model, [t.relabelled(mirrored(t.labels)) for t in whole.dynamic], scaled=True)
+        check_fits(whole.model, [t.relabelled(mirror_labels(t.labels)) for t in whole.dynamic], scaled=True)
 
 
 def test_short_recordings_say_so() -> None:

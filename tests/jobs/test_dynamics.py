@@ -13,14 +13,14 @@ from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.start import prepare
-from scaling_service.capabilities.kinetics.forces import trial_forces
+from scaling_service.capabilities.kinetics.forces import prepare_forces
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.osim.models import read_osim
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
 from scaling_service.model.trial import Repair
 from scaling_service.recording.orientation import Orientation
 from scaling_service.virtual.plates import record_on_plates
@@ -53,7 +53,7 @@ def test_a_squat_leaves_the_residual_that_opensim_leaves(shared_data: Path, tmp_
     # Rounded to 1 N, and the markers followed by another program with other weights.
     np.testing.assert_allclose(squat.residuals.rms[:3], [11, 26, 4], rtol=0, atol=2.0)
     assert found.prepared.inertia == "model"
-    assert total_mass(found.prepared.model) == pytest.approx(62.6, abs=0.01)
+    assert sum_mass(found.prepared.model) == pytest.approx(62.6, abs=0.01)
     contacts = [repair.detail for repair in squat.forces.contacts.repairs if repair.what == "plate_foot"]
     assert {detail.split()[1] for detail in contacts} == {"calcn_r", "calcn_l"}
 
@@ -75,8 +75,8 @@ def test_an_opensim_model_takes_the_identified_inertia(shared_data: Path, tmp_pa
     found = dynamics(file, chosen)
     assert found.inertial is not None
     save_dynamics(found, tmp_path / "out", report=False)
-    written = inertias_of(read_osim(tmp_path / "out" / "model.osim"))
-    expected = inertias_of(found.inertial.model)
+    written = gather_inertias(read_osim(tmp_path / "out" / "model.osim"))
+    expected = gather_inertias(found.inertial.model)
     np.testing.assert_allclose(written.mass, expected.mass, atol=1e-9)
     np.testing.assert_allclose(written.com, expected.com, atol=1e-9)
     np.testing.assert_allclose(written.tensor, expected.tensor, atol=1e-9)
@@ -115,22 +115,24 @@ def test_plates_of_c3d_files_under_a_built_in_body(shared_data: Path, tmp_path: 
     chosen = DynamicsSettings(start="MB", samples=2, identify=True, free_mass=True, despite_verdict=True)
     found = dynamics(write_subject(tmp_path, content), chosen)
     assert found.prepared.inertia == "dumas2007"
-    assert total_mass(found.prepared.model) == pytest.approx(63.0, abs=1e-6)
+    assert sum_mass(found.prepared.model) == pytest.approx(63.0, abs=1e-6)
     for trial in found.trials.values():
         assert 0.05 < trial.residuals.dr[1] < 0.10
         assert trial.forces.source.suffix == ".c3d"
     assert found.inertial is not None
     assert found.inertial.relative_error(held_out=True) < 0.8
-    assert 65.0 < total_mass(found.inertial.model) < 69.0
+    assert 65.0 < sum_mass(found.inertial.model) < 69.0
 
 
 @pytest.fixture(scope="module")
 def stranger(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
     """A person who is 5 kg heavier in the trunk than the model says."""
-    inertias = inertias_of(builtin("full_body_35dof"))
+    inertias = gather_inertias(load_builtin("full_body_35dof"))
     mass = inertias.mass.copy()
-    mass[builtin("full_body_35dof").segment_names.index("torso")] += 5.0
-    person = with_inertias(builtin("full_body_35dof"), type(inertias)(mass, inertias.com, inertias.tensor))
+    mass[load_builtin("full_body_35dof").segment_names.index("torso")] += 5.0
+    person = with_inertias(
+        load_builtin("full_body_35dof"), type(inertias)(mass, inertias.com, inertias.tensor)
+    )
     folder = tmp_path_factory.mktemp("stranger")
     return force_laboratory(folder, truth=person, noise_m=2e-4), mass
 
@@ -146,7 +148,7 @@ def test_a_heavy_trunk_is_found_where_the_verdict_allows_it(stranger: tuple[Path
     assert found.inertial is not None
     assert {fit.trial: fit.held_out for fit in found.inertial.fits} == {"sway": False, "swing": True}
     assert found.inertial.relative_error(held_out=True) < 0.5
-    assert total_mass(found.inertial.model) == pytest.approx(mass.sum(), abs=1.0)
+    assert sum_mass(found.inertial.model) == pytest.approx(mass.sum(), abs=1.0)
 
 
 def test_a_scaled_model_takes_the_inertia_of_a_table(tmp_path: Path) -> None:
@@ -157,7 +159,7 @@ def test_a_scaled_model_takes_the_inertia_of_a_table(tmp_path: Path) -> None:
     prepared = prepare(open_subject(write_subject(file.parent, content), UNSMOOTHED), chosen)
     assert (prepared.start, prepared.inertia) == ("MB", "deleva1996")
     assert prepared.calibration is not None
-    assert total_mass(prepared.model) == pytest.approx(content["subject"]["mass_kg"], abs=1e-6)
+    assert sum_mass(prepared.model) == pytest.approx(content["subject"]["mass_kg"], abs=1e-6)
 
 
 def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
@@ -170,7 +172,7 @@ def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
     forces = GroundForces("sway", person.trial.times, ("plate_1",), plate, plate, np.zeros((1, 3)), UP)
     axes = Orientation(np.eye(3))
     with pytest.raises(TrialUnusable, match="places of its plates are not sure") as caught:
-        trial_forces(Path("sway.c3d"), forces, repaired, {}, axes, cutoff_hz=5.0)
+        prepare_forces(Path("sway.c3d"), forces, repaired, {}, axes, cutoff_hz=5.0)
     assert (caught.value.file, caught.value.field) == ("sway.c3d", "POINT:UNITS")
 
 

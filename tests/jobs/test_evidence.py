@@ -14,11 +14,11 @@ from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.subject.loading import gather_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.subject import Subject
 from tests.jobs.recorded import walker_document
 
-MODEL = builtin("lower_limb_14dof")
+MODEL = load_builtin("lower_limb_14dof")
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import agreed_axes, load, read_model
+from scaling_service.capabilities.subject.loading import agree_on_axes, load, read_model
 from scaling_service.capabilities.subject.reading import blamed_on, load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.recording.orientation import decide
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.laboratory import known_person, laboratory, write_recording
@@ -48,10 +48,10 @@ def test_a_turn_counts_less_than_a_straight_walk(order: int) -> None:
     """Whichever stands first, and however many tie."""
     walk = known_person().session.evaluation[0]
     roles = {label: label for label in walk.labels}
-    turned = walk.with_markers(walk.markers @ rotation_about([0.0, 1.0, 0.0], np.radians(55.0)).T)
+    turned = walk.with_markers(walk.markers @ rotate_about([0.0, 1.0, 0.0], np.radians(55.0)).T)
     decided = {Path(t.name): decide(t, roles=roles) for t in (walk, replace(turned, name="turn"))}
     assert sorted({axes.forward for axes in decided.values()}) == ["+x", "-z"]
-    assert agreed_axes(dict(list(decided.items())[::order]), None).forward == "+x"
+    assert agree_on_axes(dict(list(decided.items())[::order]), None).forward == "+x"
 
 
 def test_given_axes_win(subject_file: Path) -> None:

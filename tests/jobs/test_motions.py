@@ -10,7 +10,7 @@ import pytest
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.files.sto import read_sto
 from scaling_service.model.body import BodyModel, Coordinate, Coupler, Joint, Law, Segment, Shape, Term
-from scaling_service.model.compile import law_values
+from scaling_service.model.compile import evaluate_law_at
 from scaling_service.model.results import Motion
 
 GLIDE = Law((Term(0.02, coordinate="knee", shape=Shape((0.0, 1.0, 2.0), ((1.0, 0.0), (2.0, 1.0)))),))
@@ -51,4 +51,4 @@ def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> 
 
 def test_a_law_that_needs_more_than_one_coordinate_is_refused() -> None:
     with pytest.raises(ValueError, match="follows another one only"):
-        law_values(Law((Term(1.0, parameter="scale.femur_r"),)), np.zeros(2))
+        evaluate_law_at(Law((Term(1.0, parameter="scale.femur_r"),)), np.zeros(2))

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.intake.document import ProofDocument
-from scaling_service.capabilities.intake.roles import bone_of
+from scaling_service.capabilities.intake.roles import recognise_bone
 from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.capabilities.intake.warnings import _OTHER
 from scaling_service.capabilities.scaling.run import scale
@@ -21,7 +21,7 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.trc import write_trc
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
 from scaling_service.model.trial import Array
 from tests.jobs.force_laboratory import force_laboratory
@@ -217,7 +217,7 @@ def test_a_whole_document_outweighs_a_subject_file(lab: Path) -> None:
     ],
 )
 def test_bones_are_known_by_their_names(name: str, bone: str | None) -> None:
-    assert bone_of(name) == bone
+    assert recognise_bone(name) == bone
 
 
 def test_two_standing_recordings_are_not_both_taken(lab: Path) -> None:
@@ -255,7 +255,7 @@ def test_a_model_that_this_program_wrote_is_taken_where_there_is_no_other(tmp_pa
     laboratory(tmp_path)
     (tmp_path / "S01.yaml").unlink()
     (tmp_path / "model.json").write_text(
-        json.dumps(to_document(builtin("lower_limb_14dof"))), encoding="utf-8"
+        json.dumps(to_document(load_builtin("lower_limb_14dof"))), encoding="utf-8"
     )
     found = prove_folder(tmp_path, tmp_path / "looked")
     assert next(file.role for file in found.files if file.name == "model.json") == "model"

@@ -14,14 +14,14 @@ import yaml
 from scaling_service.capabilities.intake.document import ProblemEntry, ProofDocument
 from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.files.trc import write_trc
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import default_coordinates
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import repeat_default_pose
 from scaling_service.model.trial import Array, Trial
 from scaling_service.virtual.plates import record_on_plates, write_forces
 from tests.calibration.people import movement, trial
 
 BARE = {"subject": {"id": "S01", "sex": "F", "height_m": 1.7, "mass_kg": 62.0}}
-FEET = builtin("lower_limb_feet_18dof")
+FEET = load_builtin("lower_limb_feet_18dof")
 CONVENTIONAL = {
     "RASIS": "RASI",
     "LASIS": "LASI",
@@ -33,7 +33,7 @@ CONVENTIONAL = {
 
 
 def standing(seconds: float = 1.0, name: str = "one") -> Trial:
-    return trial(FEET, name, default_coordinates(FEET, round(100 * seconds)), 5e-4, np.random.default_rng(0))
+    return trial(FEET, name, repeat_default_pose(FEET, round(100 * seconds)), 5e-4, np.random.default_rng(0))
 
 
 def moving(seed: int, name: str, seconds: float = 2.0, walks_m: float = 0.0) -> Trial:
@@ -79,7 +79,7 @@ def test_of_two_that_stand_more_landmarks_count_before_a_name(tmp_path: Path) ->
 
 
 def test_who_sits_does_not_stand(tmp_path: Path) -> None:
-    q = default_coordinates(FEET, 300)
+    q = repeat_default_pose(FEET, 300)
     for k, coordinate in enumerate(FEET.coordinates):
         q[:, k] += np.deg2rad(90.0) if coordinate.name.startswith(("hip_flexion", "knee_angle")) else 0.0
     sitting = trial(FEET, "sit", q, 1e-4, np.random.default_rng(0))

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from scaling_service.capabilities.datasets.catalogue import Dataset, RemoteFile, read_catalogue
-from scaling_service.capabilities.datasets.run import get_dataset, image_markers
+from scaling_service.capabilities.datasets.run import get_dataset, tabulate_image_markers
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.files.image_markers import read_image_markers
@@ -71,7 +71,7 @@ def test_the_subject_file_works(obtained: Path) -> None:
 
 
 def test_image_markers_are_those_that_the_experts_located(shared_data: Path, tmp_path: Path) -> None:
-    (tmp_path / "ours.csv").write_text(image_markers(shared_data / "jia_mri" / "manual_model.osim"))
+    (tmp_path / "ours.csv").write_text(tabulate_image_markers(shared_data / "jia_mri" / "manual_model.osim"))
     ours = read_image_markers(tmp_path / "ours.csv")
     theirs = read_image_markers(shared_data / "jia_mri" / "image_markers.csv")
     assert len(ours) == 22

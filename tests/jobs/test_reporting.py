@@ -9,19 +9,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.playback.drawing import knee_axes
-from scaling_service.capabilities.scaling.comparison.curves import gait_curves
+from scaling_service.capabilities.playback.drawing import find_knee_axes
+from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
 from scaling_service.capabilities.scaling.demo import run_demo
-from scaling_service.capabilities.scaling.report.page import shown_trial
+from scaling_service.capabilities.scaling.report.page import choose_shown_trial
 from scaling_service.capabilities.scaling.result import Results
-from scaling_service.capabilities.scaling.scene import overlay
+from scaling_service.capabilities.scaling.scene import make_overlay
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis
-from scaling_service.model.poses import neutral_frames
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.poses import pose_neutral_frames
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.jobs.reported import MOST_BYTES, document_of, html_of, page_of, without
 from tests.report.reading import data, tables
 from tests.report.test_blocks import NASTY, shown
@@ -102,10 +102,10 @@ def test_the_overlay_shows_markers_where_inverse_kinematics_has_them(
 ) -> None:
     """Measured minus model, marker by marker, are the residuals of the motion."""
     results = demo[0]
-    trial = shown_trial(results)
+    trial = choose_shown_trial(results)
     assert trial is not None
     assert trial in results.session.evaluation
-    scene = overlay(results, trial, "EB")
+    scene = make_overlay(results, trial, "EB")
     assert scene is not None
     rows = np.searchsorted(trial.times, scene.times)
     for body in scene.bodies:
@@ -119,10 +119,10 @@ def test_the_overlay_shows_markers_where_inverse_kinematics_has_them(
 def test_bones_stand_on_the_joint_centres(demo: tuple[Results, TruthDocument]) -> None:
     """The imaged hip centre, carried with the thigh's bone, is the model's hip in every frame."""
     results = demo[0]
-    trial, images = shown_trial(results), results.session.images
+    trial, images = choose_shown_trial(results), results.session.images
     assert trial is not None
     assert images is not None
-    scene = overlay(results, trial, "EB")
+    scene = make_overlay(results, trial, "EB")
     assert scene is not None
     for body in scene.bodies:
         if not body.bones:
@@ -138,13 +138,13 @@ def test_bones_stand_on_the_joint_centres(demo: tuple[Results, TruthDocument]) -
 
 def test_a_knee_does_not_move_its_own_axis() -> None:
     """Points on the axis, carried by the shank, stay while the knee bends."""
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     model = fold(free_axis(model, "knee_r", 1.0, 1.0), {"axis.knee_r.x": 0.2, "axis.knee_r.y": -0.1})
-    ends = knee_axes(model)["femur_r"]
+    ends = find_knee_axes(model)["femur_r"]
     carrier = model.with_markers(tuple(Marker.at(f"p{k}", "femur_r", at) for k, at in enumerate(ends)))
-    still = marker_positions(compile_model(carrier), np.zeros((1, 14)), parameter_values(model))[0]
-    straight, bent = (neutral_frames(model, {"knee_angle_r": angle})["tibia_r"] for angle in (0.0, 1.2))
-    home = neutral_frames(model, {c.name: 0.0 for c in model.coordinates})["tibia_r"]
+    still = pose_markers(compile_model(carrier), np.zeros((1, 14)), list_parameter_values(model))[0]
+    straight, bent = (pose_neutral_frames(model, {"knee_angle_r": angle})["tibia_r"] for angle in (0.0, 1.2))
+    home = pose_neutral_frames(model, {c.name: 0.0 for c in model.coordinates})["tibia_r"]
     local = (still - home[1]) @ home[0]
     moved = [local @ R.T + o for R, o in (straight, bent)]
     np.testing.assert_allclose(moved[0], moved[1], atol=1e-12)
@@ -152,7 +152,7 @@ def test_a_knee_does_not_move_its_own_axis() -> None:
 
 
 def test_gait_cycles_are_averaged(demo: tuple[Results, TruthDocument]) -> None:
-    gait = gait_curves(demo[0], "EB")
+    gait = make_gait_curves(demo[0], "EB")
     assert gait.trials == ("gait_1", "gait_2")
     names = [curve.name for curve in gait.curves]
     assert {"hip_flexion_r", "knee_angle_l"} <= set(names)

@@ -9,10 +9,10 @@ import pytest
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.cli import main
 from scaling_service.core.errors import InputError
-from scaling_service.studies.claims import person_seeds, save_study
+from scaling_service.studies.claims import draw_person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.paper import METHODS, Beside, Puchaud2019Document, paper
-from scaling_service.studies.puchaud2019.report import page as study_page
+from scaling_service.studies.puchaud2019.paper import METHODS, Beside, Puchaud2019Document, read_paper
+from scaling_service.studies.puchaud2019.report import build_page as study_page
 from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 from tests.report.reading import Node, read
 
@@ -50,7 +50,7 @@ def test_tables_hold_the_papers_numbers_and_ours(result: Puchaud2019Document) ->
     assert femur.mean == pytest.approx(ours.mean["MB_lam"], abs=1e-3)
     assert len(result.segment_lengths_mm) == 5 * len(METHODS)
     error = _cell(result.kinematic_error_mm, "calibration", "MB")
-    assert error.paper_mean == pytest.approx(paper()["kinematic_error_mm"]["MB"][0])
+    assert error.paper_mean == pytest.approx(read_paper()["kinematic_error_mm"]["MB"][0])
     gap = _cell(result.length_difference_mm, "femur_l", "MB")
     lengths = result.statistics.quantity("segment_lengths_mm", "femur_l")
     assert gap.mean == pytest.approx(lengths.mean["MB"] - lengths.mean["EB"], abs=1e-3)
@@ -83,7 +83,7 @@ def test_the_page_says_what_the_document_says(result: Puchaud2019Document, page:
 @costly
 def test_another_seed_is_other_persons(result: Puchaud2019Document) -> None:
     assert result.subjects[0] == "virtual_1"
-    assert not set(person_seeds(0, 26)) & set(person_seeds(1, 26))
+    assert not set(draw_person_seeds(0, 26)) & set(draw_person_seeds(1, 26))
 
 
 def test_too_few_subjects_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

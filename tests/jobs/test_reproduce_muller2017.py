@@ -12,7 +12,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import save_study
 from scaling_service.studies.muller2017.claims import CLAIMS
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
-from scaling_service.studies.muller2017.report import page as study_page
+from scaling_service.studies.muller2017.report import build_page as study_page
 from scaling_service.studies.muller2017.study import Muller2017Document, reproduce_muller2017
 from tests.report.reading import Node, read
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.comparison.geometry import geometry
+from scaling_service.capabilities.scaling.comparison.geometry import measure_geometry
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import DependencyMissing, InputError, ModelRefused
@@ -153,7 +153,10 @@ def test_the_opensim_model_has_the_same_geometry(results: Results, tmp_path: Pat
     save(one, tmp_path)
     ours = results.scalings["MB_am"].calibration
     theirs = read_osim(tmp_path / "MB_am" / "model.osim")
-    expected, found = geometry(ours).lengths, geometry(Calibration("MB_am", theirs, theirs, {})).lengths
+    expected, found = (
+        measure_geometry(ours).lengths,
+        measure_geometry(Calibration("MB_am", theirs, theirs, {})).lengths,
+    )
     # The shank ends at a landmark of weight 0, and OpenSim's markers have no weight.
     for name in ("inter_hip", "femur_r", "femur_l"):
         assert found[name] == pytest.approx(expected[name], abs=1e-6)  # m

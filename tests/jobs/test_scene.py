@@ -12,19 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.discovery.scene import AFTER, BEFORE, scene_of_discovery
+from scaling_service.capabilities.discovery.scene import AFTER, BEFORE, write_discovery_scene
 from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
-from scaling_service.capabilities.playback.drawing import MOST_FACES, find_ends, simple_shape, to_glb
+from scaling_service.capabilities.playback.drawing import MOST_FACES, find_ends, make_simple_shape, to_glb
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run
-from scaling_service.capabilities.scaling.scene import scene_of_results
+from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.documents.base import ArrayEntry
-from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles, at_frames
-from scaling_service.model.builtin import builtin
-from scaling_service.model.poses import neutral_frames, segment_poses
+from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles, sample_at
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.poses import pose_neutral_frames, pose_segments
 from scaling_service.model.trial import Array
-from scaling_service.virtual.subject import VirtualSettings, demo_session
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session
 from tests.jobs.hidden_case import found
 
 TOLERANCE_MM = 0.005  # float32 of some metres, local coordinates to the micrometre
@@ -33,7 +33,7 @@ TOLERANCE_MM = 0.005  # float32 of some metres, local coordinates to the microme
 @cache
 def results() -> Results:
     """A person with bones, two methods, short recordings."""
-    session, _ = demo_session(3, VirtualSettings(functional_s=1.0, gait_trials=2), images=True)
+    session, _ = make_demo_session(3, VirtualSettings(functional_s=1.0, gait_trials=2), images=True)
     return run(Loaded(session), ("MB", "EB"))
 
 
@@ -68,7 +68,7 @@ def check_errors(folder: Path, scene: SceneDocument, trial: SceneTrial, body: Bo
 
 
 def test_poses_markers_and_errors_belong_together(tmp_path: Path) -> None:
-    scene = scene_of_results(results(), tmp_path)
+    scene = write_results_scene(results(), tmp_path)
     assert [body.name for body in scene.bodies] == ["MB", "EB"]
     for trial in scene.trials:
         for body in scene.bodies:
@@ -79,7 +79,7 @@ def test_poses_markers_and_errors_belong_together(tmp_path: Path) -> None:
 
 
 def test_angles_are_degrees_with_their_names(tmp_path: Path) -> None:
-    scene = scene_of_results(results(), tmp_path)
+    scene = write_results_scene(results(), tmp_path)
     trial = next(t for t in scene.trials if t.name == "knee_r")
     motion = trial.motions["MB"]
     names = [c.name for c in motion.coordinates]
@@ -91,7 +91,7 @@ def test_angles_are_degrees_with_their_names(tmp_path: Path) -> None:
 
 
 def test_bones_are_fine_enough_and_small_enough(tmp_path: Path) -> None:
-    scene = scene_of_results(results(), tmp_path)
+    scene = write_results_scene(results(), tmp_path)
     for body in scene.bodies:
         content = trimesh.load(tmp_path / body.bones, process=False)
         assert isinstance(content, trimesh.Scene)
@@ -107,7 +107,7 @@ def test_bones_are_fine_enough_and_small_enough(tmp_path: Path) -> None:
 
 
 def test_the_cycle_is_that_of_the_report(tmp_path: Path) -> None:
-    gait = scene_of_results(results(), tmp_path).gait
+    gait = write_results_scene(results(), tmp_path).gait
     assert gait is not None
     tested = [curve for curve in gait.angles.values() if curve.cycles > 1]
     assert tested
@@ -117,7 +117,7 @@ def test_the_cycle_is_that_of_the_report(tmp_path: Path) -> None:
 
 
 def test_a_search_shows_both_models_and_the_marker_that_glides(tmp_path: Path) -> None:
-    scene = scene_of_discovery(found(), tmp_path)
+    scene = write_discovery_scene(found(), tmp_path)
     assert [body.name for body in scene.bodies] == [BEFORE, AFTER]
     for trial in scene.trials:
         assert trial.motions[BEFORE].placed is None
@@ -130,11 +130,11 @@ def test_a_search_shows_both_models_and_the_marker_that_glides(tmp_path: Path) -
 
 
 def test_quaternions_turn_as_the_model_does_in_one_pose() -> None:
-    model = builtin("full_body_35dof")
+    model = load_builtin("full_body_35dof")
     rng = np.random.default_rng(0)
     q = rng.uniform(-0.5, 0.5, (1, len(model.coordinates)))
-    poses = segment_poses(model, q)[0]
-    truth = neutral_frames(model, dict(zip(model.coordinate_names, q[0], strict=True)))
+    poses = pose_segments(model, q)[0]
+    truth = pose_neutral_frames(model, dict(zip(model.coordinate_names, q[0], strict=True)))
     for name, pose in zip(model.segment_names, poses, strict=True):
         R, origin = truth[name]
         assert np.allclose(pose[:3], origin, atol=1e-12)
@@ -142,10 +142,10 @@ def test_quaternions_turn_as_the_model_does_in_one_pose() -> None:
 
 
 def test_what_is_unknown_stays_unknown() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     q = np.zeros((3, len(model.coordinates)))
     q[1, model.coordinate_names.index("knee_angle_r")] = np.nan
-    poses = segment_poses(model, q)
+    poses = pose_segments(model, q)
     unknown = np.isnan(poses).any(axis=2)
     assert not unknown[[0, 2]].any()
     assert [name for name, u in zip(model.segment_names, unknown[1], strict=True) if u] == ["tibia_r"]
@@ -182,7 +182,7 @@ def test_a_long_table_has_a_first_look(tmp_path: Path, frames: int) -> None:
 )
 def test_samples_are_those_nearest_in_time(times: list[float], wanted: list[float]) -> None:
     clock, asked = np.array(sorted(times)), np.array(wanted)
-    found = at_frames(clock, clock[:, None].copy(), asked)[:, 0]
+    found = sample_at(clock, clock[:, None].copy(), asked)[:, 0]
     step = np.median(np.diff(clock)) if len(clock) > 1 else 0.0
     inside = (asked >= clock[0] - step) & (asked <= clock[-1] + step)
     assert np.array_equal(np.isnan(found), ~inside)
@@ -206,9 +206,9 @@ def test_long_segments_are_rods_and_broad_ones_are_not() -> None:
 
 def test_a_simple_shape_goes_around_its_points() -> None:
     ends = np.array([[0.0, 0.0, 0.0], [0.0, -0.4, 0.0]])
-    rod = simple_shape(ends)
+    rod = make_simple_shape(ends)
     assert rod is not None
     assert rod.is_watertight
     length, radius = 0.4, 0.07 * 0.4
     assert rod.volume == pytest.approx(np.pi * radius**2 * (length + 4 / 3 * radius), rel=0.08)
-    assert simple_shape(ends[:1]) is None
+    assert make_simple_shape(ends[:1]) is None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.capabilities.subject.reading import input_hashes, load_subject
+from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
 from scaling_service.core.errors import SubjectInvalid
 from tests.jobs.laboratory import document, write_subject
 
@@ -70,12 +70,12 @@ def test_hashes_follow_the_content_and_not_the_place(
     folder: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     file = write_subject(folder, document())
-    first = input_hashes(load_subject(file), file)
+    first = hash_input_files(load_subject(file), file)
     assert set(first) == {"S01.yaml", "standing.trc", "hips.trc", "walk.trc"}
     copy = tmp_path_factory.mktemp("copy")
     for name in first:
         (copy / name).write_bytes((folder / name).read_bytes())
-    assert input_hashes(load_subject(copy / "S01.yaml"), copy / "S01.yaml") == first
+    assert hash_input_files(load_subject(copy / "S01.yaml"), copy / "S01.yaml") == first
     (copy / "walk.trc").write_text("changed", encoding="utf-8")
-    second = input_hashes(load_subject(copy / "S01.yaml"), copy / "S01.yaml")
+    second = hash_input_files(load_subject(copy / "S01.yaml"), copy / "S01.yaml")
     assert {name for name in first if first[name] != second[name]} == {"walk.trc"}

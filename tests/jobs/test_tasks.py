@@ -16,7 +16,7 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin, generic_person
+from scaling_service.model.builtin import load_builtin, load_generic_person
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.laboratory import document, laboratory, write_subject
 
@@ -64,8 +64,8 @@ def test_a_loaded_subject_is_as_good_as_its_file(results: Results, subject_file:
 
 
 def test_a_built_in_model_takes_its_share_of_the_mass(results: Results) -> None:
-    generic = builtin("lower_limb_14dof")
-    share = mass(generic) / generic_person("lower_limb_14dof").mass_kg
+    generic = load_builtin("lower_limb_14dof")
+    share = mass(generic) / load_generic_person("lower_limb_14dof").mass_kg
     for scaling in results.scalings.values():
         assert mass(scaling.calibration.model) == pytest.approx(62.0 * share)
 
@@ -73,7 +73,7 @@ def test_a_built_in_model_takes_its_share_of_the_mass(results: Results) -> None:
 def test_without_a_mass_the_generic_one_stays(tmp_path: Path) -> None:
     file = laboratory(tmp_path, subject={"id": "S01"})
     model = scale(file, "MB").scalings["MB"].calibration.model
-    assert mass(model) == pytest.approx(mass(builtin("lower_limb_14dof")))
+    assert mass(model) == pytest.approx(mass(load_builtin("lower_limb_14dof")))
 
 
 def test_methods_that_the_recordings_do_not_allow_are_left_out(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.models import corrected_model
+from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
@@ -20,7 +20,7 @@ from scaling_service.capabilities.scaling.saving import save
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.sto import read_sto
 from scaling_service.files.trc import read_trc, write_trc
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
 from tests.jobs.hidden_case import found, session
 from tests.jobs.laboratory import document, laboratory, write_subject
@@ -61,7 +61,7 @@ def test_a_subject_file_may_name_a_model_that_scaling_wrote(scaled: Path) -> Non
         "kinematic_error_mm"
     ]
     results = scale(write_subject(scaled, content), "MB")
-    assert results.session.model.source == builtin("lower_limb_14dof").source
+    assert results.session.model.source == load_builtin("lower_limb_14dof").source
     saved = save(results, scaled / "from_json")
     # It has this person's size, so that scaling it once more changes little.
     lengths = saved.methods["MB"].scale_factors
@@ -72,7 +72,7 @@ def test_a_subject_file_may_name_a_model_that_scaling_wrote(scaled: Path) -> Non
 
 
 def test_laws_of_skin_that_the_search_named_are_followed(tmp_path: Path) -> None:
-    model = corrected_model(found().after)
+    model = correct_model(found().after)
     assert any(not law.is_constant for marker in model.markers for law in marker.laws)
     (tmp_path / "model.json").write_text(json.dumps(to_document(model)), encoding="utf-8")
     walk = session().evaluation[0]
@@ -127,14 +127,19 @@ WRONG: list[tuple[str, Callable[[], Any], type[InputError], str]] = [
     ("a subject file", lambda: document(), FileUnreadable, "a subject file"),
     (
         "another version",
-        lambda: to_document(builtin("squat_4dof")) | {"schema_version": 9},
+        lambda: to_document(load_builtin("squat_4dof")) | {"schema_version": 9},
         InputError,
         "version 9",
     ),
-    ("an unknown key", lambda: to_document(builtin("squat_4dof")) | {"colour": "red"}, InputError, "colour"),
+    (
+        "an unknown key",
+        lambda: to_document(load_builtin("squat_4dof")) | {"colour": "red"},
+        InputError,
+        "colour",
+    ),
     (
         "an endless number",
-        lambda: json.dumps(to_document(builtin("squat_4dof"))).replace("0.4", "1e999", 1),
+        lambda: json.dumps(to_document(load_builtin("squat_4dof"))).replace("0.4", "1e999", 1),
         InputError,
         "number",
     ),

@@ -11,11 +11,11 @@ import yaml
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Shape
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin, expand, generic_person
-from scaling_service.model.compile import compile_model, parameter_values, shape_values
-from scaling_service.model.poses import neutral_frames, neutral_markers
-from scaling_service.model.reference import reference_folder
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.builtin import BUILTIN_NAMES, expand, load_builtin, load_generic_person
+from scaling_service.model.compile import compile_model, evaluate_shape, list_parameter_values
+from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
+from scaling_service.model.reference import find_reference_folder
+from scaling_service.numerics.multibody.tree import pose_markers
 
 models = pytest.mark.parametrize("name", BUILTIN_NAMES)
 legs = pytest.mark.parametrize("name", ["lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"])
@@ -35,7 +35,7 @@ def compared(model: BodyModel) -> list[str]:
     ],
 )
 def test_counts_of_the_papers(name: str, segments: int, dof: int, markers: int) -> None:
-    model = builtin(name)
+    model = load_builtin(name)
     assert len(model.segments) == segments  # the squat's fifth is the fixed foot
     assert len(model.coordinates) == dof
     assert len(compared(model)) == markers
@@ -43,13 +43,13 @@ def test_counts_of_the_papers(name: str, segments: int, dof: int, markers: int) 
 
 def test_unknown_name_lists_the_names() -> None:
     with pytest.raises(InputError) as caught:
-        builtin("upper_limb")
+        load_builtin("upper_limb")
     assert all(name in str(caught.value) for name in BUILTIN_NAMES)
 
 
 @models
 def test_every_number_has_a_source(name: str) -> None:
-    document = yaml.safe_load((reference_folder() / f"{name}.yaml").read_text())
+    document = yaml.safe_load((find_reference_folder() / f"{name}.yaml").read_text())
     places = document["markers"] + document.get("landmarks", [])
     places += [s["inertia"] for s in document["segments"]]
     places += [s["centre"] for s in document["segments"] if "centre" in s]
@@ -70,25 +70,25 @@ def test_puchaud_markers_sit_on_the_segments_of_table_1(name: str) -> None:
     for side in "RL":
         for marker, segment in table.items():
             expected = segment if segment == "pelvis" else f"{segment}_{side.lower()}"
-            assert builtin(name).marker(side + marker).segment == expected
+            assert load_builtin(name).marker(side + marker).segment == expected
 
 
 def test_lengths_are_the_mean_of_the_images() -> None:
     """Puchaud 2019, table 2, column EB, and the ratios to the mean stature."""
-    frames = neutral_frames(builtin("lower_limb_14dof"))
-    markers = neutral_markers(builtin("lower_limb_14dof"))
+    frames = pose_neutral_frames(load_builtin("lower_limb_14dof"))
+    markers = pose_neutral_markers(load_builtin("lower_limb_14dof"))
     femur = np.linalg.norm(frames["femur_r"][1] - frames["tibia_r"][1])
     shank = np.linalg.norm(frames["tibia_r"][1] - markers["RAJC"])
     hips = np.linalg.norm(frames["femur_r"][1] - frames["femur_l"][1])
     assert femur == pytest.approx((0.4318 + 0.4331) / 2)
     assert shank == pytest.approx((0.4157 + 0.4147) / 2)
     assert hips == pytest.approx(0.1735)
-    height = generic_person("lower_limb_14dof").height_m
+    height = load_generic_person("lower_limb_14dof").height_m
     assert np.array([femur, shank, hips]) / height == pytest.approx([0.2454, 0.2356, 0.0985], abs=1e-4)
 
 
 def test_ankle_landmark_is_between_the_malleoli() -> None:
-    markers = neutral_markers(builtin("lower_limb_14dof"))
+    markers = pose_neutral_markers(load_builtin("lower_limb_14dof"))
     for side in "RL":
         middle = (markers[f"{side}LM"] + markers[f"{side}MM"]) / 2
         np.testing.assert_allclose(markers[f"{side}AJC"], middle, atol=1e-12)
@@ -105,7 +105,7 @@ def mirrored_name(name: str) -> str:
 @legs
 def test_mirror(name: str) -> None:
     """Exchanging the coordinates of both sides gives the mirror image of the posture."""
-    model = builtin(name)
+    model = load_builtin(name)
     rng = np.random.default_rng(3)
     odd = ("pelvis_tz", "pelvis_rotation", "pelvis_list")
     odd += tuple(f"{part}_{kind}" for part in ("lumbar", "neck") for kind in ("bending", "rotation"))
@@ -113,7 +113,7 @@ def test_mirror(name: str) -> None:
     reflected = {
         mirrored_name(c) if c.endswith(("_r", "_l")) else c: -v if c in odd else v for c, v in values.items()
     }
-    here, there = neutral_markers(model, values), neutral_markers(model, reflected)
+    here, there = pose_neutral_markers(model, values), pose_neutral_markers(model, reflected)
     for marker, place in here.items():
         np.testing.assert_allclose(there[mirrored_name(marker)], place * [1, 1, -1], atol=1e-12)
     for segment in model.segments:
@@ -125,7 +125,7 @@ def test_mirror(name: str) -> None:
 
 @legs
 def test_looks_like_a_person(name: str) -> None:
-    at = neutral_markers(builtin(name))
+    at = pose_neutral_markers(load_builtin(name))
     for marker, place in at.items():
         if marker[0] in "RL" and marker != "L3":
             assert (place[2] > 0) == (marker[0] == "R"), marker
@@ -140,9 +140,9 @@ def test_looks_like_a_person(name: str) -> None:
 
 def test_whole_body_proportions() -> None:
     """Against Winter's fractions of stature, which are independent of the tables used."""
-    model, person = builtin("full_body_35dof"), generic_person("full_body_35dof")
-    at = neutral_markers(model)
-    origin = {segment: frame[1] for segment, frame in neutral_frames(model).items()}
+    model, person = load_builtin("full_body_35dof"), load_generic_person("full_body_35dof")
+    at = pose_neutral_markers(model)
+    origin = {segment: frame[1] for segment, frame in pose_neutral_frames(model).items()}
     height = person.height_m
 
     def apart(a: np.ndarray, b: np.ndarray) -> float:
@@ -176,9 +176,9 @@ def test_whole_body_proportions() -> None:
 @pytest.mark.parametrize("side", ["r", "l"])
 def test_signs(coordinate: str, marker: str, relative: str, direction: tuple[int, ...], side: str) -> None:
     """A positive angle moves the far end as its name says; inward is -z on the right."""
-    model, letter = builtin("full_body_35dof"), side.upper()
+    model, letter = load_builtin("full_body_35dof"), side.upper()
     outward = np.array(direction) * [1, 1, 1 if side == "r" else -1]
-    before, after = neutral_markers(model), neutral_markers(model, {f"{coordinate}_{side}": 0.2})
+    before, after = pose_neutral_markers(model), pose_neutral_markers(model, {f"{coordinate}_{side}": 0.2})
     moved = (after[letter + marker] - after[letter + relative]) - (
         before[letter + marker] - before[letter + relative]
     )
@@ -186,34 +186,36 @@ def test_signs(coordinate: str, marker: str, relative: str, direction: tuple[int
 
 
 def test_rotation_inward_turns_the_toes_inward() -> None:
-    model = builtin("full_body_35dof")
+    model = load_builtin("full_body_35dof")
     for side, inward in (("r", -1), ("l", 1)):
-        moved = neutral_markers(model, {f"hip_rotation_{side}": 0.2})[f"{side.upper()}TOE"]
-        assert inward * (moved - neutral_markers(model)[f"{side.upper()}TOE"])[2] > 0
+        moved = pose_neutral_markers(model, {f"hip_rotation_{side}": 0.2})[f"{side.upper()}TOE"]
+        assert inward * (moved - pose_neutral_markers(model)[f"{side.upper()}TOE"])[2] > 0
 
 
 @pytest.mark.parametrize(("side", "inward"), [("r", -1.0), ("l", 1.0)])
 def test_inversion_turns_the_sole_inward(side: str, inward: float) -> None:
-    model = builtin("lower_limb_feet_18dof")
-    turned = neutral_frames(model, {f"ankle_inversion_{side}": 0.3})[f"calcn_{side}"][0]
+    model = load_builtin("lower_limb_feet_18dof")
+    turned = pose_neutral_frames(model, {f"ankle_inversion_{side}": 0.3})[f"calcn_{side}"][0]
     sole = turned @ np.array([0.0, -1.0, 0.0])
     assert inward * sole[2] == pytest.approx(math.sin(0.3))
 
 
 def test_feet_are_the_whole_bodys() -> None:
-    feet, whole = builtin("lower_limb_feet_18dof"), builtin("full_body_35dof")
+    feet, whole = load_builtin("lower_limb_feet_18dof"), load_builtin("full_body_35dof")
     for name in ("RHEE", "RTOE", "RMT1", "RMT5", "LMT5"):
         assert feet.marker(name) == whole.marker(name)
     ours, theirs = feet.segment("calcn_l"), whole.segment("calcn_l")
     assert (ours.mass, ours.com, ours.inertia) == (theirs.mass, theirs.com, theirs.inertia)
     bent = {"ankle_angle_r": 0.3, "knee_angle_r": 0.5}
-    np.testing.assert_allclose(neutral_markers(feet, bent)["RTOE"], neutral_markers(whole, bent)["RTOE"])
+    np.testing.assert_allclose(
+        pose_neutral_markers(feet, bent)["RTOE"], pose_neutral_markers(whole, bent)["RTOE"]
+    )
 
 
 @models
 def test_inertia_can_exist(name: str) -> None:
     """Positive masses; principal moments obey the triangle inequality."""
-    for segment in builtin(name).segments:
+    for segment in load_builtin(name).segments:
         xx, yy, zz, xy, xz, yz = segment.inertia
         moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         assert segment.mass > 0
@@ -223,7 +225,7 @@ def test_inertia_can_exist(name: str) -> None:
 
 def test_inertia_follows_the_table() -> None:
     """Dumas 2007, male thigh, written out by hand."""
-    thigh, mass, length = builtin("lower_limb_14dof").segment("femur_r"), 0.123 * 67.3, 0.43245
+    thigh, mass, length = load_builtin("lower_limb_14dof").segment("femur_r"), 0.123 * 67.3, 0.43245
     assert thigh.mass == pytest.approx(mass)
     assert thigh.com == pytest.approx((-0.041 * length, -0.429 * length, 0.033 * length))
     radii = np.array([0.29, 0.15, 0.30, 0.07, 0.02, 0.07])
@@ -231,9 +233,9 @@ def test_inertia_follows_the_table() -> None:
 
 
 def test_squat_stays_in_its_plane_on_a_fixed_ankle() -> None:
-    model = builtin("squat_4dof")
+    model = load_builtin("squat_4dof")
     bent = {"ankle_angle": -0.4, "knee_angle": 1.8, "hip_angle": -1.7, "shoulder_angle": 1.5}
-    frames, markers = neutral_frames(model, bent), neutral_markers(model, bent)
+    frames, markers = pose_neutral_frames(model, bent), pose_neutral_markers(model, bent)
     assert all(place[2] == 0 for place in markers.values())
     np.testing.assert_array_equal(frames["shank"][1], np.zeros(3))
     assert frames["thigh"][1][0] > 0.1  # knee forward
@@ -242,8 +244,8 @@ def test_squat_stays_in_its_plane_on_a_fixed_ankle() -> None:
 
 
 def test_squat_torso_is_the_whole_bodys_in_the_sagittal_plane() -> None:
-    squat, whole = builtin("squat_4dof"), builtin("full_body_35dof")
-    at, frames = neutral_markers(whole), neutral_frames(whole)
+    squat, whole = load_builtin("squat_4dof"), load_builtin("full_body_35dof")
+    at, frames = pose_neutral_markers(whole), pose_neutral_frames(whole)
     hip, shoulder = frames["femur_r"][1], frames["humerus_r"][1]
     tilt = math.atan2(shoulder[0] - hip[0], shoulder[1] - hip[1])
     turn = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
@@ -265,23 +267,25 @@ def test_squat_torso_is_the_whole_bodys_in_the_sagittal_plane() -> None:
 
 @models
 def test_kernels_agree_with_the_plain_evaluation(name: str) -> None:
-    model, rng = builtin(name), np.random.default_rng(1)
+    model, rng = load_builtin(name), np.random.default_rng(1)
     q = rng.uniform(-1.0, 1.0, (3, len(model.coordinates)))
-    markers = marker_positions(compile_model(model), q, parameter_values(model))
+    markers = pose_markers(compile_model(model), q, list_parameter_values(model))
     for row, frame in zip(q, markers, strict=True):
-        expected = neutral_markers(model, dict(zip(model.coordinate_names, map(float, row), strict=True)))
+        expected = pose_neutral_markers(
+            model, dict(zip(model.coordinate_names, map(float, row), strict=True))
+        )
         np.testing.assert_allclose(frame, [expected[m] for m in model.marker_names], atol=1e-12)
 
 
 def test_shape_continues_with_its_end_slopes() -> None:
     parabola = Shape((0.0, 1.0, 2.0), ((1.0, 0.0, 0.0), (1.0, 2.0, 1.0)))  # x squared, in two pieces
-    assert [shape_values(parabola, x) for x in (0.0, 0.5, 1.0, 1.5, 2.0)] == [0.0, 0.25, 1.0, 2.25, 4.0]
-    assert shape_values(parabola, 3.0) == 8.0
-    assert shape_values(parabola, -1.0) == 0.0
+    assert [evaluate_shape(parabola, x) for x in (0.0, 0.5, 1.0, 1.5, 2.0)] == [0.0, 0.25, 1.0, 2.25, 4.0]
+    assert evaluate_shape(parabola, 3.0) == 8.0
+    assert evaluate_shape(parabola, -1.0) == 0.0
 
 
 def test_compact_form_is_strict(tmp_path: Path) -> None:
-    document = yaml.safe_load((reference_folder() / "squat_4dof.yaml").read_text())
+    document = yaml.safe_load((find_reference_folder() / "squat_4dof.yaml").read_text())
     document["segments"][1]["inertia"]["mas_pct"] = 3
     with pytest.raises(InputError, match="mas_pct") as caught:
         expand(document, file="squat.yaml")

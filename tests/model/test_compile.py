@@ -14,26 +14,26 @@ from scipy.spatial.transform import Rotation
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.compile import (
     compile_model,
-    coordinate_bounds,
-    default_coordinates,
     free_coordinates,
-    parameter_values,
+    list_coordinate_bounds,
+    list_parameter_values,
+    repeat_default_pose,
 )
 from scaling_service.model.parameters import free_scale
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Fixed, Shift, Turn
-from scaling_service.numerics.multibody.rigid import rotation_about
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import leg, leg_motion, random_tree, slow_batch
 
 
 def test_markers_come_in_the_order_asked_for() -> None:
     rng = np.random.default_rng(0)
     model, q = leg(rng), leg_motion(rng, 2)
-    every = marker_positions(compile_model(model), q, np.zeros(0))
+    every = pose_markers(compile_model(model), q, np.zeros(0))
     some = ("tibia2", "pelvis0", "femur3")
     columns = [model.marker_names.index(name) for name in some]
-    found = marker_positions(compile_model(model, some), q, np.zeros(0))
+    found = pose_markers(compile_model(model, some), q, np.zeros(0))
     np.testing.assert_allclose(found, every[:, columns], rtol=0, atol=1e-15)
 
 
@@ -67,7 +67,7 @@ def test_merging_constant_moves_moves_nothing(seed: int) -> None:
     q = rng.uniform(-2.0, 2.0, (2, len(model.coordinates)))
     tree = compile_model(model)
     np.testing.assert_allclose(
-        marker_positions(tree, q, np.zeros(0)), slow_batch(model, q, np.zeros(0)), rtol=0, atol=1e-13
+        pose_markers(tree, q, np.zeros(0)), slow_batch(model, q, np.zeros(0)), rtol=0, atol=1e-13
     )
     for link in tree.links:
         kinds = [type(move) for move in link.moves]
@@ -89,14 +89,14 @@ def test_a_turn_about_a_negative_axis_turns_the_other_way() -> None:
         (Coordinate("a"),),
         (Marker.at("m", "s", (1.0, 0, 0)),),
     )
-    found = marker_positions(compile_model(model), np.array([[0.3]]), np.zeros(0))[0, 0]
+    found = pose_markers(compile_model(model), np.array([[0.3]]), np.zeros(0))[0, 0]
     np.testing.assert_allclose(found, [np.cos(0.7), -np.sin(0.7), 0.0], atol=1e-15)
 
 
 def test_the_neutral_pose_is_that_of_the_plain_recursion() -> None:
     model = leg(np.random.default_rng(1))
-    frames = neutral_frames(model)
-    found = marker_positions(compile_model(model), default_coordinates(model, 1), parameter_values(model))[0]
+    frames = pose_neutral_frames(model)
+    found = pose_markers(compile_model(model), repeat_default_pose(model, 1), list_parameter_values(model))[0]
     for marker, at in zip(model.markers, found, strict=True):
         rotation, origin = frames[marker.segment]
         np.testing.assert_allclose(at, rotation @ np.array(marker.nominal) + origin, atol=1e-14)
@@ -107,7 +107,7 @@ def test_rotation_about_an_axis_equals_scipys(seed: int, angle: float) -> None:
     axis = np.random.default_rng(seed).normal(size=3)
     axis /= np.linalg.norm(axis)
     expected = Rotation.from_rotvec(axis * angle).as_matrix()
-    np.testing.assert_allclose(rotation_about(axis, angle), expected, atol=1e-13)
+    np.testing.assert_allclose(rotate_about(axis, angle), expected, atol=1e-13)
 
 
 def test_bounds_bind_only_where_clamped_and_locked_is_not_free() -> None:
@@ -117,14 +117,14 @@ def test_bounds_bind_only_where_clamped_and_locked_is_not_free() -> None:
         Coordinate("c", locked=True),
     )
     model = BodyModel("m", (), coordinates)
-    low, high = coordinate_bounds(model)
+    low, high = list_coordinate_bounds(model)
     assert low.tolist() == [-1.0, -np.inf, -np.inf]
     assert high.tolist() == [2.0, np.inf, np.inf]
     assert free_coordinates(model).tolist() == [True, True, False]
-    assert default_coordinates(model, 2).tolist() == [[0.5, 0.0, 0.0]] * 2
+    assert repeat_default_pose(model, 2).tolist() == [[0.5, 0.0, 0.0]] * 2
 
 
 def test_parameters_come_in_order() -> None:
     model = free_scale(free_scale(leg(np.random.default_rng(0)), "tibia", 0.1), "pelvis", 0.1)
     assert [p.name for p in model.parameters] == ["scale.tibia", "scale.pelvis"]
-    assert parameter_values(model).tolist() == [1.0, 1.0]
+    assert list_parameter_values(model).tolist() == [1.0, 1.0]

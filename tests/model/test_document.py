@@ -24,7 +24,7 @@ from scaling_service.model.body import (
     Shape,
     Term,
 )
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.model.document import from_document, to_document
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -56,7 +56,7 @@ def rich_model() -> BodyModel:
     )
 
 
-@pytest.mark.parametrize("model", [rich_model(), *map(builtin, BUILTIN_NAMES)], ids=lambda m: m.name)
+@pytest.mark.parametrize("model", [rich_model(), *map(load_builtin, BUILTIN_NAMES)], ids=lambda m: m.name)
 def test_round_trip_is_exact(model: BodyModel) -> None:
     assert from_document(through_json(to_document(model))) == model
 

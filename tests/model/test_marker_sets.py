@@ -6,13 +6,13 @@ from importlib.resources.abc import Traversable
 
 import pytest
 
-from scaling_service.model.anatomy.markers import canonical, looks_computed, plain_key
+from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
-from scaling_service.model.marker_sets import MarkerSet, landmarks, marker_sets
-from scaling_service.model.reference import marker_set_files, read_reference
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.marker_sets import MarkerSet, list_landmarks, list_marker_sets
+from scaling_service.model.reference import list_marker_set_files, read_reference
 
-SETS = list(marker_sets().values())
+SETS = list(list_marker_sets().values())
 OF_SKIN = [s for s in SETS if not s.key_points]
 KEYS = {
     "title", "source", "extends", "sided", "midline", "one_of", "adds_to_others", "key_points",
@@ -22,11 +22,11 @@ LABEL_KEYS = {"landmark", "segment", "aliases", "wand", "plane_of", "static_only
 
 @pytest.fixture(scope="module")
 def whole_body() -> BodyModel:
-    return builtin("full_body_35dof")
+    return load_builtin("full_body_35dof")
 
 
 @pytest.mark.parametrize(
-    ("name", "file"), list(marker_set_files()), ids=lambda v: v if isinstance(v, str) else ""
+    ("name", "file"), list(list_marker_set_files()), ids=lambda v: v if isinstance(v, str) else ""
 )
 def test_a_file_holds_what_is_read_and_says_where_it_is_from(name: str, file: Traversable) -> None:
     content = read_reference(file)
@@ -63,7 +63,7 @@ def test_both_sides_say_the_same(marker_set: MarkerSet) -> None:
 def test_landmarks_and_segments_are_those_of_the_models(marker_set: MarkerSet, whole_body: BodyModel) -> None:
     plain = {name.removesuffix("_r").removesuffix("_l") for name in whole_body.segment_names}
     for label in marker_set.labels:
-        assert label.landmark is None or label.landmark in landmarks()
+        assert label.landmark is None or label.landmark in list_landmarks()
         assert label.segment in plain | {"toes"}, "toes are OpenSim's segment; no built-in model has them"
 
 
@@ -73,31 +73,33 @@ def test_no_name_means_two_places() -> None:
         for label in marker_set.labels:
             for name in label.names:
                 reported = (label.landmark, label.segment, label.side)
-                assert meant.setdefault(plain_key(name), reported) == reported, f"{name} of {marker_set.name}"
-    for landmark in landmarks().values():
+                assert meant.setdefault(make_plain_key(name), reported) == reported, (
+                    f"{name} of {marker_set.name}"
+                )
+    for landmark in list_landmarks().values():
         for name in (landmark.name, *landmark.aliases):
             reported = (landmark.name, landmark.segment, landmark.side)
-            assert meant.setdefault(plain_key(name), reported) == reported, name
+            assert meant.setdefault(make_plain_key(name), reported) == reported, name
 
 
 def test_aliases_of_landmarks_belong_to_no_set() -> None:
-    of_sets = {plain_key(name) for s in OF_SKIN for label in s.labels for name in label.names}
-    twice = {a for mark in landmarks().values() for a in mark.aliases if plain_key(a) in of_sets}
+    of_sets = {make_plain_key(name) for s in OF_SKIN for label in s.labels for name in label.names}
+    twice = {a for mark in list_landmarks().values() for a in mark.aliases if make_plain_key(a) in of_sets}
     assert not {a for a in twice if a[0] == "R"}, "what a set says need not be said again"
 
 
 def test_every_landmark_is_canonical_and_no_marker_reads_as_computed() -> None:
-    for name in landmarks():
-        assert canonical(name) == name
+    for name in list_landmarks():
+        assert find_canonical(name) == name
     for marker_set in OF_SKIN:
         for label in marker_set.labels:
-            assert canonical(label.label) == label.landmark
-            assert not any(map(looks_computed, label.names)), label
+            assert find_canonical(label.label) == label.landmark
+            assert not any(map(is_computed, label.names)), label
 
 
 def test_a_landmark_is_on_the_segment_where_the_models_have_it(whole_body: BodyModel) -> None:
     for marker in whole_body.markers:
-        known = landmarks().get(marker.name)
+        known = list_landmarks().get(marker.name)
         if known is not None:
             midline = known.segment in ("pelvis", "torso", "head")
             assert marker.segment == (known.segment if midline else f"{known.segment}_{known.side}")

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis, free_marker, free_scale, free_scale_axes
-from scaling_service.model.poses import neutral_frames
-from scaling_service.model.scaling import scaled
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.poses import pose_neutral_frames
+from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import leg, leg_motion
 
 FACTORS = st.floats(0.8, 1.2)
@@ -27,7 +27,7 @@ def body() -> BodyModel:
 
 
 def placed(model: BodyModel, q: np.ndarray) -> np.ndarray:
-    return marker_positions(compile_model(model), q, parameter_values(model))
+    return pose_markers(compile_model(model), q, list_parameter_values(model))
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_scale_factor_multiplies_what_lies_in_the_segment_and_nothing_else(fac
     for a, b in zip(plain.markers, scaled.markers, strict=True):
         ratio = factor if a.segment == "femur" else 1.0
         np.testing.assert_allclose(b.nominal, np.array(a.nominal) * ratio, rtol=1e-14)
-    before, after = neutral_frames(plain), neutral_frames(scaled)
+    before, after = pose_neutral_frames(plain), pose_neutral_frames(scaled)
     length, scaled_length = (frames["tibia"][1] - frames["femur"][1] for frames in (before, after))
     np.testing.assert_allclose(scaled_length, factor * length, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(after["femur"][1], before["femur"][1], atol=1e-15)
@@ -81,10 +81,10 @@ def test_a_marker_shift_is_not_scaled(factor: float, shift: float, scale_first: 
 def test_a_tilt_turns_the_axis_and_leaves_the_neutral_pose(x: float, y: float) -> None:
     plain = leg(np.random.default_rng(0), coupled=False)
     tilted = fold(free_axis(plain, "knee", 0.6, 0.6), {"axis.knee.x": x, "axis.knee.y": y})
-    for name, (rotation, origin) in neutral_frames(plain).items():
-        np.testing.assert_allclose(neutral_frames(tilted)[name][0], rotation, atol=1e-14)
-        np.testing.assert_allclose(neutral_frames(tilted)[name][1], origin, atol=1e-14)
-    bent = neutral_frames(tilted, {"knee": -1.0})
+    for name, (rotation, origin) in pose_neutral_frames(plain).items():
+        np.testing.assert_allclose(pose_neutral_frames(tilted)[name][0], rotation, atol=1e-14)
+        np.testing.assert_allclose(pose_neutral_frames(tilted)[name][1], origin, atol=1e-14)
+    bent = pose_neutral_frames(tilted, {"knee": -1.0})
     turn = Rotation.from_matrix(bent["femur"][0].T @ bent["tibia"][0]).as_rotvec()
     axis = Rotation.from_euler("y", y).as_matrix() @ Rotation.from_euler("x", x).as_matrix() @ [0.0, 0.0, 1.0]
     np.testing.assert_allclose(turn, -1.0 * axis, atol=1e-12)
@@ -137,7 +137,7 @@ def test_factors_along_axes_are_those_of_scaling(y: float, z: float) -> None:
     freed = free_scale_axes(model, "femur", "yz", 0.2)
     folded = fold(freed, {"scale.femur.y": y, "scale.femur.z": z})
     q = leg_motion(np.random.default_rng(1), 4)
-    expected = scaled(model, {"femur": (0.5 * (y + z), y, z)})
+    expected = scale_model(model, {"femur": (0.5 * (y + z), y, z)})
     np.testing.assert_allclose(placed(folded, q), placed(expected, q), rtol=0, atol=1e-13)
     np.testing.assert_allclose(placed(freed, q), placed(model, q), rtol=0, atol=1e-13)
 

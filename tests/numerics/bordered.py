@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.model.body import BodyModel, Parameter
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import free_axis, free_marker, free_scale
 from scaling_service.numerics.least_squares.estimator import Settings
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import Array, leg, leg_motion
 
 TIGHT = Settings(max_steps=300, relative_decrease=1e-15)
@@ -29,7 +29,7 @@ class Case:
     p0: Array
 
     def measured(self, rng: np.random.Generator, noise: float) -> Problem:
-        exact = marker_positions(self.problem.tree, self.q, self.p)
+        exact = pose_markers(self.problem.tree, self.q, self.p)
         return replace(self.problem, measured=exact + rng.normal(0.0, noise, exact.shape))
 
 
@@ -45,10 +45,10 @@ def case(
 ) -> Case:
     rng = np.random.default_rng(seed)
     model = freed(rng) if model is None else model
-    start = parameter_values(model)
+    start = list_parameter_values(model)
     truth = start + rng.uniform(-spread, spread, len(start))
     tree, q = compile_model(model), leg_motion(rng, n)
-    exact = marker_positions(tree, q, truth)
+    exact = pose_markers(tree, q, truth)
     problem = make(model, exact + rng.normal(0.0, noise, exact.shape))
     return Case(problem, model, q, truth, q + rng.normal(0.0, 0.02, q.shape), start)
 

@@ -13,11 +13,16 @@ from scipy.spatial.transform import Rotation
 from scaling_service.numerics.least_squares.estimator import (
     Outcome,
     Settings,
+    estimate_uncertainty,
     solve,
     solve_motion_alone,
-    uncertainty,
 )
-from scaling_service.numerics.least_squares.problem import Huber, Problem, residuals, total_cost
+from scaling_service.numerics.least_squares.problem import (
+    Huber,
+    Problem,
+    compute_residuals,
+    compute_total_cost,
+)
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
 from tests.numerics.bodies import Array
 from tests.numerics.bordered import TIGHT, Case, case, freed
@@ -35,7 +40,7 @@ def scipys_cost(this: Case, problem: Problem) -> float:
 
     def rows(x: Array) -> Array:
         q, p = split(x)
-        gap = np.nan_to_num(residuals(problem, q, p)) * np.sqrt(problem.weights)[:, None]
+        gap = np.nan_to_num(compute_residuals(problem, q, p)) * np.sqrt(problem.weights)[:, None]
         return np.concatenate([gap.ravel(), np.sqrt(problem.prior_weight) * (p - this.p0)[free]])
 
     low = np.concatenate([np.tile(problem.coordinate_bounds[0], n), problem.lower])
@@ -51,7 +56,7 @@ def test_the_joint_optimum_is_scipys(seed: int) -> None:
     found = solve(this.problem, this.q0, this.p0, TIGHT)
     assert found.outcome is Outcome.CONVERGED
     assert found.cost == pytest.approx(scipys_cost(this, this.problem), rel=1e-8)
-    assert found.cost == pytest.approx(total_cost(this.problem, found.q, found.p, this.p0), rel=1e-12)
+    assert found.cost == pytest.approx(compute_total_cost(this.problem, found.q, found.p, this.p0), rel=1e-12)
 
 
 def test_with_priors_gaps_and_a_coupled_knee_too() -> None:
@@ -80,7 +85,7 @@ def test_bounds_are_kept_reached_and_flagged(seed: int) -> None:
     assert (found.q[:, 9] >= -1.0).all()
     assert (found.q[:, 9] == -1.0).any()
     assert found.cost == pytest.approx(scipys_cost(this, problem), rel=1e-6)
-    verdict = uncertainty(problem, found, this.p0)
+    verdict = estimate_uncertainty(problem, found, this.p0)
     assert verdict.at_bound[1]
     assert np.isnan(verdict.sd[1])
     assert not verdict.at_bound[[0, 2, 3]].any()
@@ -91,7 +96,7 @@ def test_without_noise_every_parameter_is_recovered() -> None:
     for seed in range(4):
         this = case(20 + seed, noise=0.0, n=20)
         found = solve(this.problem, this.q0, this.p0, TIGHT)
-        assert not (uncertainty(this.problem, found, this.p0).undetermined > 1e-6).any()
+        assert not (estimate_uncertainty(this.problem, found, this.p0).undetermined > 1e-6).any()
         np.testing.assert_allclose(found.p, this.p, rtol=0, atol=1e-6)
         np.testing.assert_allclose(found.q, this.q, rtol=0, atol=1e-6)
 
@@ -117,7 +122,9 @@ def _numeric_gradient(problem: Problem, q: Array, p: Array, p0: Array) -> Array:
     for k in range(len(p)):
         up, down = p.copy(), p.copy()
         up[k], down[k] = up[k] + step, down[k] - step
-        result[k] = (total_cost(problem, q, up, p0) - total_cost(problem, q, down, p0)) / (2 * step)
+        result[k] = (compute_total_cost(problem, q, up, p0) - compute_total_cost(problem, q, down, p0)) / (
+            2 * step
+        )
     return result
 
 
@@ -206,7 +213,7 @@ def test_frames_that_end_by_themselves_end_where_they_do_together(coupled: bool,
     alone = solve_motion_alone(still, this.q0, this.p, TIGHT)
     assert alone.outcome is Outcome.CONVERGED
     assert alone.cost == pytest.approx(together.cost, rel=1e-9)
-    assert alone.cost == pytest.approx(total_cost(still, alone.q, alone.p, this.p), rel=1e-12)
+    assert alone.cost == pytest.approx(compute_total_cost(still, alone.q, alone.p, this.p), rel=1e-12)
     np.testing.assert_allclose(alone.q, together.q, rtol=0, atol=1e-6)
 
 
@@ -234,7 +241,7 @@ def test_parameters_alone_are_what_scipy_finds() -> None:
     found = solve(this.problem.holding_motion(), this.q0, this.p0, TIGHT)
 
     def rows(p: Array) -> Array:
-        gap = residuals(this.problem, this.q0, p) * np.sqrt(this.problem.weights)[:, None]
+        gap = compute_residuals(this.problem, this.q0, p) * np.sqrt(this.problem.weights)[:, None]
         return gap.ravel()
 
     peer = least_squares(
@@ -251,8 +258,8 @@ def test_the_scale_of_the_variables_does_not_matter() -> None:
     other = solve(coarse, this.q0, this.p0, TIGHT)
     np.testing.assert_allclose(other.p, usual.p, rtol=0, atol=1e-6)
     np.testing.assert_allclose(
-        uncertainty(coarse, other, this.p0).covariance,
-        uncertainty(this.problem, usual, this.p0).covariance,
+        estimate_uncertainty(coarse, other, this.p0).covariance,
+        estimate_uncertainty(this.problem, usual, this.p0).covariance,
         rtol=1e-3,
         atol=1e-12,
     )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scaling_service.model.parameters import free_axis, free_marker, free_scale
-from scaling_service.numerics.least_squares.estimator import Settings, solve, uncertainty
-from scaling_service.numerics.least_squares.problem import residuals
+from scaling_service.numerics.least_squares.estimator import Settings, estimate_uncertainty, solve
+from scaling_service.numerics.least_squares.problem import compute_residuals
 from tests.numerics.bodies import leg
 from tests.numerics.bordered import TIGHT, case
 
@@ -22,7 +22,7 @@ def test_a_gauge_freedom_is_flagged_and_the_rest_is_not() -> None:
         model = free_marker(model, f"tibia{k}", "xyz", 0.2)
     this = case(30, model=model, n=20, spread=0.01)
     found = solve(this.problem, this.q0, this.p0, TIGHT)
-    verdict = uncertainty(this.problem, found, this.p0)
+    verdict = estimate_uncertainty(this.problem, found, this.p0)
     names = [p.name for p in model.parameters]
     turning = np.array([n.startswith("marker") and n[-1] in "xy" for n in names])
     assert (verdict.undetermined[~turning] < 1e-6).all()
@@ -46,7 +46,7 @@ def test_what_moves_nothing_is_undetermined_and_stays() -> None:
     measured[:, tibia] = np.nan
     problem = replace(this.problem, measured=measured)
     found = solve(problem, this.q0, this.p0, TIGHT)
-    verdict = uncertainty(problem, found, this.p0)
+    verdict = estimate_uncertainty(problem, found, this.p0)
     assert found.p[1] == pytest.approx(this.p0[1], abs=1e-9)
     np.testing.assert_allclose(verdict.undetermined, [0.0, 1.0], atol=1e-9)
     assert np.isnan(verdict.sd[1])
@@ -67,7 +67,7 @@ def test_stated_uncertainty_covers_the_truth() -> None:
     for draw in range(draws):
         problem = this.measured(np.random.default_rng([40, draw]), 0.001)
         found = solve(problem, this.q, this.p, Settings(relative_decrease=1e-9))
-        verdict = uncertainty(problem, found, this.p)
+        verdict = estimate_uncertainty(problem, found, this.p)
         inside[draw], noise[draw] = np.abs(found.p - this.p) <= 1.96 * verdict.sd, verdict.noise
     margin = 3.5 * inside.mean(axis=1).std() / np.sqrt(draws)
     assert inside.size >= 500
@@ -81,10 +81,10 @@ def test_stated_uncertainty_covers_the_truth() -> None:
 def test_the_covariance_is_that_of_the_dense_problem() -> None:
     this = case(41)
     found = solve(this.problem, this.q0, this.p0, TIGHT)
-    verdict = uncertainty(this.problem, found, this.p0)
+    verdict = estimate_uncertainty(this.problem, found, this.p0)
     n, nq = found.q.shape
     free = len(found.p)
-    rows = residuals(this.problem, found.q, found.p).size
+    rows = compute_residuals(this.problem, found.q, found.p).size
     dense = np.zeros((rows, n * nq + free))
     for k in range(n * nq + free):
         ends = []
@@ -94,7 +94,7 @@ def test_the_covariance_is_that_of_the_dense_problem() -> None:
                 q.ravel()[k] += sign * 1e-5
             else:
                 p[k - n * nq] += sign * 1e-5
-            gap = residuals(this.problem, q, p) * np.sqrt(this.problem.weights)[:, None]
+            gap = compute_residuals(this.problem, q, p) * np.sqrt(this.problem.weights)[:, None]
             ends.append(gap.ravel())
         dense[:, k] = (ends[0] - ends[1]) / 2e-5
     expected = np.linalg.inv(dense.T @ dense)[-free:, -free:] * verdict.noise**2
@@ -108,4 +108,7 @@ def test_a_prior_narrows_what_it_knows() -> None:
     sharp = replace(this.problem, prior_weight=np.array([1e6, 0, 0, 0, 0, 0.0]))
     reported = solve(sharp, this.q0, this.p0, TIGHT)
     assert abs(reported.p[0] - this.p0[0]) < 1e-4 < abs(found.p[0] - this.p0[0])
-    assert uncertainty(sharp, reported, this.p0).sd[0] < 0.1 * uncertainty(this.problem, found, this.p0).sd[0]
+    assert (
+        estimate_uncertainty(sharp, reported, this.p0).sd[0]
+        < 0.1 * estimate_uncertainty(this.problem, found, this.p0).sd[0]
+    )

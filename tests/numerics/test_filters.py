@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.numerics.signals.filters import (
-    butterworth,
+    average_moving,
+    convert_cutoff,
     fill_short_gaps,
-    moving_average,
-    runs,
-    single_pass_cutoff,
+    filter_butterworth,
+    find_runs,
 )
 
 
@@ -25,7 +25,7 @@ def _gain(filtered, original, keep):
 def test_runs_rebuild_the_flags(flags):
     flags = np.array(flags, bool)
     rebuilt = np.zeros_like(flags)
-    pairs = runs(flags)
+    pairs = find_runs(flags)
     for start, stop in pairs:
         rebuilt[start:stop] = True
     np.testing.assert_array_equal(rebuilt, flags)
@@ -37,7 +37,7 @@ def test_moving_average_has_its_closed_form_response(f):
     n = np.arange(2000)
     x = np.sin(2 * np.pi * f * n + 0.3)
     expected = (np.sin(5 * np.pi * f) / (5 * np.sin(np.pi * f))) ** 2
-    y = moving_average(x)
+    y = average_moving(x)
     np.testing.assert_allclose(y[10:-10], expected * x[10:-10], atol=1e-12)  # no phase: the same sine, scaled
 
 
@@ -46,7 +46,7 @@ def test_moving_average_keeps_lines_and_gaps():
     x[7:9, 0] = np.nan
     x[12, 0] = np.nan
     x[0, 1] = np.nan
-    np.testing.assert_allclose(moving_average(x), x, atol=1e-12, equal_nan=True)
+    np.testing.assert_allclose(average_moving(x), x, atol=1e-12, equal_nan=True)
 
 
 @given(st.integers(0, 5000))
@@ -57,7 +57,7 @@ def test_nothing_leaks_across_a_gap(seed):
     x[25:28] = np.nan
     other = x.copy()
     other[28:] += 100
-    for smooth in (moving_average, lambda s: butterworth(s, rate_hz=100, cutoff_hz=15).values):
+    for smooth in (average_moving, lambda s: filter_butterworth(s, rate_hz=100, cutoff_hz=15).values):
         a, b = smooth(x), smooth(other)
         np.testing.assert_array_equal(a[:28], b[:28])
         np.testing.assert_array_equal(np.isnan(a), np.isnan(x))
@@ -67,11 +67,11 @@ def test_nothing_leaks_across_a_gap(seed):
 def test_moving_average_does_not_change_its_input_and_knows_its_window():
     x = np.arange(9.0) ** 2
     copy = x.copy()
-    moving_average(x)
+    average_moving(x)
     np.testing.assert_array_equal(x, copy)
-    assert moving_average(np.zeros((0, 3))).shape == (0, 3)
+    assert average_moving(np.zeros((0, 3))).shape == (0, 3)
     with pytest.raises(ValueError, match="odd"):
-        moving_average(x, window=4)
+        average_moving(x, window=4)
 
 
 @pytest.mark.parametrize(("cutoff", "rate"), [(6, 100), (6, 60), (20, 100), (45, 100), (10, 1000)])
@@ -79,7 +79,7 @@ def test_moving_average_does_not_change_its_input_and_knows_its_window():
 def test_butterworth_has_half_power_at_the_stated_cutoff(cutoff, rate, order):
     n = np.arange(40 * rate)
     x = np.sin(2 * np.pi * cutoff * n / rate + 0.1)
-    result = butterworth(x, rate_hz=rate, cutoff_hz=cutoff, order=order)
+    result = filter_butterworth(x, rate_hz=rate, cutoff_hz=cutoff, order=order)
     keep = slice(5 * rate, -5 * rate)
     assert _gain(result.values, x, keep) == pytest.approx(np.sqrt(0.5), abs=1e-6)
     # Zero phase: the result is the same sine.
@@ -94,20 +94,22 @@ def test_butterworth_rolls_off_by_its_effective_order():
     for f in (100, 200):
         x = np.sin(2 * np.pi * f * n / rate)
         gains.append(
-            _gain(butterworth(x, rate_hz=rate, cutoff_hz=cutoff).values, x, slice(rate // 2, -rate // 2))
+            _gain(
+                filter_butterworth(x, rate_hz=rate, cutoff_hz=cutoff).values, x, slice(rate // 2, -rate // 2)
+            )
         )
     assert gains[0] / gains[1] == pytest.approx(2**4, rel=0.01)  # 24 dB per octave: order 4
 
 
 def test_single_pass_cutoff_is_winters_factor_far_below_half_the_rate():
     # Winter 2009: C = (2**(1/2) - 1)**(1/4) = 0.802 for two passes of order 2.
-    assert 6 / single_pass_cutoff(6, 1e6, 2) == pytest.approx(0.8022, abs=1e-4)
+    assert 6 / convert_cutoff(6, 1e6, 2) == pytest.approx(0.8022, abs=1e-4)
 
 
 def test_short_runs_are_reported_and_left():
     x = np.random.default_rng(0).normal(size=(80, 2))
     x[5, 0] = np.nan
-    result = butterworth(x, rate_hz=100, cutoff_hz=6)
+    result = filter_butterworth(x, rate_hz=100, cutoff_hz=6)
     np.testing.assert_array_equal(np.flatnonzero(result.unfiltered[:, 0]), np.arange(5))
     assert not result.unfiltered[:, 1].any()
     np.testing.assert_array_equal(result.values[:5, 0], x[:5, 0])
@@ -117,7 +119,7 @@ def test_short_runs_are_reported_and_left():
 @pytest.mark.parametrize("bad", [{"cutoff_hz": 50}, {"cutoff_hz": 0}, {"cutoff_hz": 6, "order": 3}])
 def test_impossible_filters_are_refused(bad):
     with pytest.raises(ValueError, match=r"cutoff|order"):
-        butterworth(np.zeros(100), rate_hz=100, **bad)
+        filter_butterworth(np.zeros(100), rate_hz=100, **bad)
 
 
 def test_short_gaps_of_a_cubic_are_filled_exactly():

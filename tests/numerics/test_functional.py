@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.numerics.multibody.functional import (
     Poses,
-    ranges_of_motion,
-    rotation_axis,
-    rotation_centre,
+    find_rotation_axis,
+    find_rotation_centre,
+    measure_ranges_of_motion,
 )
 from scaling_service.numerics.multibody.rigid import fit_rigid
 
@@ -66,7 +66,7 @@ THIGH = np.array([[0.05, 0.25, 0.06], [0.06, 0.15, -0.02], [0.0, 0.0, 0.05], [0.
 
 def test_a_ball_joint_is_found_exactly() -> None:
     first = wandering(200, np.random.default_rng(0))
-    found = rotation_centre(first, joined(first, ball(200, 40.0)))
+    found = find_rotation_centre(first, joined(first, ball(200, 40.0)))
     np.testing.assert_allclose(found.proximal, CENTRE, atol=1e-13)
     np.testing.assert_allclose(found.distal, DISTAL_CENTRE, atol=1e-13)
     assert found.rms < 1e-14
@@ -76,7 +76,7 @@ def test_a_ball_joint_is_found_exactly() -> None:
 def test_a_hinge_is_found_exactly_and_its_centre_is_free_along_it() -> None:
     first = wandering(150, np.random.default_rng(1))
     second = joined(first, hinge(150, 70.0))
-    found = rotation_axis(first, second)
+    found = find_rotation_axis(first, second)
     sign = np.sign(found.proximal @ AXIS)
     np.testing.assert_allclose(sign * found.proximal, AXIS, atol=1e-12)
     np.testing.assert_allclose(sign * found.distal, AXIS, atol=1e-12)  # unmoved by a turn about itself
@@ -90,7 +90,7 @@ def test_it_is_the_least_squares_solution() -> None:
     true = wandering(60, rng)
     first, second = seen(true, PELVIS, rng), seen(joined(true, ball(60, 50.0)), THIGH, rng)
     first, second = (Poses(p.rotation[0], p.position[0]) for p in (first, second))
-    found = rotation_centre(first, second)
+    found = find_rotation_centre(first, second)
     peer = least_squares(
         lambda c: (first.place(c[:3]) - second.place(c[3:])).ravel(), np.zeros(6), xtol=1e-15
     )
@@ -105,7 +105,7 @@ def test_centres_are_as_accurate_as_published() -> None:
     first = seen(true, PELVIS, rng, batch=200)
     rms = {}
     for range_deg in (20.0, 45.0):
-        found = rotation_centre(first, seen(joined(true, ball(200, range_deg)), THIGH, rng, batch=200))
+        found = find_rotation_centre(first, seen(joined(true, ball(200, range_deg)), THIGH, rng, batch=200))
         errors = np.linalg.norm(found.proximal - CENTRE, axis=-1)
         rms[range_deg] = float(np.sqrt((errors**2).mean()))
         # Independent frames: the stated deviation is the scatter that is seen.
@@ -121,7 +121,7 @@ def test_axes_are_as_accurate_as_published() -> None:
     true = wandering(200, rng)
     first = seen(true, PELVIS + np.array([0.0, -0.3, 0.0]), rng, batch=200)
     second = seen(joined(true, hinge(200, 90.0)), THIGH + np.array([0.0, 0.35, 0.0]), rng, batch=200)
-    found = rotation_axis(first, second)
+    found = find_rotation_axis(first, second)
     across = np.linalg.norm(np.cross(CENTRE - found.point_proximal, found.proximal), axis=-1)
     assert np.sqrt((across**2).mean()) < 1e-3
     tilted = np.degrees(np.arccos(np.clip(np.abs(found.proximal @ AXIS), -1.0, 1.0)))
@@ -132,7 +132,7 @@ def test_a_batch_is_as_good_as_single_calls() -> None:
     rng = np.random.default_rng(5)
     true = wandering(40, rng)
     first, second = seen(true, PELVIS, rng, batch=4), seen(joined(true, ball(40, 30.0)), THIGH, rng, batch=4)
-    for function in (rotation_centre, rotation_axis):
+    for function in (find_rotation_centre, find_rotation_axis):
         together = function(first, second)
         for k in range(4):
             alone = function(
@@ -141,8 +141,8 @@ def test_a_batch_is_as_good_as_single_calls() -> None:
             np.testing.assert_allclose(np.abs(together.proximal[k]), np.abs(alone.proximal), atol=1e-10)
             np.testing.assert_allclose(together.rms[k], alone.rms, rtol=1e-9)
     np.testing.assert_allclose(
-        ranges_of_motion(first, second)[2],
-        ranges_of_motion(
+        measure_ranges_of_motion(first, second)[2],
+        measure_ranges_of_motion(
             Poses(first.rotation[2], first.position[2]), Poses(second.rotation[2], second.position[2])
         ),
         rtol=1e-12,
@@ -154,13 +154,13 @@ def test_frames_without_a_pose_are_passed_over() -> None:
     second = joined(first, ball(100, 40.0))
     rotation, position = second.rotation.copy(), second.position.copy()
     rotation[10:60], position[70] = np.nan, np.nan
-    found = rotation_centre(first, Poses(rotation, position))
+    found = find_rotation_centre(first, Poses(rotation, position))
     assert found.frames == 49
     np.testing.assert_allclose(found.proximal, CENTRE, atol=1e-13)
     few = Poses(np.full_like(rotation, np.nan), position)
-    assert np.isnan(rotation_centre(first, few).proximal).all()
-    assert np.isnan(rotation_axis(first, few).proximal).all()
-    assert np.isnan(ranges_of_motion(first, few)).all()
+    assert np.isnan(find_rotation_centre(first, few).proximal).all()
+    assert np.isnan(find_rotation_axis(first, few).proximal).all()
+    assert np.isnan(measure_ranges_of_motion(first, few)).all()
 
 
 def test_where_the_whole_moves_changes_nothing() -> None:
@@ -172,23 +172,23 @@ def test_where_the_whole_moves_changes_nothing() -> None:
     )
     turn, shift = Rotation.from_rotvec([0.3, -1.0, 0.4]).as_matrix(), np.array([1.0, -2.0, 0.5])
     there = [Poses(turn @ p.rotation, p.position @ turn.T + shift) for p in (first, second)]
-    here, moved = rotation_centre(first, second), rotation_centre(*there)
+    here, moved = find_rotation_centre(first, second), find_rotation_centre(*there)
     np.testing.assert_allclose(moved.proximal, here.proximal, atol=1e-10)
     np.testing.assert_allclose(moved.rms, here.rms, rtol=1e-9)
 
 
 def test_ranges_tell_a_hinge_from_a_ball() -> None:
     first = wandering(400, np.random.default_rng(8))
-    one = np.degrees(ranges_of_motion(first, joined(first, hinge(400, 70.0)), share=1.0))
+    one = np.degrees(measure_ranges_of_motion(first, joined(first, hinge(400, 70.0)), share=1.0))
     assert one == pytest.approx([70.0, 0.0, 0.0], abs=0.1)
     plane = np.deg2rad(30.0) * np.sin(np.linspace(0.0, 8.0 * np.pi, 400))
     other = np.deg2rad(12.0) * np.sin(np.linspace(0.0, 2.0 * np.pi, 400))
     both = Rotation.from_rotvec(np.column_stack([other, 0.0 * plane, plane])).as_matrix()
-    assert np.degrees(ranges_of_motion(first, joined(first, both), share=1.0)) == pytest.approx(
+    assert np.degrees(measure_ranges_of_motion(first, joined(first, both), share=1.0)) == pytest.approx(
         [60.0, 24.0, 0.0], abs=0.5
     )
 
 
 def test_a_ball_joint_has_no_sharp_axis() -> None:
     first = wandering(200, np.random.default_rng(9))
-    assert rotation_axis(first, joined(first, ball(200, 60.0))).sharpness > 0.5
+    assert find_rotation_axis(first, joined(first, ball(200, 60.0))).sharpness > 0.5

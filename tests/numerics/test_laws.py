@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline, PPoly
 
-from scaling_service.numerics.multibody.laws import NONE, Factor, Piecewise, TermArrays, Values, shape_groups
+from scaling_service.numerics.multibody.laws import NONE, Factor, Piecewise, TermArrays, Values, group_shapes
 
 
 def curve(seed: int) -> PPoly:
@@ -41,7 +41,7 @@ def test_a_law_sums_its_terms() -> None:
     q = np.array([[0.5, -1.0], [3.0, 4.0]])
     square = Piecewise(np.array([-5.0, 5.0]), np.array([[1.0], [-10.0], [25.0]]))  # (x + 5 - 5)^2
     factors = (Factor(0), Factor(0, square), Factor(1))
-    values = Values.of(factors, shape_groups(factors), q, np.array([2.0, 10.0]))
+    values = Values.of(factors, group_shapes(factors), q, np.array([2.0, 10.0]))
     terms = (
         TermArrays(np.array([1.5]), NONE, 0),
         TermArrays(np.array([1.0]), 0, 1),

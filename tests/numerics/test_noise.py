@@ -9,9 +9,9 @@ import pytest
 
 from scaling_service.model.compile import compile_model
 from scaling_service.model.parameters import free_marker
-from scaling_service.numerics.least_squares.estimator import repetition, residual_variance
+from scaling_service.numerics.least_squares.estimator import estimate_repetition, estimate_residual_variance
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import leg, leg_motion
 
 NONE = np.zeros(0)
@@ -26,7 +26,7 @@ def known(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
     open_ended = (np.full(q.shape[1], -np.inf), np.full(q.shape[1], np.inf))
     problem = Problem(
         tree,
-        marker_positions(tree, q, NONE) + noise,
+        pose_markers(tree, q, NONE) + noise,
         np.ones(12),
         nothing,
         nothing,
@@ -41,13 +41,13 @@ def known(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
 
 def test_white_noise_is_measured() -> None:
     problem, q = known(np.random.default_rng(1).normal(0.0, 0.002, (400, 12, 3)))
-    assert np.sqrt(residual_variance(problem, q, NONE)) == pytest.approx(0.002, rel=0.02)
+    assert np.sqrt(estimate_residual_variance(problem, q, NONE)) == pytest.approx(0.002, rel=0.02)
 
 
 def test_what_the_fit_used_up_is_not_counted() -> None:
     problem, q = known(np.random.default_rng(3).normal(0.0, 0.002, (50, 12, 3)))
     fitted = replace(problem, coordinates=np.arange(q.shape[1]))
-    ratio = residual_variance(fitted, q, NONE) / residual_variance(problem, q, NONE)
+    ratio = estimate_residual_variance(fitted, q, NONE) / estimate_residual_variance(problem, q, NONE)
     assert ratio == pytest.approx(36.0 / (36.0 - q.shape[1]))
 
 
@@ -55,13 +55,13 @@ def test_markers_not_seen_do_not_lower_it() -> None:
     problem, q = known(np.random.default_rng(4).normal(0.0, 0.002, (400, 12, 3)))
     hidden = problem.measured.copy()
     hidden[::2, 3:] = np.nan
-    variance = residual_variance(replace(problem, measured=hidden), q, NONE)
+    variance = estimate_residual_variance(replace(problem, measured=hidden), q, NONE)
     assert np.sqrt(variance) == pytest.approx(0.002, rel=0.03)
 
 
 def test_a_perfect_fit_is_not_certainty() -> None:
     problem, q = known(np.zeros((20, 12, 3)))
-    assert residual_variance(problem, q, NONE) == pytest.approx(1e-12)
+    assert estimate_residual_variance(problem, q, NONE) == pytest.approx(1e-12)
 
 
 def shifted(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
@@ -74,7 +74,7 @@ def shifted(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
     open_ended = (np.full(q.shape[1], -np.inf), np.full(q.shape[1], np.inf))
     problem = Problem(
         tree,
-        marker_positions(tree, q, np.zeros(count)) + noise,
+        pose_markers(tree, q, np.zeros(count)) + noise,
         np.ones(12),
         np.arange(q.shape[1]),
         np.arange(count),
@@ -94,7 +94,7 @@ def test_independent_frames_repeat_nothing() -> None:
         problem, q = shifted(noise, seed)
         blocks = np.arange(160) // 20
         p = np.zeros(len(problem.parameters))
-        found.append(repetition(problem, q, p, blocks, 0.002**2))
+        found.append(estimate_repetition(problem, q, p, blocks, 0.002**2))
     assert np.mean(found) == pytest.approx(1.1, abs=0.15)  # never below one, so a little above it on average
 
 
@@ -109,10 +109,10 @@ def test_frames_that_say_the_same_are_counted(times: int) -> None:
         blocks = np.repeat(np.arange(160) // 20, times)
         p = np.zeros(len(problem.parameters))
         q = np.repeat(q, times, axis=0)
-        found.append(repetition(many, q, p, blocks, 0.002**2))
+        found.append(estimate_repetition(many, q, p, blocks, 0.002**2))
     assert np.mean(found) == pytest.approx(times, rel=0.2)
 
 
 def test_one_block_says_nothing_of_repetition() -> None:
     problem, q = shifted(np.random.default_rng(5).normal(0.0, 0.002, (20, 12, 3)))
-    assert repetition(problem, q, np.zeros(36), np.zeros(20, dtype=int), 4e-6) == 1.0
+    assert estimate_repetition(problem, q, np.zeros(36), np.zeros(20, dtype=int), 4e-6) == 1.0

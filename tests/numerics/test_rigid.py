@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.numerics.multibody.rigid import (
+    build_skew,
+    convert_rotation_to_vector,
+    convert_vector_to_rotation,
+    find_nearest_rotation,
     fit_rigid,
-    nearest_rotation,
-    rotation_about,
-    rotation_from_vector,
-    skew,
-    vector_from_rotation,
+    rotate_about,
 )
 
 
@@ -72,7 +72,7 @@ def test_a_mirrored_cloud_still_gives_a_proper_rotation():
 
 def test_a_plane_of_three_points_is_enough_and_a_line_is_not():
     plane = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-    turn = rotation_about([0, 0, 1], 0.4)
+    turn = rotate_about([0, 0, 1], 0.4)
     R, _ = fit_rigid(plane, plane @ turn.T)
     np.testing.assert_allclose(R, turn, atol=1e-12)
     line = np.array([[0.0, 0, 0], [1, 1, 0], [2, 2, 0], [3, 3, 0]])
@@ -109,9 +109,9 @@ def test_wrong_input_is_refused():
 @settings(max_examples=100, deadline=None)
 def test_vector_and_matrix_agree_with_scipy_and_each_other(axis, angle):
     v = angle * np.array(axis) / np.linalg.norm(axis)
-    R = rotation_from_vector(v)
+    R = convert_vector_to_rotation(v)
     np.testing.assert_allclose(R, Rotation.from_rotvec(v).as_matrix(), atol=1e-14)
-    back = vector_from_rotation(R)
+    back = convert_rotation_to_vector(R)
     # At pi the two opposite vectors are the same rotation; rounding may give either one.
     close = min(np.linalg.norm(back - v), np.linalg.norm(back + v) if angle > 3 else np.inf)
     assert close < 1e-7 if angle == np.pi else close < 1e-9
@@ -119,12 +119,12 @@ def test_vector_and_matrix_agree_with_scipy_and_each_other(axis, angle):
 
 def test_small_angles_keep_their_digits():
     v = np.array([1e-9, -2e-9, 3e-9])
-    np.testing.assert_allclose(vector_from_rotation(rotation_from_vector(v)), v, rtol=1e-6)
+    np.testing.assert_allclose(convert_rotation_to_vector(convert_vector_to_rotation(v)), v, rtol=1e-6)
 
 
 def test_vector_of_a_missing_rotation_is_missing():
     R = np.stack((np.eye(3), np.full((3, 3), np.nan)))
-    back = vector_from_rotation(R)
+    back = convert_rotation_to_vector(R)
     assert (back[0] == 0).all()
     assert np.isnan(back[1]).all()
 
@@ -132,6 +132,6 @@ def test_vector_of_a_missing_rotation_is_missing():
 def test_skew_is_the_cross_product_and_nearest_rotation_undoes_scaling():
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(2, 4, 3))
-    np.testing.assert_allclose(np.einsum("fij,fj->fi", skew(a), b), np.cross(a, b))
+    np.testing.assert_allclose(np.einsum("fij,fj->fi", build_skew(a), b), np.cross(a, b))
     R = Rotation.random(4, random_state=1).as_matrix()
-    np.testing.assert_allclose(nearest_rotation(3.7 * R), R, atol=1e-12)
+    np.testing.assert_allclose(find_nearest_rotation(3.7 * R), R, atol=1e-12)

@@ -14,7 +14,7 @@ from scaling_service.numerics.signals.splines import (
     Step,
     add_to_blocks,
     add_to_rows,
-    banded,
+    pack_band,
     solve_band,
 )
 
@@ -92,7 +92,7 @@ def test_bands_hold_the_dense_normal_matrix_and_its_solution() -> None:
     linear = np.concatenate([gradient.ravel(), quadratic.shared_gradient])
     assert quadratic.at(Step(step, x)) == pytest.approx(2.0 + 2 * linear @ both + both @ whole @ both)
     held = RNG.random(count * m) < 0.2
-    found = solve_band(banded(blocks), gradient.reshape(-1, 1), held)[:, 0]
+    found = solve_band(pack_band(blocks), gradient.reshape(-1, 1), held)[:, 0]
     free = ~held
     expected = np.linalg.solve(dense[np.ix_(free, free)], gradient.ravel()[free])
     assert (found[held] == 0).all()

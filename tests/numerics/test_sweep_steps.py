@@ -11,7 +11,13 @@ from hypothesis import strategies as st
 
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.sweep import SweepSettings, solve_motion
-from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, marker_positions, positions
+from scaling_service.numerics.multibody.tree import (
+    Tree,
+    compute_jacobian,
+    place_tree_markers,
+    pose_links,
+    pose_markers,
+)
 from tests.numerics.bodies import Array, leg, leg_motion, random_tree, slow_jacobian
 from tests.numerics.swept import SEEDS, Case, case
 
@@ -27,7 +33,7 @@ def test_an_undamped_step_is_the_dense_gauss_newton_step(seed: int, n_segments: 
     n = len(model.coordinates)
     truth = rng.uniform(-1.0, 1.0, (2, n))
     tree, none = compile_model(model), np.zeros(0)
-    measured = marker_positions(tree, truth, none) + rng.normal(0.0, 1e-4, (2, len(model.markers), 3))
+    measured = pose_markers(tree, truth, none) + rng.normal(0.0, 1e-4, (2, len(model.markers), 3))
     start = truth + rng.normal(0.0, 1e-3, truth.shape)
     weights = rng.uniform(0.5, 2.0, len(model.markers))
     found = solve_motion(tree, measured, weights, start, none, settings=ONE_STEP)
@@ -35,7 +41,7 @@ def test_an_undamped_step_is_the_dense_gauss_newton_step(seed: int, n_segments: 
     for k in range(2):
         rates = slow[k].reshape(-1, n)
         heavy = np.repeat(weights, 3)
-        gap = (measured[k] - marker_positions(tree, start[k : k + 1], none)[0]).ravel()
+        gap = (measured[k] - pose_markers(tree, start[k : k + 1], none)[0]).ravel()
         normal = rates.T @ (heavy[:, None] * rates)
         if np.linalg.cond(normal) > 1e6:
             return  # rounding then exceeds what is asked for
@@ -65,11 +71,15 @@ def curvature_and_slope(tree: Tree, q: Array, measured: Array, weights: Array) -
     n, none = q.shape[1], np.zeros(0)
 
     def rates(at: Array) -> Array:
-        poses = forward(tree, np.ascontiguousarray(at.T), none)
-        return jacobian(tree, poses, positions(tree, poses), np.arange(n))[..., 0].reshape(n, -1).T
+        poses = pose_links(tree, np.ascontiguousarray(at.T), none)
+        return (
+            compute_jacobian(tree, poses, place_tree_markers(tree, poses), np.arange(n))[..., 0]
+            .reshape(n, -1)
+            .T
+        )
 
     heavy, jac = np.repeat(weights, 3), rates(q)
-    gap = (measured - marker_positions(tree, q, none)).ravel()
+    gap = (measured - pose_markers(tree, q, none)).ravel()
     steps = 1e-5 * np.eye(n)
     bend = np.array([(rates(q + h) - rates(q - h)).T @ (heavy * gap) / 2e-5 for h in steps])
     return jac.T @ (heavy[:, None] * jac) - bend, jac.T @ (heavy * gap)
@@ -83,7 +93,7 @@ def test_near_the_minimum_a_step_is_newtons(seed: int, n_segments: int) -> None:
     model = random_tree(rng, n_segments, markers_each=4)
     n = len(model.coordinates)
     q, tree, none = rng.uniform(-1.0, 1.0, (1, n)), compile_model(model), np.zeros(0)
-    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
+    measured = pose_markers(tree, q, none) + rng.normal(0.0, 0.01, (1, len(model.markers), 3))
     weights = rng.uniform(0.5, 2.0, len(model.markers))
     hessian, slope = curvature_and_slope(tree, q, measured, weights)
     if np.linalg.eigvalsh(hessian)[0] < 1e-3:
@@ -100,7 +110,7 @@ def test_newton_steps_are_fewer_where_residuals_stay(seed: int, monkeypatch: pyt
     rng = np.random.default_rng(seed)
     model, q = leg(rng), leg_motion(rng, 50)
     tree, none = compile_model(model), np.zeros(0)
-    measured = marker_positions(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
+    measured = pose_markers(tree, q, none) + rng.normal(0.0, 0.03, (50, 12, 3))
     how = SweepSettings(left=1e-12, max_steps=300)
     newton = solve_motion(tree, measured, np.ones(12), q, none, settings=how)
     monkeypatch.setattr("scaling_service.numerics.multibody.sweep._NEAR", 0.0)
@@ -148,7 +158,7 @@ def test_a_step_knows_of_a_coordinate_that_it_takes_to_its_bound(seed: int) -> N
     model = random_tree(rng, 4, markers_each=4)
     n, tree, none = len(model.coordinates), compile_model(model), np.zeros(0)
     truth = rng.uniform(-1.0, 1.0, (1, n))
-    measured = marker_positions(tree, truth, none) + rng.normal(0.0, 1e-3, (1, len(model.markers), 3))
+    measured = pose_markers(tree, truth, none) + rng.normal(0.0, 1e-3, (1, len(model.markers), 3))
     weights, q = rng.uniform(0.5, 2.0, len(model.markers)), truth + rng.normal(0.0, 1e-2, truth.shape)
     hessian, slope = curvature_and_slope(tree, q, measured, weights)
     hessian += TINY * weights.sum() * np.eye(n)

@@ -10,9 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import free_axis, free_marker, free_scale
-from scaling_service.numerics.multibody.tree import Tree, forward, jacobian, marker_positions, positions
+from scaling_service.numerics.multibody.tree import (
+    Tree,
+    compute_jacobian,
+    place_tree_markers,
+    pose_links,
+    pose_markers,
+)
 from tests.numerics.bodies import (
     Array,
     all_names,
@@ -28,9 +34,11 @@ SEEDS = st.integers(0, 10_000)
 
 def fast_jacobian(tree: Tree, q: Array, p: Array) -> Array:
     """(n_frames, n_markers, 3, n_variables)."""
-    poses = forward(tree, np.ascontiguousarray(q.T), p)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
     variables = np.arange(tree.n_coordinates + tree.n_parameters)
-    return np.moveaxis(jacobian(tree, poses, positions(tree, poses), variables), (0, 3), (3, 0))
+    return np.moveaxis(
+        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+    )
 
 
 def freed_leg(rng: np.random.Generator) -> BodyModel:
@@ -51,7 +59,7 @@ def test_random_trees_stand_where_the_slow_recursion_puts_them(seed: int, n_segm
     rng = np.random.default_rng(seed)
     model = random_tree(rng, n_segments)
     q = rng.uniform(-2.0, 2.0, (3, len(model.coordinates)))
-    found = marker_positions(compile_model(model), q, np.zeros(0))
+    found = pose_markers(compile_model(model), q, np.zeros(0))
     np.testing.assert_allclose(found, slow_batch(model, q, np.zeros(0)), rtol=0.0, atol=1e-13)
 
 
@@ -71,10 +79,10 @@ def test_jacobians_of_random_trees_equal_the_complex_step(seed: int, n_segments:
 @given(seed=SEEDS)
 def test_freed_numbers_and_coupled_joints_move_markers_as_they_should(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    model, p = (m := freed_leg(rng)), parameter_values(m)
+    model, p = (m := freed_leg(rng)), list_parameter_values(m)
     q = leg_motion(rng, 4)
     tree = compile_model(model)
-    np.testing.assert_allclose(marker_positions(tree, q, p), slow_batch(model, q, p), rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(pose_markers(tree, q, p), slow_batch(model, q, p), rtol=0.0, atol=1e-13)
     slow = slow_jacobian(model, q, p, all_names(model))
     assert (np.abs(slow).max(axis=(0, 1, 2)) > 1e-3).all(), "every variable moves some marker"
     np.testing.assert_allclose(fast_jacobian(tree, q, p), slow, rtol=0.0, atol=1e-12)
@@ -82,13 +90,11 @@ def test_freed_numbers_and_coupled_joints_move_markers_as_they_should(seed: int)
 
 def test_a_batch_of_four_equals_four_single_calls() -> None:
     rng = np.random.default_rng(3)
-    model, p = (m := freed_leg(rng)), parameter_values(m)
+    model, p = (m := freed_leg(rng)), list_parameter_values(m)
     tree, q = compile_model(model), leg_motion(rng, 4)
-    together, derivatives = marker_positions(tree, q, p), fast_jacobian(tree, q, p)
+    together, derivatives = pose_markers(tree, q, p), fast_jacobian(tree, q, p)
     for k in range(4):
-        np.testing.assert_allclose(
-            marker_positions(tree, q[k : k + 1], p)[0], together[k], rtol=0, atol=1e-15
-        )
+        np.testing.assert_allclose(pose_markers(tree, q[k : k + 1], p)[0], together[k], rtol=0, atol=1e-15)
         np.testing.assert_allclose(
             fast_jacobian(tree, q[k : k + 1], p)[0], derivatives[k], rtol=0, atol=1e-15
         )
@@ -96,13 +102,13 @@ def test_a_batch_of_four_equals_four_single_calls() -> None:
 
 def test_only_the_variables_asked_for_are_derived_in_the_order_asked_for() -> None:
     rng = np.random.default_rng(4)
-    model, p = (m := freed_leg(rng)), parameter_values(m)
+    model, p = (m := freed_leg(rng)), list_parameter_values(m)
     tree, q = compile_model(model), leg_motion(rng, 2)
-    poses = forward(tree, np.ascontiguousarray(q.T), p)
-    placed = positions(tree, poses)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    placed = place_tree_markers(tree, poses)
     some = np.array([12, 3, 9])
-    every = jacobian(tree, poses, placed, np.arange(tree.n_coordinates + tree.n_parameters))
-    np.testing.assert_array_equal(jacobian(tree, poses, placed, some), every[some])
+    every = compute_jacobian(tree, poses, placed, np.arange(tree.n_coordinates + tree.n_parameters))
+    np.testing.assert_array_equal(compute_jacobian(tree, poses, placed, some), every[some])
 
 
 def test_moving_the_ground_origin_moves_every_marker_alike() -> None:
@@ -110,9 +116,9 @@ def test_moving_the_ground_origin_moves_every_marker_alike() -> None:
     model = leg(rng)
     tree, q, ground = compile_model(model), leg_motion(rng, 3), rng.normal(size=(3, 3))
     p = np.zeros(0)
-    moved = positions(tree, forward(tree, np.ascontiguousarray(q.T), p, ground=ground))
+    moved = place_tree_markers(tree, pose_links(tree, np.ascontiguousarray(q.T), p, ground=ground))
     np.testing.assert_allclose(
-        np.moveaxis(moved, -1, 0), marker_positions(tree, q, p) + ground.T[:, None], rtol=0, atol=1e-14
+        np.moveaxis(moved, -1, 0), pose_markers(tree, q, p) + ground.T[:, None], rtol=0, atol=1e-14
     )
 
 
@@ -130,7 +136,7 @@ def test_positions_and_velocities_equal_pinocchios(seed: int, n_segments: int) -
     expected = np.array([data.oMf[f].translation for f in frames])
     speed = [pin.getFrameVelocity(peer, data, f, pin.LOCAL_WORLD_ALIGNED).linear for f in frames]
     tree = compile_model(model)
-    np.testing.assert_allclose(marker_positions(tree, q[None], np.zeros(0))[0], expected, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pose_markers(tree, q[None], np.zeros(0))[0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(fast_jacobian(tree, q[None], np.zeros(0))[0] @ qdot, speed, rtol=0, atol=1e-12)
 
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Parameter, Segment
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
-from scaling_service.model.compile import parameter_values
-from scaling_service.model.inertia import mechanism_of, total_mass
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.numerics.multibody.motion import Motion, move_links, point_velocity
 from scaling_service.numerics.wrench import GRAVITY as DOWN
-from scaling_service.numerics.wrench import Loads, inverse_dynamics, moment_about, root_wrench
+from scaling_service.numerics.wrench import Loads, compute_inverse_dynamics, compute_root_wrench, move_moment
 from tests.numerics.bodies import leg, random_tree
 from tests.numerics.massive import (
     GRAVITY,
@@ -38,7 +38,7 @@ def test_joint_forces_equal_pinocchios(seed: int, n_segments: int) -> None:
     model = with_random_masses(random_tree(rng, n_segments), rng)
     peer, order = in_pinocchio(pin, model)
     motion = random_motion(rng, len(order), 3)
-    forces = inverse_dynamics(mechanism_of(model), motion, NONE, gravity=GRAVITY).forces
+    forces = compute_inverse_dynamics(compile_mechanism(model), motion, NONE, gravity=GRAVITY).forces
     data = peer.createData()
     for k in range(motion.n):
         expected = pin.rnea(peer, data, motion.q[order, k], motion.qdot[order, k], motion.qddot[order, k])
@@ -52,9 +52,9 @@ def test_forces_of_spline_coupled_joints_follow_from_dalembert(scaled: bool) -> 
     model = leg(rng, coupled=True, markers_each=5)
     model = with_glides_scaled(model, 1.7) if scaled else model
     masses = rng.uniform(0.5, 2.0, len(model.markers))
-    model, n, p = as_point_masses(model, masses), 6, parameter_values(model)
+    model, n, p = as_point_masses(model, masses), 6, list_parameter_values(model)
     motion = random_motion(rng, len(model.coordinates), n)
-    forces = inverse_dynamics(mechanism_of(model), motion, p, gravity=GRAVITY).forces
+    forces = compute_inverse_dynamics(compile_mechanism(model), motion, p, gravity=GRAVITY).forces
     for k in range(n):
         state = (motion.q[:, k], motion.qdot[:, k], motion.qddot[:, k])
         expected = slow_forces(model, masses, state, p)
@@ -85,12 +85,12 @@ def swinging(t: np.ndarray, model: BodyModel, rng: np.random.Generator) -> Motio
 
 @pytest.mark.parametrize("name", BUILTIN_NAMES)
 def test_the_net_wrench_is_the_rate_of_momentum_less_gravity(name: str) -> None:
-    model = builtin(name)
-    mechanism = mechanism_of(model)
+    model = load_builtin(name)
+    mechanism = compile_mechanism(model)
     step = 2e-3
     t = step * np.arange(9)
     motion = swinging(t, model, np.random.default_rng(1))
-    wrench, _ = root_wrench(mechanism, motion, NONE)
+    wrench, _ = compute_root_wrench(mechanism, motion, NONE)
     state = move_links(mechanism, motion, NONE)
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
@@ -100,7 +100,7 @@ def test_the_net_wrench_is_the_rate_of_momentum_less_gravity(name: str) -> None:
     momentum = np.concatenate([linear, angular], axis=1).sum(axis=0)
     weights = np.array([3, -32, 168, -672, 0, 672, -168, 32, -3]) / 840.0  # central, eighth order
     rate = momentum @ weights / step
-    weight = total_mass(model) * DOWN
+    weight = sum_mass(model) * DOWN
     pull = np.concatenate([weight, np.cross((inertias.mass[:, None] * at[..., 4]).sum(axis=0), DOWN)])
     np.testing.assert_allclose(wrench[:, 4], rate - pull, rtol=0, atol=1e-6 * np.abs(weight).max())
 
@@ -113,7 +113,7 @@ def pendulum() -> BodyModel:
 
 def test_a_pendulum_needs_the_torque_of_its_closed_form() -> None:
     motion = random_motion(np.random.default_rng(0), 1, 5)
-    result = inverse_dynamics(mechanism_of(pendulum()), motion, NONE)
+    result = compute_inverse_dynamics(compile_mechanism(pendulum()), motion, NONE)
     torque = (0.3 + 2.0 * 0.7**2) * motion.qddot + 2.0 * 9.80665 * 0.7 * np.sin(motion.q)
     np.testing.assert_allclose(result.forces, torque, rtol=0, atol=1e-12)
     np.testing.assert_allclose(result.residual[5], torque[0], rtol=0, atol=1e-12)  # the pin is the origin
@@ -125,27 +125,30 @@ def test_a_pendulum_needs_the_torque_of_its_closed_form() -> None:
 def test_a_load_that_bears_the_weight_leaves_no_residual_and_acts_through_the_joints() -> None:
     rng = np.random.default_rng(8)
     model = with_random_masses(leg(rng, coupled=False), rng)
-    mechanism, n = mechanism_of(model), 4
+    mechanism, n = compile_mechanism(model), 4
     still = Motion(rng.normal(size=(10, n)), np.zeros((10, n)), np.zeros((10, n)))
-    needed, root = root_wrench(mechanism, still, NONE)
+    needed, root = compute_root_wrench(mechanism, still, NONE)
     loads = Loads(np.array([2]), needed[None])
-    borne, free = inverse_dynamics(mechanism, still, NONE, loads), inverse_dynamics(mechanism, still, NONE)
+    borne, free = (
+        compute_inverse_dynamics(mechanism, still, NONE, loads),
+        compute_inverse_dynamics(mechanism, still, NONE),
+    )
     np.testing.assert_allclose(borne.residual, 0.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(borne.forces[:6], 0.0, rtol=0, atol=1e-12)
-    knee = moment_about(needed, move_links(mechanism, still, NONE).poses.origins[2])[3:]
+    knee = move_moment(needed, move_links(mechanism, still, NONE).poses.origins[2])[3:]
     axis = move_links(mechanism, still, NONE).poses.axes[2, 2]
     np.testing.assert_allclose(
         free.forces[9] - borne.forces[9], (axis * knee).sum(axis=0), rtol=0, atol=1e-12
     )
-    np.testing.assert_allclose(free.residual, moment_about(needed, root), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(free.residual, move_moment(needed, root), rtol=0, atol=1e-12)
 
 
 def test_power_of_the_joint_forces_is_the_rate_of_energy() -> None:
     rng = np.random.default_rng(5)
     model = with_random_masses(leg(rng, coupled=True), rng)
-    mechanism, step = mechanism_of(model), 1e-3
+    mechanism, step = compile_mechanism(model), 1e-3
     motion = swinging(step * np.arange(9), model, rng)
-    power = (inverse_dynamics(mechanism, motion, NONE).forces * motion.qdot).sum(axis=0)
+    power = (compute_inverse_dynamics(mechanism, motion, NONE).forces * motion.qdot).sum(axis=0)
     state = move_links(mechanism, motion, NONE)
     inertias, axes = mechanism.inertias, state.poses.axes
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
@@ -159,13 +162,13 @@ def test_power_of_the_joint_forces_is_the_rate_of_energy() -> None:
 
 def test_blocks_and_batches_change_nothing_and_a_missing_frame_stays_alone() -> None:
     rng = np.random.default_rng(2)
-    model = builtin("full_body_35dof")
-    mechanism = mechanism_of(model)
+    model = load_builtin("full_body_35dof")
+    mechanism = compile_mechanism(model)
     q, qdot, qddot = rng.uniform(-0.5, 0.5, (3, 4, 5, 35))  # samples, frames, coordinates
-    together = inverse_dynamics(mechanism, Motion.of_frames(q, qdot, qddot), NONE)
+    together = compute_inverse_dynamics(mechanism, Motion.of_frames(q, qdot, qddot), NONE)
     q[2, 3, 11] = np.nan
     for k in range(4):
-        alone = inverse_dynamics(mechanism, Motion.of_frames(q[k], qdot[k], qddot[k]), NONE)
+        alone = compute_inverse_dynamics(mechanism, Motion.of_frames(q[k], qdot[k], qddot[k]), NONE)
         rows = slice(5 * k, 5 * k + 5)
         whole = np.array([k != 2 or frame != 3 for frame in range(5)])
         np.testing.assert_allclose(alone.forces[:, whole], together.forces[:, rows][:, whole], atol=1e-10)

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Term
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import (
     MarkerShifts,
-    marker_motion,
-    marker_normal,
-    rows_of_twists,
+    compute_marker_motion,
+    form_normal_equations,
+    list_twist_rows,
     shift_normal,
 )
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import Motion, move_links, screws_of
+from scaling_service.numerics.multibody.motion import Motion, list_screws, move_links
 from scaling_service.numerics.multibody.tree import Tree
-from scaling_service.numerics.wrench import root_wrench, wrench_rates
+from scaling_service.numerics.wrench import compute_root_wrench, differentiate_wrench
 
 STEP, FRAMES = 1e-5, 3
 RNG = np.random.default_rng(11)
@@ -30,7 +30,7 @@ RNG = np.random.default_rng(11)
 
 def _coupled() -> BodyModel:
     """The squat with a knee that glides and turns inward by curves of its angle, and a locked hip."""
-    model = builtin("squat_4dof")
+    model = load_builtin("squat_4dof")
     curve = Shape((-2.0, 0.1, 2.0), ((0.03, -0.02, 0.01, 0.0), (-0.01, 0.04, 0.02, 0.03)))
     extra = (
         Joint("translation", (1.0, 0.0, 0.0), Law((Term(1.0, coordinate="knee_angle", shape=curve),))),
@@ -43,7 +43,7 @@ def _coupled() -> BodyModel:
     return replace(model, segments=segments, coordinates=locked)
 
 
-MODELS = {"coupled squat": _coupled(), "full body": builtin("full_body_35dof")}
+MODELS = {"coupled squat": _coupled(), "full body": load_builtin("full_body_35dof")}
 
 
 def _motion(model: BodyModel) -> tuple[Array, Array, Array]:
@@ -72,10 +72,10 @@ def _free(model: BodyModel) -> Array:
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_the_wrench_changes_as_differences_say(model: BodyModel) -> None:
-    mechanism, p, state, free = mechanism_of(model), np.zeros(0), _motion(model), _free(model)
-    found = wrench_rates(mechanism, screws_of(mechanism, Motion(*state), p, free), len(free))
-    np.testing.assert_allclose(found.wrench, root_wrench(mechanism, Motion(*state), p)[0], atol=1e-9)
-    expected = _differences(model, state, lambda m: root_wrench(mechanism, m, p)[0].T, free)
+    mechanism, p, state, free = compile_mechanism(model), np.zeros(0), _motion(model), _free(model)
+    found = differentiate_wrench(mechanism, list_screws(mechanism, Motion(*state), p, free), len(free))
+    np.testing.assert_allclose(found.wrench, compute_root_wrench(mechanism, Motion(*state), p)[0], atol=1e-9)
+    expected = _differences(model, state, lambda m: compute_root_wrench(mechanism, m, p)[0].T, free)
     assert np.abs(found.by - expected).max() < 1e-6 * np.abs(expected).max()
 
 
@@ -87,7 +87,7 @@ def _tree(model: BodyModel, mechanism: Mechanism) -> Tree:
 
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_normal_equations_of_markers_are_those_of_differences(model: BodyModel) -> None:
-    mechanism, p, state, free = mechanism_of(model), np.zeros(0), _motion(model), _free(model)
+    mechanism, p, state, free = compile_mechanism(model), np.zeros(0), _motion(model), _free(model)
     tree = _tree(model, mechanism)
     count = tree.n_markers
     shifts = MarkerShifts(
@@ -101,13 +101,13 @@ def test_normal_equations_of_markers_are_those_of_differences(model: BodyModel) 
 
     def moved(motion: Motion, shared: Array = x) -> Array:
         at = move_links(mechanism, motion, p)
-        return marker_motion(tree, p, at) + shifts.moved(shifts.columns(tree, at), shared, count)
+        return compute_marker_motion(tree, p, at) + shifts.moved(shifts.columns(tree, at), shared, count)
 
     motion = Motion(*state)
     gap, weights = RNG.normal(size=(3, FRAMES, count, 3)), RNG.random((3, FRAMES, count))
-    screws = screws_of(mechanism, motion, p, free)
-    columns, rows = shifts.columns(tree, screws.state), rows_of_twists(moved(motion))
-    gradient, curvature = marker_normal(mechanism, tree, screws, rows, gap, weights, len(free))
+    screws = list_screws(mechanism, motion, p, free)
+    columns, rows = shifts.columns(tree, screws.state), list_twist_rows(moved(motion))
+    gradient, curvature = form_normal_equations(mechanism, tree, screws, rows, gap, weights, len(free))
     found = shift_normal(shifts, mechanism, tree, screws, rows, columns, gap, weights, len(free))
     J = _differences(model, state, moved, free)  # (3, n, markers, 3, order, m)
     X = np.stack([moved(motion, x + e) - moved(motion, x) for e in np.eye(6)], axis=-1)

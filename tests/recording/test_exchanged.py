@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from scaling_service.files.recording import READERS, read_recording
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording.exchanged import find_exchanged_sides
-from scaling_service.virtual.subject import demo_session
+from scaling_service.virtual.subject import make_demo_session
 
 RATE_HZ = 100.0
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "RLFE", "RMFE", "LLFE", "LMFE", "RLM", "RMM", "LLM", "LMM")
@@ -127,7 +127,7 @@ def test_roles_say_what_labels_mean() -> None:
         {"RLFE": "S:RKNE", "RMFE": "S:RKNI"}
     )
     (said,) = find_exchanged_sides(
-        trial, {label: role for label in trial.labels if (role := canonical(label))}
+        trial, {label: role for label in trial.labels if (role := find_canonical(label))}
     )
     assert "S:RKNE and S:RKNI" in said
 
@@ -149,7 +149,7 @@ def test_nothing_seen_is_nothing_said() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_virtual_persons_move_without_a_word(seed: int) -> None:
-    session, _ = demo_session(seed)
+    session, _ = make_demo_session(seed)
     assert session.static is not None
     for trial in (session.static, *session.dynamic):
         assert find_exchanged_sides(trial) == (), trial.name
@@ -161,7 +161,7 @@ def test_real_recordings(shared_data: Path) -> None:
     said = {}
     for file in files:
         trial = read_recording(file)
-        roles = {label: role for label in trial.labels if (role := canonical(label))}
+        roles = {label: role for label in trial.labels if (role := find_canonical(label))}
         said[file.stem] = find_exchanged_sides(trial, roles)
     assert len(said) >= 10
     (warning,) = said.pop("right_hip")

@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.faults import (
     note_dead_channels,
     note_saturation,
@@ -107,7 +107,9 @@ def test_recordings_of_few_frames_a_second_are_left_alone(rate: float) -> None:
 
 def test_movement_up_to_six_hertz_is_no_shaking() -> None:
     still = body(8.0)
-    sway = butterworth(RNG.normal(size=(len(still.times), 3)), rate_hz=100.0, cutoff_hz=6.0, order=8).values
+    sway = filter_butterworth(
+        RNG.normal(size=(len(still.times), 3)), rate_hz=100.0, cutoff_hz=6.0, order=8
+    ).values
     moved = still.with_markers(still.markers + 0.05 * sway[:, None])
     assert note_shaking(moved) is moved
 

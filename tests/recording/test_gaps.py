@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.trial import Trial
-from scaling_service.recording.pipeline import fill, mean_shape
+from scaling_service.recording.pipeline import average_shape, fill
 
 LABELS = ("A", "B", "C", "D", "E")
 CLUSTERS = {"femur_r": ("A", "B", "C", "D", "E")}
@@ -131,7 +131,7 @@ def test_mean_shape_of_a_rigid_cluster_with_holes_is_the_cluster(seed):
     rng = np.random.default_rng(seed)
     for frame in range(60):
         markers[frame, rng.choice(5, size=rng.integers(0, 3), replace=False)] = np.nan
-    shape = mean_shape(markers)
+    shape = average_shape(markers)
     distances = np.linalg.norm(shape[:, None] - shape, axis=-1)
     np.testing.assert_allclose(
         distances, np.linalg.norm(trial.markers[0][:, None] - trial.markers[0], axis=-1), atol=1e-5

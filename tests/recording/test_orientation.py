@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.recording.orientation import apply, decide
-from scaling_service.recording.plausibility import unit_factor
+from scaling_service.recording.plausibility import find_unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
     "RASIS": (0.10, 0.95, 0.12), "LASIS": (0.10, 0.95, -0.12), "RPSIS": (-0.08, 0.98, 0.05),
@@ -56,7 +56,7 @@ def test_every_right_angled_laboratory_is_undone(turn):
 )
 @settings(max_examples=40, deadline=None)
 def test_standing_anywhere_and_askew_snaps_to_the_nearest_axis(turn, askew, place, walking):
-    skewed = turn @ rotation_about([0, 1, 0], np.radians(askew))
+    skewed = turn @ rotate_about([0, 1, 0], np.radians(askew))
     shift = turn @ np.array([place[0], 0.0, place[1]])
     found = decide(_trial(skewed, walk=2.0 * walking, shift=shift), roles=ROLES)
     np.testing.assert_array_equal(found.R_new_old, turn.T)
@@ -64,7 +64,7 @@ def test_standing_anywhere_and_askew_snaps_to_the_nearest_axis(turn, askew, plac
     assert abs(float(said) - abs(askew)) <= 0.5 + 1e-6  # a whole number of degrees is said
 
 
-@pytest.mark.parametrize("turn", [np.eye(3), ROTATIONS[5], rotation_about([1, 0, 0], np.pi / 2).round()])
+@pytest.mark.parametrize("turn", [np.eye(3), ROTATIONS[5], rotate_about([1, 0, 0], np.pi / 2).round()])
 def test_without_names_the_shape_tells_up_and_walking_tells_forward(turn):
     found = decide(_trial(turn, walk=2.0))
     np.testing.assert_allclose(found.R_new_old, turn.T, atol=1e-12)
@@ -73,7 +73,7 @@ def test_without_names_the_shape_tells_up_and_walking_tells_forward(turn):
 
 def test_arms_stretched_out_do_not_hide_the_floor():
     body = dict(BODY, RHAND=(0.0, 1.4, 0.9), LHAND=(0.0, 1.4, -0.9))
-    z_up = rotation_about([1, 0, 0], np.pi / 2).round()
+    z_up = rotate_about([1, 0, 0], np.pi / 2).round()
     positions = np.repeat((np.array(list(body.values())) @ z_up.T)[None], 5, axis=0)
     found = decide(Trial("t", np.arange(5) / 100, tuple(body), positions, 100.0))
     assert found.description.startswith("up +z")
@@ -112,7 +112,7 @@ def test_overrides_hold():
 
 
 def test_forces_turn_with_the_markers_but_keep_their_unit():
-    turn = rotation_about([1, 0, 0], np.pi / 2).round()
+    turn = rotate_about([1, 0, 0], np.pi / 2).round()
     found = decide(_trial(turn, scale=1000.0), roles=ROLES)
     up_in_lab = turn @ [0, 1.0, 0]
     np.testing.assert_array_equal(found.rotate(800 * up_in_lab), [0, 800, 0])
@@ -126,7 +126,7 @@ def test_a_unit_that_cannot_be_true_is_corrected_for_each_recording(factor):
         result = apply(found, trial)
         np.testing.assert_allclose(result.markers, good.markers, rtol=1e-12)
         assert sum(r.what == "unit" for r in result.repairs) == kinds
-    assert unit_factor(bad)[0] == pytest.approx(1 / factor)
+    assert find_unit_factor(bad)[0] == pytest.approx(1 / factor)
 
 
 def test_no_body_and_no_marker_are_refused():

@@ -13,10 +13,10 @@ from scaling_service.files.c3d import read_c3d
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.rigid import rotation_from_vector
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.orientation import Orientation, decide
-from scaling_service.recording.plates import ground_forces, orient_forces, plate_axes
+from scaling_service.recording.plates import compute_ground_forces, find_plate_axes, orient_forces
 
 FORCE, POINT, FREE = np.array([30.0, -20.0, 700.0]), np.array([0.12, -0.05, 0.0]), 4.0
 """On the body, in axes with z up and the middle of the plate as origin."""
@@ -25,7 +25,7 @@ FORCE, POINT, FREE = np.array([30.0, -20.0, 700.0]), np.array([0.12, -0.05, 0.0]
 def corners(tilt: Array, middle: Array) -> Array:
     """Of a plate 0.6 by 0.4 m whose z axis points into the floor, turned and moved in the laboratory."""
     flat = np.array([[0.3, -0.2, 0], [-0.3, -0.2, 0], [-0.3, 0.2, 0], [0.3, 0.2, 0]])  # y = -lab y, z down
-    return flat @ rotation_from_vector(tilt).T + middle
+    return flat @ convert_vector_to_rotation(tilt).T + middle
 
 
 def sensed(kind: int, wrench: tuple[Array, Array], origin: Array) -> Array:
@@ -53,7 +53,7 @@ def sensed(kind: int, wrench: tuple[Array, Array], origin: Array) -> Array:
 )
 def test_every_type_gives_the_wrench_in_the_laboratory(kind: int, sign: float) -> None:
     tilt, middle = np.array([0.02, -0.01, 0.7]), np.array([1.0, 2.0, 0.1])
-    R = rotation_from_vector(tilt)
+    R = convert_vector_to_rotation(tilt)
     down = np.diag([1.0, -1.0, -1.0])  # the plate's axes in those with z up
     force = down @ FORCE
     moment = down @ (np.cross(POINT, FORCE) + np.array([0, 0, FREE]))
@@ -61,7 +61,7 @@ def test_every_type_gives_the_wrench_in_the_laboratory(kind: int, sign: float) -
     signals = sensed(kind, (force, moment), origin)
     shown = origin * ([1, 1, sign] if kind == 3 else sign)  # files differ in the sign of ORIGIN
     plate = RawPlate(kind, corners(tilt, middle), shown, np.tile(signals, (3, 1)))
-    found = ground_forces(PlateRecording("made", np.arange(3) / 100, (plate,)))
+    found = compute_ground_forces(PlateRecording("made", np.arange(3) / 100, (plate,)))
     np.testing.assert_allclose(found.force[0, 0], R @ FORCE, atol=1e-9)
     at = R @ POINT + middle
     np.testing.assert_allclose(found.moment[0, 0], np.cross(at, R @ FORCE) + R @ [0, 0, FREE], atol=1e-9)
@@ -71,7 +71,7 @@ def test_every_type_gives_the_wrench_in_the_laboratory(kind: int, sign: float) -
 
 def test_plate_axes_follow_the_corners() -> None:
     np.testing.assert_allclose(
-        plate_axes(corners(np.zeros(3), np.zeros(3))), np.diag([1.0, -1.0, -1.0]), atol=1e-15
+        find_plate_axes(corners(np.zeros(3), np.zeros(3))), np.diag([1.0, -1.0, -1.0]), atol=1e-15
     )
 
 
@@ -85,7 +85,7 @@ def type_2(moment: Array, origin: Array) -> PlateRecording:
 def test_moments_a_thousand_times_too_large_are_refused() -> None:
     moment = np.diag([1.0, -1.0, -1.0]) @ np.cross(POINT, FORCE)
     with pytest.raises(TrialUnusable, match=r"off plate_1 in 100% .*N mm or N m"):
-        ground_forces(type_2(1000 * moment, np.zeros(3)))
+        compute_ground_forces(type_2(1000 * moment, np.zeros(3)))
 
 
 def test_an_origin_of_the_other_sign_is_recognised_by_pressure_off_the_plate() -> None:
@@ -93,7 +93,7 @@ def test_an_origin_of_the_other_sign_is_recognised_by_pressure_off_the_plate() -
     moment = np.diag([1.0, -1.0, -1.0]) @ np.cross(POINT, FORCE) + np.cross(
         away, np.diag([1.0, -1.0, -1.0]) @ FORCE
     )
-    found = ground_forces(type_2(moment, -away))
+    found = compute_ground_forces(type_2(moment, -away))
     np.testing.assert_allclose(found.centre_of_pressure()[0, 0], POINT, atol=1e-12)
     assert "plate_origin" in [r.what for r in found.repairs]
 
@@ -102,7 +102,7 @@ def test_a_missing_sample_stays_alone() -> None:
     recording = type_2(np.zeros(3), np.zeros(3))
     signals = recording.plates[0].signals.copy()
     signals[2, 1] = np.nan
-    found = ground_forces(replace(recording, plates=(replace(recording.plates[0], signals=signals),)))
+    found = compute_ground_forces(replace(recording, plates=(replace(recording.plates[0], signals=signals),)))
     assert np.isfinite(found.moment[[0, 1, 3]]).all()
     assert np.isnan(found.force[2]).any()
 
@@ -111,7 +111,7 @@ UP_Z = Orientation(np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]))
 
 
 def test_forces_turn_with_the_markers_and_push_up() -> None:
-    found = ground_forces(type_2(np.zeros(3), np.zeros(3)))
+    found = compute_ground_forces(type_2(np.zeros(3), np.zeros(3)))
     turned = orient_forces(UP_Z, found)
     np.testing.assert_allclose(turned.force[0, 0], [30, 700, 20])
     action = replace(found, force=-found.force, moment=-found.moment)
@@ -123,7 +123,7 @@ def test_forces_turn_with_the_markers_and_push_up() -> None:
 def test_ezc3d_finds_the_same_forces_on_a_calibrated_treadmill(shared_data: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     file = shared_data / "functional" / "right_hip.c3d"
-    ours = ground_forces(read_c3d(file).plates)
+    ours = compute_ground_forces(read_c3d(file).plates)
     peers = ezc3d.c3d(str(file), extract_forceplat_data=True)["data"]["platform"]
     for k, peer in enumerate(peers):
         np.testing.assert_allclose(ours.force[:, k], peer["force"].T, rtol=0, atol=1e-6)
@@ -141,7 +141,7 @@ def test_ezc3d_finds_the_same_forces_on_a_calibrated_treadmill(shared_data: Path
 def test_the_authors_forces_are_found_again(shared_data: Path, trial: str, turn: float) -> None:
     folder = shared_data / "jia_mri"
     theirs = read_forces(folder / f"{trial}_kinetics.mot")
-    ours = ground_forces(read_c3d(folder / f"{trial}.c3d").plates)
+    ours = compute_ground_forces(read_c3d(folder / f"{trial}.c3d").plates)
     # Their x is forward in every trial, walking along -z or +z of the laboratory, and they cut the ends.
     R = np.array([[0.0, 0, -turn], [0, 1, 0], [turn, 0, 0]])
     force, lag = _aligned(ours, theirs, R)
@@ -149,7 +149,7 @@ def test_the_authors_forces_are_found_again(shared_data: Path, trial: str, turn:
     span = slice(lag, lag + n)
     pressed = theirs.in_contact(200.0)
     # They filtered and do not tell how; of 20 to 100 Hz and orders 2 and 4 this comes nearest.
-    smooth = butterworth(force, rate_hz=1000.0, cutoff_hz=40.0, order=4).values
+    smooth = filter_butterworth(force, rate_hz=1000.0, cutoff_hz=40.0, order=4).values
     miss = np.abs(smooth[span] - theirs.force)[pressed]
     assert np.median(miss, axis=0).max() < 0.15  # N
     assert np.sqrt((miss**2).mean(axis=0)).max() < 2.0  # N, most of it at the impact of the heel
@@ -175,7 +175,7 @@ def test_axes_found_from_the_markers_turn_the_walk_forward(shared_data: Path) ->
     trial = read_c3d(folder / "Walking01.c3d")
     roles = {"RASI": "RASIS", "LASI": "LASIS", "RPSI": "RPSIS", "LPSI": "LPSIS"}
     forces = orient_forces(
-        decide(trial, roles=roles), ground_forces(read_c3d(folder / "Walking01.c3d").plates)
+        decide(trial, roles=roles), compute_ground_forces(read_c3d(folder / "Walking01.c3d").plates)
     )
     first, second = (forces.centre_of_pressure()[:, k] for k in (0, 1))
     assert np.nanmean(second[:, 0]) > np.nanmean(first[:, 0]) + 0.3  # x grows along the walk

@@ -14,7 +14,7 @@ from scaling_service.files.recording import read_recording
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
 from scaling_service.recording.plates import synchronise
-from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_plates, foot_loads
+from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_foot_loads, assign_plates
 
 STEP, N = 0.01, 200
 TIMES = STEP * np.arange(N)
@@ -73,7 +73,7 @@ def test_pressure_that_something_moves_off_the_foot_still_goes_to_the_only_one_t
 
 def test_loads_go_to_the_segments_of_the_feet() -> None:
     forces = pressed([(LEFT, SECOND), (RIGHT, FIRST)])
-    loads = foot_loads(forces, assign_plates(forces, FEET), {"r": "calcn_r", "l": "calcn_l"})
+    loads = assign_foot_loads(forces, assign_plates(forces, FEET), {"r": "calcn_r", "l": "calcn_l"})
     assert loads.segments == ("calcn_r", "calcn_l")
     np.testing.assert_array_equal(loads.force[:, 0], forces.force[:, 1])
     np.testing.assert_array_equal(loads.moment[:, 1], forces.moment[:, 0])
@@ -83,7 +83,7 @@ def test_a_foot_across_two_plates_receives_both_and_is_reported() -> None:
     forces = pressed([(RIGHT, FIRST), (RIGHT, FIRST), (LEFT, SECOND)])
     contacts = assign_plates(forces, FEET)
     assert "two_plates" in whats(contacts)
-    loads = foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
+    loads = assign_foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
     np.testing.assert_array_equal(loads.force[50, 0], [0, 1200, 0])
 
 
@@ -114,7 +114,7 @@ def test_an_unknown_force_makes_its_frame_unknown_for_every_foot() -> None:
     force[50, 0, 0] = np.nan
     forces = replace(forces, force=force)
     contacts = assign_plates(forces, FEET)
-    loads = foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
+    loads = assign_foot_loads(forces, contacts, {"r": "calcn_r", "l": "calcn_l"})
     assert np.flatnonzero(np.isnan(loads.force).any(axis=(1, 2))).tolist() == [50]
     assert not contacts.supported[50]
 

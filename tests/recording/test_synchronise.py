@@ -10,7 +10,7 @@ import pytest
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Array
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.plates import synchronise
 
 
@@ -49,7 +49,7 @@ def test_the_filter_is_that_of_the_motion() -> None:
     noise = np.random.default_rng(0).normal(size=noisy.force.shape)
     noisy = replace(noisy, force=noisy.force + noise)
     found = synchronise(noisy, times, cutoff_hz=6.0)
-    same = butterworth(noisy.force, rate_hz=100.0, cutoff_hz=6.0, order=4).values
+    same = filter_butterworth(noisy.force, rate_hz=100.0, cutoff_hz=6.0, order=4).values
     np.testing.assert_allclose(found.force, same, atol=1e-9)
 
 

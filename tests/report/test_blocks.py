@@ -17,7 +17,7 @@ from scaling_service.report.blocks import (
     Table,
     Text,
 )
-from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, escape_plain, make_chart
 from tests.report.reading import Node, data, read, tables
 
 NASTY = "<script>alert('1')</script> & \"quoted\" </td></style>"
@@ -32,7 +32,7 @@ BLOCKS: list[Block] = [
     Table(NASTY, ["", NASTY], [Row(NASTY), Row(NASTY, [Cell(NASTY, shade=0.5, tone="good")])], NASTY),
     Details(NASTY, [Grid([Text(NASTY)])]),
     Legend([(NASTY, "#000000", "dash")]),
-    Figure(chart([{"type": "scatter", "x": [0], "y": [1], "name": NASTY}], x_title=NASTY), NASTY, NASTY),
+    Figure(make_chart([{"type": "scatter", "x": [0], "y": [1], "name": NASTY}], x_title=NASTY), NASTY, NASTY),
 ]
 
 
@@ -77,7 +77,7 @@ def test_shades_stay_between_nothing_and_full(shade: float, written: str) -> Non
 
 
 def test_a_figure_carries_its_data_and_is_described() -> None:
-    figure = chart([{"type": "scatter", "x": [0.0, 1.0], "y": [2.0, 3.0]}], y_title="mm")
+    figure = make_chart([{"type": "scatter", "x": [0.0, 1.0], "y": [2.0, 3.0]}], y_title="mm")
     root = read(Figure(figure, "Errors", "Errors rise from 2 to 3 mm.").html())
     (drawn,) = data(root)
     assert drawn["data"][0]["y"] == [2.0, 3.0]
@@ -88,4 +88,4 @@ def test_a_figure_carries_its_data_and_is_described() -> None:
 
 def test_plotly_shows_names_as_they_are() -> None:
     # plotly takes some tags in text for markup; as entities they are shown.
-    assert plain("<a href='x'>S1 & S2</a>") == "&lt;a href='x'&gt;S1 &amp; S2&lt;/a&gt;"
+    assert escape_plain("<a href='x'>S1 & S2</a>") == "&lt;a href='x'&gt;S1 &amp; S2&lt;/a&gt;"

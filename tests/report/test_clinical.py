@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, schwartz2008
-from scaling_service.capabilities.scaling.report.angles import clinical_section
+from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, read_schwartz2008
+from scaling_service.capabilities.scaling.report.angles import build_clinical_section
 from scaling_service.documents.results import (
     ClinicalCurve,
     ClinicalCycle,
@@ -23,7 +23,7 @@ SCORES = {angle: 1.0 + k for k, angle in enumerate(VARIABLES)}
 
 
 def side(curves: tuple[str, ...] = VARIABLES, gps: float | None = 5.63) -> ClinicalSide:
-    bands = schwartz2008().bands
+    bands = read_schwartz2008().bands
     return ClinicalSide(
         cycles=[ClinicalCycle(trial="walk<1>", start_s=0.5, end_s=1.5)] * 2,
         curves={
@@ -55,7 +55,7 @@ def document(sides: dict[Any, ClinicalSide], gps: float | None = None, **more: A
 
 def section(clinical: ClinicalDocument | None) -> str:
     method = MethodResult(**(METHOD | {"method": "MB", "clinical": clinical}))
-    return clinical_section({"MB": method}, "MB").html()
+    return build_clinical_section({"MB": method}, "MB").html()
 
 
 def test_curves_stand_before_the_band_and_scores_are_the_documents() -> None:

@@ -13,10 +13,10 @@ from scaling_service.capabilities.cohort.document import (
     StatisticsDocument,
     SubjectEntry,
 )
-from scaling_service.capabilities.cohort.report import cohort_page
-from scaling_service.capabilities.cohort.statistics import CohortSettings, cohort_statistics
+from scaling_service.capabilities.cohort.report import build_cohort_page
+from scaling_service.capabilities.cohort.statistics import CohortSettings, compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
-from scaling_service.capabilities.cohort.verdict import headline, reasons
+from scaling_service.capabilities.cohort.verdict import write_headline, write_reasons
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.report.reading import Node, read
 
@@ -44,15 +44,15 @@ def someone(k: int, methods: Mapping[str, float] = ERRORS) -> SubjectSummary:
 
 
 def page_of(people: list[SubjectSummary]) -> tuple[Node, StatisticsDocument]:
-    found = cohort_statistics(people, tuple(ERRORS), settings=QUICK)
+    found = compute_cohort_statistics(people, tuple(ERRORS), settings=QUICK)
     document = CohortDocument(
         code_version="0",
         cohort="a <cohort>.csv",
         methods_asked=None,
         settings={},
         seed=0,
-        headline=headline(found),
-        why=reasons(found, {p.subject: {} for p in people}),
+        headline=write_headline(found),
+        why=write_reasons(found, {p.subject: {} for p in people}),
         subjects=[
             SubjectEntry(
                 id=p.subject,
@@ -74,7 +74,7 @@ def page_of(people: list[SubjectSummary]) -> tuple[Node, StatisticsDocument]:
         notes=[],
         wall_s=1.0,
     )
-    return read(cohort_page(document).html()), found
+    return read(build_cohort_page(document).html()), found
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_groups_are_told_apart(cohort: tuple[Node, StatisticsDocument]) -> None:
     _, found = cohort
     errors = found.quantity("kinematic_error_mm", "evaluation").values
     groups = {subject: {"shoes": "on" if k < 3 else "off"} for k, subject in enumerate(errors)}
-    (reported,) = [said for said in reasons(found, groups) if said.startswith("By shoes")]
+    (reported,) = [said for said in write_reasons(found, groups) if said.startswith("By shoes")]
     shod = np.mean([errors[subject]["EB"] for subject in list(errors)[:3]])
     assert re.search(rf"on \(3\): MB_am \d\.\d, EB {shod:.1f}, MB", reported)
     assert "off (6): " in reported

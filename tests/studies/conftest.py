@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.virtual.image import VirtualImage, virtual_image
-from scaling_service.virtual.subject import virtual_subject
+from scaling_service.virtual.image import VirtualImage, make_virtual_image
+from scaling_service.virtual.subject import make_virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged, seen
 
 
@@ -18,4 +18,4 @@ def exact() -> dict[int, Imaged]:
 @pytest.fixture(scope="session")
 def blurred() -> dict[int, VirtualImage]:
     """Images of two of them with the usual errors."""
-    return {seed: virtual_image(virtual_subject(seed, SHORT)) for seed in SEEDS[:2]}
+    return {seed: make_virtual_image(make_virtual_subject(seed, SHORT)) for seed in SEEDS[:2]}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scaling_service.model.trial import ImageEvidence
-from scaling_service.virtual.image import VirtualImage, image_evidence, virtual_image
-from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, virtual_subject
+from scaling_service.virtual.image import VirtualImage, make_virtual_image, read_image_evidence
+from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_virtual_subject
 
 SHORT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0)
 EXACT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0, image=0.0)
@@ -20,9 +20,9 @@ class Imaged:
 
 
 def seen(seed: int, settings: VirtualSettings) -> Imaged:
-    person = virtual_subject(seed, settings)
-    image = virtual_image(person)
-    return Imaged(person, image, image_evidence(image))
+    person = make_virtual_subject(seed, settings)
+    image = make_virtual_image(person)
+    return Imaged(person, image, read_image_evidence(image))
 
 
 SEEDS = (1, 4, 10)

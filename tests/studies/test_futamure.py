@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.model.inertia import total_mass
+from scaling_service.model.inertia import sum_mass
 from scaling_service.numerics.wrench import GRAVITY
-from scaling_service.studies.futamure.claims import less
-from scaling_service.studies.futamure.report import page as study_page
-from scaling_service.studies.futamure.squatters import OVER_FOOT_M, virtual_squatter
+from scaling_service.studies.futamure.claims import assess_less
+from scaling_service.studies.futamure.report import build_page as study_page
+from scaling_service.studies.futamure.squatters import OVER_FOOT_M, make_virtual_squatter
 from scaling_service.studies.futamure.study import WAYS, reproduce_futamure, study_squatter
 
 
 def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:
-    person = virtual_squatter(4)
+    person = make_virtual_squatter(4)
     wrench = person.fitted.wrench
-    assert total_mass(person.model) == pytest.approx(person.mass_kg)
+    assert sum_mass(person.model) == pytest.approx(person.mass_kg)
     assert wrench[:, 1].mean() == pytest.approx(-GRAVITY[1] * person.mass_kg, rel=0.01)
     pressure = wrench[:, 5] / wrench[:, 1]
     assert pressure.mean() == pytest.approx(OVER_FOOT_M, abs=0.02)
@@ -25,7 +25,7 @@ def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:
 
 
 def test_the_same_seed_is_the_same_person_and_another_is_not() -> None:
-    first, again, other = virtual_squatter(2), virtual_squatter(2), virtual_squatter(5)
+    first, again, other = make_virtual_squatter(2), make_virtual_squatter(2), make_virtual_squatter(5)
     np.testing.assert_array_equal(first.fitted.trial.markers, again.fitted.trial.markers)
     assert first.height_m != other.height_m
 
@@ -46,8 +46,8 @@ def test_the_study_answers_every_claim_and_shows_it() -> None:
 
 def test_the_signed_rank_test_is_one_sided() -> None:
     low, high = np.arange(8.0), np.arange(8.0) + np.linspace(1.0, 2.0, 8)
-    assert less(low, high) == pytest.approx(2.0**-8)
-    assert less(high, low) == pytest.approx(1.0)
+    assert assess_less(low, high) == pytest.approx(2.0**-8)
+    assert assess_less(high, low) == pytest.approx(1.0)
 
 
 def test_faults_are_what_costs_the_angles() -> None:

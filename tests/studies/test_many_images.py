@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.virtual.image import image_evidence, virtual_image
-from scaling_service.virtual.subject import VirtualSettings, virtual_subject
+from scaling_service.virtual.image import make_virtual_image, read_image_evidence
+from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
 
 PERSONS = 26
 
@@ -18,8 +18,8 @@ def test_nobodys_bones_are_refused(size: float, centre_mm: float, axis_deg: floa
     centres: dict[str, list[float]] = {}
     axes = []
     for seed in range(PERSONS):
-        image = virtual_image(virtual_subject(seed, settings))
-        found = image_evidence(image)  # refusals are errors
+        image = make_virtual_image(make_virtual_subject(seed, settings))
+        found = read_image_evidence(image)  # refusals are errors
         assert found.centres.keys() == image.centres.keys(), f"person {seed}: a centre was not found"
         for name, at in image.centres.items():
             centres.setdefault(name[:-2], []).append(

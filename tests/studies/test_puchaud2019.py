@@ -11,7 +11,7 @@ from scaling_service.capabilities.cohort.summary import Following, MethodSummary
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.studies.claims import ClaimEntry
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, SAME_LENGTHS, paper
+from scaling_service.studies.puchaud2019.paper import AXES, LENGTHS, METHODS, SAME_LENGTHS, read_paper
 from scaling_service.studies.puchaud2019.run import build_document
 
 NODES = 101
@@ -45,7 +45,7 @@ def subject(k: int, *, like_the_paper: bool) -> SubjectSummary:
 def _lengths(
     method: str, size: Mapping[str, float], rng: np.random.Generator, noise: float
 ) -> dict[str, float]:
-    row = paper()["segment_lengths_mm"][SAME_LENGTHS.get(method, method)]
+    row = read_paper()["segment_lengths_mm"][SAME_LENGTHS.get(method, method)]
     wide = {"inter_hip": 4.0}  # the paper's inter-hip distances scatter most
     return {
         name: 1e-3 * row[name][0] + size[name] + float(rng.normal(0.0, noise * wide.get(name, 1.0)))
@@ -54,16 +54,18 @@ def _lengths(
 
 
 def _error(method: str, rng: np.random.Generator) -> float:
-    mean, sd = paper()["kinematic_error_mm"][method]
+    mean, sd = read_paper()["kinematic_error_mm"][method]
     return 1e-3 * (mean + float(rng.normal(0.0, sd)))
 
 
 def _shift(method: str, rng: np.random.Generator) -> float:
-    return 1e-3 * paper()["marker_shift_mm"][method][0] + float(rng.normal(0.0, 1e-4))
+    return 1e-3 * read_paper()["marker_shift_mm"][method][0] + float(rng.normal(0.0, 1e-4))
 
 
 def _axes(method: str, rng: np.random.Generator) -> dict[str, tuple[float, float]]:
-    spread = paper()["knee_axis_deg"][method]  # half the scatter, so that 26 draws have the paper's means
+    spread = read_paper()["knee_axis_deg"][
+        method
+    ]  # half the scatter, so that 26 draws have the paper's means
     turns = [np.radians(rng.normal(spread[a][0], 0.5 * spread[a][1])) for a in AXES]
     return {"r": (turns[0], turns[1]), "l": (turns[2], turns[3])}
 
@@ -117,7 +119,7 @@ def test_six_subjects_cannot_decide_a_pair_of_curves() -> None:
 
 
 def test_the_papers_numbers_are_those_of_its_tables() -> None:
-    known = paper()
+    known = read_paper()
     lengths = known["segment_lengths_mm"]
     assert lengths["EB"]["inter_hip"][0] == 173.5
     assert known["knee_axis_deg"]["EB_am"]["r_y"][0] == -2.02

@@ -9,10 +9,10 @@ import pytest
 
 from scaling_service.bones.mesh import label_pieces
 from scaling_service.files.mesh import read_mesh
-from scaling_service.model.anatomy.lengths import joint_centres
-from scaling_service.virtual.bones.leg import leg_shape
-from scaling_service.virtual.bones.person import PersonBones, leg_shapes, virtual_bones
-from scaling_service.virtual.subject import virtual_subject
+from scaling_service.model.anatomy.lengths import find_joint_centres
+from scaling_service.virtual.bones.leg import make_leg_shape
+from scaling_service.virtual.bones.person import PersonBones, make_leg_shapes, make_virtual_bones
+from scaling_service.virtual.subject import make_virtual_subject
 from tests.studies.imaged import EXACT, SHORT, Imaged
 
 SHELLS = {"pelvis": 2, "femur_r": 1, "tibia_r": 2, "femur_l": 1, "tibia_l": 2}
@@ -20,7 +20,7 @@ SHELLS = {"pelvis": 2, "femur_r": 1, "tibia_r": 2, "femur_l": 1, "tibia_l": 2}
 
 @pytest.fixture(scope="module")
 def bones() -> PersonBones:
-    return virtual_bones(virtual_subject(2, EXACT))
+    return make_virtual_bones(make_virtual_subject(2, EXACT))
 
 
 def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -69,7 +69,7 @@ def test_they_take_as_much_room_as_real_bones(bones: PersonBones, shared_data: P
 def test_heads_and_condyles_are_spheres_about_the_true_centres(exact: dict[int, Imaged]) -> None:
     """Counted on the surface itself: no landmarking in between."""
     for body in exact.values():
-        shapes = leg_shapes(body.person)
+        shapes = make_leg_shapes(body.person)
         for side in ("r", "l"):
             vertices = body.image.bones[f"femur_{side}"].vertices
             head = np.linalg.norm(vertices - body.image.centres[f"hip_{side}"], axis=1)
@@ -88,21 +88,21 @@ def test_the_socket_holds_the_head(exact: dict[int, Imaged]) -> None:
         pelvis = body.image.bones["pelvis"].vertices
         for side in ("r", "l"):
             gap = np.linalg.norm(pelvis - body.image.centres[f"hip_{side}"], axis=1).min()
-            radius = leg_shapes(body.person)[side].head_radius
+            radius = make_leg_shapes(body.person)[side].head_radius
             assert 2e-3 < gap - radius < 6e-3
 
 
 def test_bones_lie_under_the_skin_markers() -> None:
     for seed in range(40):
-        person = virtual_subject(seed, SHORT)
-        for side, shape in leg_shapes(person).items():
+        person = make_virtual_subject(seed, SHORT)
+        for side, shape in make_leg_shapes(person).items():
             half = 0.5 * shape.epicondylar_breadth
             marker = person.factors[f"femur_{side}"] * 0.0533
             assert 0.006 < marker - half < 0.020, "a marker's radius of 7 mm and skin"
 
 
 def test_landmarks_belong_to_the_markers_places(bones: PersonBones) -> None:
-    person = virtual_subject(2, EXACT)
+    person = make_virtual_subject(2, EXACT)
     for name, (segment, at) in bones.landmarks.items():
         marker = person.generic.marker(name)
         assert marker.segment == segment
@@ -110,25 +110,25 @@ def test_landmarks_belong_to_the_markers_places(bones: PersonBones) -> None:
         assert 0.006 < np.linalg.norm(skin - at) < 0.035, name
         mesh = bones.meshes[segment][0]
         assert np.linalg.norm(mesh - at, axis=1).min() < 2e-3, "on the surface"
-    assert np.array(joint_centres(person.model)["hip_r"][1])[2] < bones.landmarks["RASIS"][1][2]
+    assert np.array(find_joint_centres(person.model)["hip_r"][1])[2] < bones.landmarks["RASIS"][1][2]
 
 
 def test_the_same_person_has_the_same_bones_whatever_is_recorded(bones: PersonBones) -> None:
-    other = virtual_bones(virtual_subject(2, SHORT))
+    other = make_virtual_bones(make_virtual_subject(2, SHORT))
     for name, (vertices, faces) in bones.meshes.items():
         np.testing.assert_array_equal(vertices, other.meshes[name][0])
         np.testing.assert_array_equal(faces, other.meshes[name][1])
 
 
 def test_sizes_are_spread_as_the_sources_say() -> None:
-    drawn = {sex: [leg_shape(k, "r", sex, 0.0) for k in range(500)] for sex in ("M", "F")}
+    drawn = {sex: [make_leg_shape(k, "r", sex, 0.0) for k in range(500)] for sex in ("M", "F")}
     for sex, breadth, head in (("M", 0.08265, 0.024), ("F", 0.07247, 0.02125)):
         assert np.mean([s.epicondylar_breadth for s in drawn[sex]]) == pytest.approx(breadth, rel=0.005)
         assert np.mean([s.head_radius for s in drawn[sex]]) == pytest.approx(head, rel=0.005)
         angles = np.degrees([s.anteversion for s in drawn[sex]])
         assert angles.mean() == pytest.approx(11.7, abs=1.0)
         assert angles.std() == pytest.approx(8.2 * 0.88, rel=0.1)  # nothing beyond 2 SD is drawn
-    long, short = (leg_shape(3, "r", "M", z).epicondylar_breadth for z in (1.0, -1.0))
+    long, short = (make_leg_shape(3, "r", "M", z).epicondylar_breadth for z in (1.0, -1.0))
     assert long > short
-    pairs = np.array([[leg_shape(k, s, "M", 0.0).anteversion for s in ("r", "l")] for k in range(500)])
+    pairs = np.array([[make_leg_shape(k, s, "M", 0.0).anteversion for s in ("r", "l")] for k in range(500)])
     assert np.corrcoef(pairs.T)[0, 1] == pytest.approx(0.9, abs=0.05)

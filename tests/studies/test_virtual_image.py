@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.comparison.geometry import centre_errors, length_errors
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    compute_centre_errors,
+    compute_length_errors,
+)
 from scaling_service.capabilities.scaling.methods.table import calibrate
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.trial import Bone
 from scaling_service.virtual.image import (
     MARKER_MM,
     SURFACE_MM,
     VirtualImage,
-    image_evidence,
-    virtual_image,
+    make_virtual_image,
+    read_image_evidence,
 )
-from scaling_service.virtual.subject import VirtualSettings, demo_session, virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session, make_virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged
 
 CENTRE_MM = {"hip": 0.05, "knee": 0.1, "ankle": 0.4}
@@ -57,7 +60,7 @@ def test_the_frame_of_the_image_changes_nothing(exact: dict[int, Imaged]) -> Non
     turn *= np.sign(np.linalg.det(turn))
     shift = np.array([0.4, -2.0, 1.0])
     bones = {name: Bone(bone.vertices @ turn.T + shift, bone.faces) for name, bone in image.bones.items()}
-    other = image_evidence(replace(image, bones=bones))
+    other = read_image_evidence(replace(image, bones=bones))
     for name, at in {**found.centres, **found.landmarks}.items():
         there = (other.centres | other.landmarks)[name]
         assert apart_mm((np.array(there) - shift) @ turn, at) < 0.05, name
@@ -66,7 +69,7 @@ def test_the_frame_of_the_image_changes_nothing(exact: dict[int, Imaged]) -> Non
 def test_centres_and_markers_are_those_of_the_standing_person(exact: dict[int, Imaged]) -> None:
     """Lengths of the image's truth are the model's; markers sit where the model carries them."""
     for body in exact.values():
-        lengths, centres = segment_lengths(body.person.model), body.image.centres
+        lengths, centres = measure_segment_lengths(body.person.model), body.image.centres
         for side in ("r", "l"):
             for bone, ends in (("femur", ("hip", "knee")), ("shank", ("knee", "ankle"))):
                 apart = apart_mm(*(centres[f"{end}_{side}"] for end in ends))
@@ -81,7 +84,7 @@ def test_centres_and_markers_are_those_of_the_standing_person(exact: dict[int, I
 def test_equal_seeds_are_equal_images_and_the_errors_size_changes_no_truth(
     exact: dict[int, Imaged], blurred: dict[int, VirtualImage]
 ) -> None:
-    first, again = blurred[4], virtual_image(virtual_subject(4, SHORT))
+    first, again = blurred[4], make_virtual_image(make_virtual_subject(4, SHORT))
     assert first.markers == again.markers
     for name, bone in first.bones.items():
         np.testing.assert_array_equal(bone.vertices, again.bones[name].vertices)
@@ -109,7 +112,7 @@ def test_surfaces_are_off_by_the_reconstructions_error(
 
 def test_an_image_with_errors_is_off_by_millimetres(blurred: dict[int, VirtualImage]) -> None:
     image = blurred[4]
-    found = image_evidence(image)
+    found = read_image_evidence(image)
     errors = {name: apart_mm(found.centres[name], at) for name, at in image.centres.items()}
     assert 0.3 < np.mean(list(errors.values())) < 3.0
     assert max(errors.values()) < 6.0
@@ -121,12 +124,12 @@ def test_a_person_without_faults_comes_back_from_the_image() -> None:
     faultless = VirtualSettings(
         artefact=0.0, noise=0.0, gaps=0.0, image=0.0, functional_s=2.0, gait_trials=1, strides=1.0
     )
-    session, person = demo_session(5, faultless, images=True)
+    session, person = make_demo_session(5, faultless, images=True)
     found = calibrate(session, "EB")
-    assert max(map(abs, length_errors(found.model, person.model).values())) < 3e-4
+    assert max(map(abs, compute_length_errors(found.model, person.model).values())) < 3e-4
     motion = inverse_kinematics(found.model, person.trials["gait_1"])  # as recorded: smoothing moves ankles
     assert float(np.nanmean(motion.distances)) < 5e-4
-    for name, gap in centre_errors(found.model, [motion], person.model, person.motions).items():
+    for name, gap in compute_centre_errors(found.model, [motion], person.model, person.motions).items():
         assert gap < 1e-3, name
     for joint, tilt in found.axis_tilts.items():
         # The thigh's z lies in the plane of the epicondyles, each found within 2 mm at 40 mm.
@@ -135,8 +138,8 @@ def test_a_person_without_faults_comes_back_from_the_image() -> None:
 
 def test_progress_names_the_bones() -> None:
     reported: list[str] = []
-    image = virtual_image(virtual_subject(4, EXACT), progress=reported.append)
+    image = make_virtual_image(make_virtual_subject(4, EXACT), progress=reported.append)
     assert reported == list(image.bones) == ["pelvis", "femur_r", "tibia_r", "femur_l", "tibia_l"]
-    assert virtual_subject(4, EXACT).settings.image == 0.0
+    assert make_virtual_subject(4, EXACT).settings.image == 0.0
     with pytest.raises(ValueError, match="negative"):
         VirtualSettings(image=-1.0)

@@ -11,18 +11,18 @@ import pytest
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import LANDMARK_SD_M
-from scaling_service.model.anatomy.lengths import segment_lengths
-from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.poses import neutral_frames
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.poses import pose_neutral_frames
+from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, draw_residual, with_artefact
 from scaling_service.virtual.subject import (
     CAMERA_MM,
     VirtualSettings,
     VirtualSubject,
-    demo_session,
-    virtual_subject,
+    make_demo_session,
+    make_virtual_subject,
 )
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0)
@@ -33,12 +33,12 @@ MOVING = ("hip_r", "hip_l", "knee_r", "knee_l", "gait_1", "gait_2")
 
 @pytest.fixture(scope="module")
 def people() -> list[VirtualSubject]:
-    return [virtual_subject(seed, SHORT) for seed in range(200)]
+    return [make_virtual_subject(seed, SHORT) for seed in range(200)]
 
 
 @pytest.fixture(scope="module")
 def person() -> VirtualSubject:
-    return virtual_subject(7)
+    return make_virtual_subject(7)
 
 
 def column(person: VirtualSubject, trial: str, coordinate: str) -> np.ndarray:
@@ -50,7 +50,7 @@ def column(person: VirtualSubject, trial: str, coordinate: str) -> np.ndarray:
 def ankles(person: VirtualSubject, trial: str) -> np.ndarray:
     """(n_frames, right and left, 3)."""
     tree = compile_model(person.model, ("RAJC", "LAJC"))
-    return marker_positions(tree, person.motions[trial], parameter_values(person.model))
+    return pose_markers(tree, person.motions[trial], list_parameter_values(person.model))
 
 
 # --- reproducible ---------------------------------------------------------------------------------
@@ -71,9 +71,9 @@ def same(a: VirtualSubject, b: VirtualSubject) -> None:
 
 def test_the_same_seed_is_the_same_person_whatever_came_before_or_beside() -> None:
     seeds = [3, 1, 2, 3]
-    one_by_one = [virtual_subject(seed, SHORT) for seed in seeds]
+    one_by_one = [make_virtual_subject(seed, SHORT) for seed in seeds]
     with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(lambda seed: virtual_subject(seed, SHORT), reversed(seeds)))
+        together = list(pool.map(lambda seed: make_virtual_subject(seed, SHORT), reversed(seeds)))
     for a, b in zip(one_by_one, reversed(together), strict=True):
         same(a, b)
     same(one_by_one[0], one_by_one[3])
@@ -82,12 +82,12 @@ def test_the_same_seed_is_the_same_person_whatever_came_before_or_beside() -> No
 
 def test_leaving_one_fault_out_changes_nothing_else(person: VirtualSubject) -> None:
     for fault in ("placement", "artefact", "noise", "gaps"):
-        other = virtual_subject(7, replace(person.settings, **{fault: 0.0}))
+        other = make_virtual_subject(7, replace(person.settings, **{fault: 0.0}))
         assert other.factors == person.factors
         assert other.tilts == person.tilts
         for name, q in person.motions.items():
             np.testing.assert_array_equal(other.motions[name], q)
-    without = virtual_subject(7, replace(person.settings, noise=0.0))
+    without = make_virtual_subject(7, replace(person.settings, noise=0.0))
     seen = np.isfinite(person.trials["gait_1"].markers)
     np.testing.assert_array_equal(np.isfinite(without.trials["gait_1"].markers), seen)
     noise = (person.trials["gait_1"].markers - without.trials["gait_1"].markers)[seen]
@@ -95,7 +95,7 @@ def test_leaving_one_fault_out_changes_nothing_else(person: VirtualSubject) -> N
 
 
 def test_more_trials_do_not_change_the_first_ones(person: VirtualSubject) -> None:
-    more = virtual_subject(7, replace(person.settings, gait_trials=4))
+    more = make_virtual_subject(7, replace(person.settings, gait_trials=4))
     assert set(more.trials) - set(person.trials) == {"gait_3", "gait_4"}
     for name, trial in person.trials.items():
         np.testing.assert_array_equal(more.trials[name].markers, trial.markers)
@@ -107,7 +107,7 @@ def test_more_trials_do_not_change_the_first_ones(person: VirtualSubject) -> Non
 
 @pytest.mark.parametrize("seed", [0, 4, 11])
 def test_without_faults_the_true_model_gives_back_the_true_motion(seed: int) -> None:
-    person = virtual_subject(seed, CLEAN)
+    person = make_virtual_subject(seed, CLEAN)
     for name, trial in person.trials.items():
         found = inverse_kinematics(person.model, trial)
         np.testing.assert_allclose(found.q, person.motions[name], rtol=0, atol=1e-6)
@@ -115,7 +115,7 @@ def test_without_faults_the_true_model_gives_back_the_true_motion(seed: int) -> 
 
 
 def test_misplaced_markers_are_known_to_the_true_model() -> None:
-    person = virtual_subject(5, replace(CLEAN, placement=1.0))
+    person = make_virtual_subject(5, replace(CLEAN, placement=1.0))
     assert inverse_kinematics(person.model, person.trials["hip_r"]).distances.max() < ROUNDING_M
     for name, offset in person.marker_offsets.items():
         factor = person.factors[person.model.marker(name).segment]
@@ -124,14 +124,14 @@ def test_misplaced_markers_are_known_to_the_true_model() -> None:
 
 
 def test_factors_and_tilts_are_those_of_the_model(person: VirtualSubject) -> None:
-    generic, own = segment_lengths(person.generic), segment_lengths(person.model)
+    generic, own = measure_segment_lengths(person.generic), measure_segment_lengths(person.model)
     segments = {"inter_hip": "pelvis", "femur_r": "femur_r", "femur_l": "femur_l"}
     segments |= {"shank_r": "tibia_r", "shank_l": "tibia_l"}
     for length, segment in segments.items():
         assert own[length] / generic[length] == pytest.approx(person.factors[segment], rel=1e-12)
     for side in ("r", "l"):
-        bent = neutral_frames(person.model, {f"knee_angle_{side}": 1e-3})
-        straight = neutral_frames(person.model)
+        bent = pose_neutral_frames(person.model, {f"knee_angle_{side}": 1e-3})
+        straight = pose_neutral_frames(person.model)
         change = bent[f"tibia_{side}"][0] @ straight[f"tibia_{side}"][0].T
         turn = np.array(
             [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
@@ -152,7 +152,7 @@ def test_skin_moves_linearly_and_not_at_all_when_standing_as_the_reference(perso
     q[1, names.index("knee_angle_r")] += 0.2
     q[2, names.index("knee_angle_r")] += 0.4
     p = np.zeros(0)
-    moved = marker_positions(compile_model(model), q, p) - marker_positions(compile_model(person.model), q, p)
+    moved = pose_markers(compile_model(model), q, p) - pose_markers(compile_model(person.model), q, p)
     np.testing.assert_allclose(moved[0], 0.0, atol=1e-15)
     lengths = np.linalg.norm(moved, axis=2)
     np.testing.assert_allclose(lengths[2], 2.0 * lengths[1], atol=1e-15)
@@ -172,8 +172,8 @@ def peaks(person: VirtualSubject, artefact: Artefact) -> dict[str, float]:
     found: dict[str, float] = {}
     for trial in ("hip_r", "hip_l", "knee_r", "knee_l"):
         q = person.motions[trial]
-        moved = marker_positions(compile_model(skin), q, np.zeros(0))
-        moved = moved - marker_positions(compile_model(still), q, np.zeros(0))
+        moved = pose_markers(compile_model(skin), q, np.zeros(0))
+        moved = moved - pose_markers(compile_model(still), q, np.zeros(0))
         for k, marker in enumerate(person.model.markers):
             kind = marker.segment[:5]
             found[kind] = max(found.get(kind, 0.0), 1e3 * float(np.linalg.norm(moved[:, k], axis=1).max()))
@@ -236,7 +236,7 @@ def test_stature_mass_and_lengths_are_the_cohorts(people: list[VirtualSubject]) 
     assert np.mean([p.mass_kg for p in people]) == pytest.approx(67.3, abs=2.0)
     men, women = (np.mean([p.height_m for p in people if p.sex == sex]) for sex in "MF")
     assert men - women == pytest.approx(0.127, abs=0.03)
-    lengths = [segment_lengths(p.model) for p in people]
+    lengths = [measure_segment_lengths(p.model) for p in people]
     for name, mean, sd in (
         ("femur_r", 0.4318, 0.0233),
         ("shank_l", 0.4147, 0.0227),
@@ -261,11 +261,11 @@ def test_knee_axes_are_puchauds(people: list[VirtualSubject]) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_knees_bend_backwards_and_only_so(seed: int) -> None:
-    person = virtual_subject(seed)
+    person = make_virtual_subject(seed)
     for trial in MOVING:
         for side in ("r", "l"):
             assert column(person, trial, f"knee_angle_{side}").min() >= -1e-9
-    frames = neutral_frames(person.model, {"knee_angle_r": 1.2})
+    frames = pose_neutral_frames(person.model, {"knee_angle_r": 1.2})
     lifted = frames["femur_r"][0].T @ frames["tibia_r"][0] @ [0.0, -1.0, 0.0]
     assert lifted[0] < -0.9, "the shank goes to the back"
 
@@ -291,7 +291,7 @@ def test_functional_movements_cover_their_ranges_while_the_other_foot_stands(
 
 @pytest.mark.parametrize("seed", range(8))
 def test_walking_is_walking(seed: int) -> None:
-    person = virtual_subject(seed)
+    person = make_virtual_subject(seed)
     times = person.trials["gait_1"].times
     speed = np.polyfit(times, column(person, "gait_1", "pelvis_tx"), 1)[0]
     assert 0.8 < speed < 1.8, "m/s; adults at normal speed 1.20 to 1.65"
@@ -334,7 +334,7 @@ def test_walking_angles_are_schwartz_within_a_persons_spread() -> None:
         "pelvis_obliquity_up": [0.8, 3.4, 3.4, 0.3, -0.5, -0.7, -3.3, -3.4, -0.4, 0.4, 0.6],
     }
     for name, values in known.items():
-        curve = motion.gait_curves()[name]
+        curve = motion.read_gait_curves()[name]
         np.testing.assert_allclose(curve.mean + curve.at(phase), values, atol=0.35)
     styles = [motion.draw_style(stream(k, "style"), "M") for k in range(400)]
     spread = np.std([s.offsets["hip_flexion"] for s in styles])
@@ -345,7 +345,7 @@ def test_walking_angles_are_schwartz_within_a_persons_spread() -> None:
 
 
 def test_the_demo_is_a_whole_session() -> None:
-    session, person = demo_session(2)
+    session, person = make_demo_session(2)
     assert session.model is person.generic
     assert session.static is not None
     assert [t.name for t in session.calibration] == ["hip_r", "hip_l", "knee_r", "knee_l"]

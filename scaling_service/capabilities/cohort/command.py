@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.flags import Only, Out, Workers, names, with_flags
-from scaling_service.capabilities.shared.names import method_names
+from scaling_service.capabilities.shared.flags import Only, Out, Workers, read_names, with_flags
+from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 
 EXIT_SOME_FAILED = 1
@@ -47,7 +47,7 @@ def batch(
         str | None,
         typer.Option(
             metavar="M,M,…",
-            help=f"Of {', '.join(method_names())}; all that each subject allows unless given.",
+            help=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         ),
     ] = None,
     workers: Workers = None,
@@ -66,7 +66,7 @@ def batch(
     from scaling_service.capabilities.cohort.run import batch as run_batch
     from scaling_service.capabilities.cohort.screen import show_cohort, show_progress
 
-    chosen = None if methods is None else tuple(names(methods))
+    chosen = None if methods is None else tuple(read_names(methods))
     with show_progress() as watcher:
         try:
             result = run_batch(

@@ -27,7 +27,12 @@ from scaling_service.capabilities.cohort.document import (
 )
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, Panel, checked, panels
+from scaling_service.numerics.statistics.complete import (
+    ComparisonImpossible,
+    Panel,
+    list_panels,
+    require_complete,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -63,7 +68,7 @@ def compare_groups(
     """
     if not 0.0 < alpha < 1.0:
         raise ComparisonImpossible(f"a significance level of {alpha:g} is not between 0 and 1", field="alpha")
-    table = checked(values, subjects, methods, quantity=quantity, dimensions=2)
+    table = require_complete(values, subjects, methods, quantity=quantity, dimensions=2)
     n, k = table.shape
     ranks = scipy.stats.rankdata(_without_noise(table), axis=1)
     mean_rank = ranks.mean(axis=0)
@@ -79,11 +84,11 @@ def compare_groups(
         kendall_w=statistic / (n * (k - 1)),
         alpha=alpha,
         significant=p < alpha,
-        pairs=_pairs(table, mean_rank, math.sqrt(variance / n), methods, alpha, gate=p < alpha),
+        pairs=_compare_pairs(table, mean_rank, math.sqrt(variance / n), methods, alpha, gate=p < alpha),
     )
 
 
-def _pairs(
+def _compare_pairs(
     table: Array, mean_rank: Array, error: float, methods: Sequence[str], alpha: float, *, gate: bool
 ) -> list[RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
@@ -110,7 +115,7 @@ def _without_noise(table: Array) -> Array:
     return np.round(table / step) if step > 0.0 else table
 
 
-def _errors(method: MethodSummary) -> dict[str, float]:
+def _average_errors(method: MethodSummary) -> dict[str, float]:
     """Mean kinematic error over the trials of each role, every trial counting the same, m.
 
     Chosen: Puchaud 2019 defines the error of a trial, and does not say how trials are pooled.
@@ -122,7 +127,7 @@ def _errors(method: MethodSummary) -> dict[str, float]:
     return {role: float(np.mean(errors)) for role, errors in by_role.items()}
 
 
-def _axes(method: MethodSummary) -> dict[str, float]:
+def _average_axes(method: MethodSummary) -> dict[str, float]:
     return {
         f"{side}_{axis}": turn
         for side, turns in method.knee_axes.items()
@@ -140,8 +145,8 @@ _MM, _DEG = 1e3, 180.0 / math.pi
 KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]] = MappingProxyType(
     {
         "segment_lengths_mm": (_MM, lambda method: method.lengths),
-        "kinematic_error_mm": (_MM, _errors),
-        "knee_axis_deg": (_DEG, _axes),
+        "kinematic_error_mm": (_MM, _average_errors),
+        "knee_axis_deg": (_DEG, _average_axes),
         "marker_shift_mm": (_MM, _shift),
         "from_truth_mm": (_MM, lambda method: method.from_truth_m),
         "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
@@ -174,7 +179,7 @@ def compare_quantities(
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
         has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
-        for panel in panels(has, methods):
+        for panel in list_panels(has, methods):
             part = table.loc[list(panel.subjects), list(panel.methods)]
             entries[kind].append(_compare_panel(part, panel, quantity, alpha))
     return entries

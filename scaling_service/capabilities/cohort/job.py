@@ -11,8 +11,15 @@ from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
 from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
-from scaling_service.capabilities.shared.job import Documents, JobRequest, Kind, Needed, Parts, named_files
-from scaling_service.capabilities.shared.names import method_names
+from scaling_service.capabilities.shared.job import (
+    Documents,
+    JobRequest,
+    Kind,
+    Needed,
+    Parts,
+    list_named_files,
+)
+from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import Part
@@ -27,13 +34,13 @@ RECORD = "batch.json"
 """What a member keeps for the statistics, in its folder."""
 
 
-def _each_once(names: tuple[str, ...]) -> tuple[str, ...]:
+def _require_each_once(names: tuple[str, ...]) -> tuple[str, ...]:
     if len({name.casefold() for name in names}) < len(names):
         raise ValueError("name each subject once")
     return names
 
 
-def _no_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[str, str]]:
+def _refuse_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[str, str]]:
     if COLUMN in set(itertools.chain.from_iterable(groups.values())):
         raise ValueError(f"a group cannot be called '{COLUMN}'")
     return groups
@@ -62,19 +69,19 @@ class BatchRequest(JobRequest):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    batch_subjects: Annotated[tuple[Identifier, ...], AfterValidator(_each_once)] = Field(
+    batch_subjects: Annotated[tuple[Identifier, ...], AfterValidator(_require_each_once)] = Field(
         alias="subjects",
         min_length=1,
         max_length=MOST_SUBJECTS,
         description="Names of the subjects, as uploaded.",
         examples=[["S01"]],
     )
-    groups: Annotated[dict[Identifier, dict[_Label, _Label]], AfterValidator(_no_subject_column)] = Field(
+    groups: Annotated[dict[Identifier, dict[_Label, _Label]], AfterValidator(_refuse_subject_column)] = Field(
         default={}, description="Subject to labels that are kept in the results, such as sex or side."
     )
     methods: ChosenMethods = Field(
         default=None,
-        description=f"Of {', '.join(method_names())}; all that each subject allows unless given.",
+        description=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         examples=[["MB", "MB_am"]],
     )
     settings: Settings = Field(
@@ -88,7 +95,7 @@ class BatchRequest(JobRequest):
 
     def needed(self, documents: Documents) -> Needed:
         """All files that the subjects' documents name."""
-        return {name: named_files(check_document(documents[name])) for name in self.subjects}
+        return {name: list_named_files(check_document(documents[name])) for name in self.subjects}
 
     def members(self) -> list[MemberRequest]:
         """One request for each subject."""

@@ -46,7 +46,7 @@ def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
 def _in_folder(folder: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     members, passed = [], []
     for path in sorted(p for p in folder.iterdir() if not p.name.startswith(".")):
-        for file in _candidates(path):
+        for file in _list_candidates(path):
             shown = file.relative_to(folder).as_posix()
             if file.parent != folder or _is_subject(file):
                 members.append(Listed(file, shown))
@@ -61,7 +61,7 @@ def _in_folder(folder: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     return tuple(members), tuple(passed)
 
 
-def _candidates(path: Path) -> list[Path]:
+def _list_candidates(path: Path) -> list[Path]:
     if path.is_file():
         return [path] if path.suffix.lower() in _SUFFIXES else []
     return [file for suffix in _SUFFIXES if (file := path / f"subject{suffix}").is_file()]
@@ -80,7 +80,7 @@ def _is_subject(file: Path) -> bool:
 
 def _in_table(file: Path) -> Iterator[Listed]:
     lines = read_text(file, "a table of subjects").splitlines()
-    header, rows = _table(lines, file)
+    header, rows = _read_table(lines, file)
     column = header.index(COLUMN)
     seen: dict[Path, int] = {}
     for number, cells in rows:
@@ -115,7 +115,7 @@ def _in_table(file: Path) -> Iterator[Listed]:
         yield Listed(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
 
 
-def _table(lines: Sequence[str], file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _read_table(lines: Sequence[str], file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header's names, and the other rows that are not blank with their line numbers."""
     filled = next((k for k, line in enumerate(lines) if line.strip()), None)
     if filled is None:

@@ -72,7 +72,7 @@ class Outcome:
     shown: str = ""
 
 
-def possible_methods(
+def select_possible_methods(
     subject: Subject, methods: Sequence[str] | None = None
 ) -> tuple[tuple[str, ...], dict[str, str]]:
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
@@ -104,11 +104,11 @@ def run_members(
     futures: list[Future[Outcome]] = []
     try:
         for member in members:
-            future = executor.submit(_ended, member, methods, settings)
+            future = executor.submit(_run_member, member, methods, settings)
             futures.append(future)
             if finished is not None:
                 future.add_done_callback(partial(_announce, finished, member))
-        return tuple(_outcome(member, future) for member, future in zip(members, futures, strict=True))
+        return tuple(_make_outcome(member, future) for member, future in zip(members, futures, strict=True))
     except BaseException:
         for future in futures:
             future.cancel()
@@ -117,10 +117,10 @@ def run_members(
 
 def _announce(finished: Callable[[Outcome], None], member: Member, future: Future[Outcome]) -> None:
     if not future.cancelled() and not isinstance(future.exception(), KeyboardInterrupt):
-        finished(_outcome(member, future))
+        finished(_make_outcome(member, future))
 
 
-def _outcome(member: Member, future: Future[Outcome]) -> Outcome:
+def _make_outcome(member: Member, future: Future[Outcome]) -> Outcome:
     try:
         return future.result()
     except BrokenProcessPool:
@@ -128,7 +128,7 @@ def _outcome(member: Member, future: Future[Outcome]) -> Outcome:
         return Outcome(member.name, member.groups, "failed", reason, shown=member.shown)
 
 
-def _ended(member: Member, methods: Sequence[str] | None, settings: Settings) -> Outcome:
+def _run_member(member: Member, methods: Sequence[str] | None, settings: Settings) -> Outcome:
     """How one member ends, whatever happens to it; runs in a worker."""
     clock = time.perf_counter()
 

@@ -17,10 +17,17 @@ from scaling_service.capabilities.cohort.document import (
     SubjectEntry,
 )
 from scaling_service.capabilities.cohort.summary import IMAGED
-from scaling_service.core.text import p_words
+from scaling_service.core.text import format_p
 from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Grid, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, cycle_figure, plain, ranges
-from scaling_service.report.methods import INK, method_columns, method_legend, percent_spans, styles, words
+from scaling_service.report.figures import Figure, describe_ranges, draw_cycle, escape_plain, make_chart
+from scaling_service.report.methods import (
+    INK,
+    describe_spans,
+    list_method_columns,
+    list_styles,
+    make_method_legend,
+    spell_name,
+)
 from scaling_service.report.page import Page, Section
 
 TITLES: Mapping[str, str] = {
@@ -48,37 +55,39 @@ _NAMES = {
 }
 
 
-def cohort_page(document: CohortDocument) -> Page:
+def build_cohort_page(document: CohortDocument) -> Page:
     """The page of a cohort."""
     return Page(
         "Scaling methods compared over a cohort",
         [
-            Section("What this cohort shows", list(_summary(document))),
-            *statistics_sections(document.statistics),
-            Section("Subjects", list(_subjects(document)), new_page=True),
+            Section("What this cohort shows", list(_build_summary(document))),
+            *build_statistics_sections(document.statistics),
+            Section("Subjects", list(_build_subjects(document)), new_page=True),
         ],
         subtitle=document.cohort,
         footer=f"scaling-service {document.code_version}. The numbers are in cohort.json, too.",
     )
 
 
-def statistics_sections(found: StatisticsDocument) -> list[Section]:
+def build_statistics_sections(found: StatisticsDocument) -> list[Section]:
     """The chapters that every cohort has: errors, geometry, angles, agreement, and the truth where known."""
     sections = [
-        Section("Kinematic errors", _quantity_blocks(found, "kinematic_error_mm")),
+        Section("Kinematic errors", _build_quantity_blocks(found, "kinematic_error_mm")),
         Section(
             "Lengths, axes, marker shifts",
-            _quantity_blocks(found, "segment_lengths_mm", "knee_axis_deg", "marker_shift_mm"),
+            _build_quantity_blocks(found, "segment_lengths_mm", "knee_axis_deg", "marker_shift_mm"),
             new_page=True,
         ),
-        Section("Joint angles over the gait cycle", list(angle_blocks(found.joint_angles)), new_page=True),
-        Section("Agreement", list(_agreement(found.agreement)), new_page=True),
+        Section(
+            "Joint angles over the gait cycle", list(build_angle_blocks(found.joint_angles)), new_page=True
+        ),
+        Section("Agreement", list(_build_agreement(found.agreement)), new_page=True),
     ]
-    truth = _quantity_blocks(found, "from_truth_mm", "from_truth_deg")
+    truth = _build_quantity_blocks(found, "from_truth_mm", "from_truth_deg")
     return [*sections, *([Section("Distance from the truth", truth, new_page=True)] if truth else [])]
 
 
-def screen_tables(found: StatisticsDocument) -> Iterator[Table]:
+def make_screen_tables(found: StatisticsDocument) -> Iterator[Table]:
     """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
     methods = [gate.method for gate in found.opensim_limits.methods]
     rows: list[Row] = []
@@ -86,29 +95,29 @@ def screen_tables(found: StatisticsDocument) -> Iterator[Table]:
     for kind, title in TITLES.items():
         if entries := getattr(found, kind):
             rows.append(Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
-            rows += quantity_rows(entries, methods)
+            rows += list_quantity_rows(entries, methods)
             everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
     yield Table("", columns, rows, describe_comparisons(everything))
-    yield _gates(found)
+    yield _tabulate_gates(found)
     if any(curve.anova is not None for curve in found.joint_angles):
-        yield curve_table(found.joint_angles)
+        yield tabulate_curves(found.joint_angles)
 
 
-def quantity_words(name: str) -> str:
+def describe_quantity(name: str) -> str:
     """A quantity's name for people."""
-    return _NAMES.get(name, words(name))
+    return _NAMES.get(name, spell_name(name))
 
 
-def quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[Row]:
+def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[Row]:
     """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
     return [
         Row(
-            quantity_words(entry.quantity),
+            describe_quantity(entry.quantity),
             [
                 str(len(entry.compared.subjects)),
                 *(_spread(entry, method) for method in methods),
-                "–" if entry.friedman is None else p_words(entry.friedman.p),
+                "–" if entry.friedman is None else format_p(entry.friedman.p),
             ],
         )
         for entry in entries
@@ -127,7 +136,7 @@ def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
     said, untested, excluded = [], dict[str, list[str]](), dict[str, str]()
     for entry in entries:
         excluded |= entry.compared.excluded
-        name, test = quantity_words(entry.quantity), entry.friedman
+        name, test = describe_quantity(entry.quantity), entry.friedman
         if test is None:
             untested.setdefault(entry.note, []).append(name)
         elif differ := [" / ".join(pair.methods) for pair in test.pairs if pair.significant]:
@@ -138,26 +147,26 @@ def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
     return " ".join(said)
 
 
-def _quantity_blocks(found: StatisticsDocument, *kinds: str) -> list[Block]:
-    return [block for kind in kinds for block in _blocks_of_kind(kind, getattr(found, kind))]
+def _build_quantity_blocks(found: StatisticsDocument, *kinds: str) -> list[Block]:
+    return [block for kind in kinds for block in _build_blocks_of_kind(kind, getattr(found, kind))]
 
 
-def _blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterator[Block]:
+def _build_blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterator[Block]:
     """A table, and each quantity's values as dots."""
     if not entries:
         return
     title, unit = TITLES[kind], _UNITS[kind.rpartition("_")[2]]
     methods = list(dict.fromkeys(m for entry in entries for m in entry.compared.methods))
-    columns: list[str | Cell] = ["", "subjects", *method_columns(methods), "Friedman p"]
+    columns: list[str | Cell] = ["", "subjects", *list_method_columns(methods), "Friedman p"]
     caption = f"{title} (mean ± SD over subjects), {unit}"
-    yield Table(caption, columns, quantity_rows(entries, methods), describe_comparisons(entries))
+    yield Table(caption, columns, list_quantity_rows(entries, methods), describe_comparisons(entries))
     first = {entry.quantity: entry for entry in reversed(entries)}  # that of most methods comes first
     several = [entry for entry in reversed(first.values()) if len(entry.values) > 1]
     if several:
-        yield Grid([_draw_dots(e, unit, f"{title}, {quantity_words(e.quantity)}") for e in several])
+        yield Grid([_draw_dots(e, unit, f"{title}, {describe_quantity(e.quantity)}") for e in several])
 
 
-def angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:
+def build_angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:
     """Every angle's curves and tests; a sentence where nobody walked."""
     if not curves:
         yield Text("No subject has a whole stride, so joint angles over the gait cycle are not compared.")
@@ -167,39 +176,39 @@ def angle_blocks(curves: Sequence[CurveEntry]) -> Iterator[Block]:
         "counts once. Grey bars: where the methods differ (repeated-measures analysis of variance along the "
         "curve, thresholds by permutation, 5 % for each angle)."
     )
-    yield method_legend(list(dict.fromkeys(m for c in curves for m in c.compared.methods)))
+    yield make_method_legend(list(dict.fromkeys(m for c in curves for m in c.compared.methods)))
     yield Grid([_draw_curves(curve) for curve in curves])
-    yield curve_table(curves)
+    yield tabulate_curves(curves)
 
 
-def curve_table(curves: Sequence[CurveEntry]) -> Table:
+def tabulate_curves(curves: Sequence[CurveEntry]) -> Table:
     """Where along the gait cycle methods differ, for every angle."""
     reference = next((c.reference for c in curves if c.reference is not None), None)
     pairs = f"pairs with {reference}" if reference else "pairs"
     return Table(
         "Do the methods differ along the curve?",
         ["angle", "subjects", "p", "where, % of the cycle", pairs],
-        [Row(words(curve.coordinate), _curve_cells(curve)) for curve in curves],
+        [Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
         "Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
         words=True,
     )
 
 
-def _curve_cells(curve: CurveEntry) -> list[str]:
+def _format_curve_cells(curve: CurveEntry) -> list[str]:
     count = str(len(curve.compared.subjects))
     if curve.anova is None:
         return [count, "–", "–", curve.note]
     pairs = "; ".join(
         f"{' / '.join(pair.methods)}: "
-        + (percent_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
+        + (describe_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
         for pair in curve.pairs
     )
-    p = p_words(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
+    p = format_p(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
     said = pairs or "not asked, for the analysis of variance finds nothing"
-    return [count, p, percent_spans(curve.anova.spans), said]
+    return [count, p, describe_spans(curve.anova.spans), said]
 
 
-def _subjects(document: CohortDocument) -> Iterator[Block]:
+def _build_subjects(document: CohortDocument) -> Iterator[Block]:
     rows = [
         Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods), f"{s.wall_s:.1f}"])
         for s in document.subjects
@@ -217,16 +226,16 @@ def _describe_end(subject: SubjectEntry) -> str:
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
 
 
-def _summary(document: CohortDocument) -> Iterator[Block]:
+def _build_summary(document: CohortDocument) -> Iterator[Block]:
     """The headline, what it rests on, and OpenSim's limits."""
     found = document.statistics
     yield Callout(document.headline, [Bullets(document.why)])
-    yield _gates(found)
+    yield _tabulate_gates(found)
     if found.notes:
         yield Bullets(found.notes)
 
 
-def _gates(found: StatisticsDocument) -> Table:
+def _tabulate_gates(found: StatisticsDocument) -> Table:
     rows = [
         Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
         for g in found.opensim_limits.methods
@@ -239,7 +248,7 @@ def _gates(found: StatisticsDocument) -> Table:
     )
 
 
-def _agreement(agreements: Sequence[AgreementEntry]) -> Iterator[Block]:
+def _build_agreement(agreements: Sequence[AgreementEntry]) -> Iterator[Block]:
     """A table for each reference: lengths first, joint centres when asked for."""
     if not agreements:
         yield Text("Too few subjects were imaged, and no truth is known, so agreement cannot be stated.")
@@ -254,13 +263,13 @@ def _agreement(agreements: Sequence[AgreementEntry]) -> Iterator[Block]:
         lengths = [item for item in own if "." not in item.quantity]
         centres = [item for item in own if "." in item.quantity]
         if lengths:
-            yield _agreement_table(f"Segment lengths against {name}, mm", lengths)
+            yield _tabulate_agreement(f"Segment lengths against {name}, mm", lengths)
         if centres:
             title = f"Joint centres against {name}"
-            yield Details(title, [_agreement_table(f"{title}, mm", centres)])
+            yield Details(title, [_tabulate_agreement(f"{title}, mm", centres)])
 
 
-def _agreement_table(caption: str, items: Sequence[AgreementEntry]) -> Table:
+def _tabulate_agreement(caption: str, items: Sequence[AgreementEntry]) -> Table:
     rows = []
     for item in items:
         joint, _, axis = item.quantity.partition(".")
@@ -270,13 +279,13 @@ def _agreement_table(caption: str, items: Sequence[AgreementEntry]) -> Table:
             f"{bias.value:+.1f} ({bias.low:+.1f} to {bias.high:+.1f})",
             f"{lower:+.1f} to {upper:+.1f}",
             f"{item.rmse_mm:.1f}",
-            _icc(item.icc_agreement),
+            _format_icc(item.icc_agreement),
         ]
-        rows.append(Row(f"{f'{words(joint)} {axis}'.strip()}, {item.method}", cells))
+        rows.append(Row(f"{f'{spell_name(joint)} {axis}'.strip()}, {item.method}", cells))
     return Table(caption, ["", "subjects", "bias (95 %)", "limits of agreement", "RMS", "ICC"], rows)
 
 
-def _icc(found: Interval | None) -> str:
+def _format_icc(found: Interval | None) -> str:
     if found is None:
         return "–"
     return f"{found.value:.2f}" + ("" if found.low is None else f" ({found.low:.2f} to {found.high:.2f})")
@@ -285,7 +294,7 @@ def _icc(found: Interval | None) -> str:
 def _draw_dots(entry: QuantityEntry, unit: str, caption: str) -> Figure:
     """Every subject's value under each method, with mean and SD."""
     methods = entry.compared.methods
-    known = styles(methods)
+    known = list_styles(methods)
     count = max(len(entry.values) - 1, 1)
     traces = [
         go.Scatter(
@@ -293,7 +302,7 @@ def _draw_dots(entry: QuantityEntry, unit: str, caption: str) -> Figure:
             y=[of[method] for of in entry.values.values()],
             mode="markers",
             marker={"color": known[method].colour, "size": 5, "opacity": 0.6},
-            text=[plain(subject) for subject in entry.values],
+            text=[escape_plain(subject) for subject in entry.values],
             hovertemplate="%{text}: %{y:.1f}<extra></extra>",
         )
         for k, method in enumerate(methods)
@@ -310,8 +319,8 @@ def _draw_dots(entry: QuantityEntry, unit: str, caption: str) -> Figure:
             hoverinfo="skip",
         )
     )
-    figure = chart(traces, y_title=unit, hovermode="closest")
-    figure.update_xaxes(tickvals=list(range(len(methods))), ticktext=[plain(m) for m in methods])
+    figure = make_chart(traces, y_title=unit, hovermode="closest")
+    figure.update_xaxes(tickvals=list(range(len(methods))), ticktext=[escape_plain(m) for m in methods])
     described = ", ".join(f"{m} {a:.1f} ± {b:.1f}" for m, a, b in zip(methods, mean, sd, strict=True))
     return Figure(figure, caption, f"{caption}: {described} {unit}.", 240)
 
@@ -320,6 +329,8 @@ def _draw_curves(curve: CurveEntry) -> Figure:
     """A joint angle by each method, grey bars where they differ."""
     mean, sd = ({m: np.array(v) for m, v in of.items()} for of in (curve.mean_deg, curve.sd_deg))
     count = len(curve.compared.subjects)
-    title = f"{words(curve.coordinate)} ({count} subject{'s' if count != 1 else ''})"
+    title = f"{spell_name(curve.coordinate)} ({count} subject{'s' if count != 1 else ''})"
     differ = [] if curve.anova is None else curve.anova.spans
-    return cycle_figure(title, f"{title} over the gait cycle by method. {ranges(mean)}", mean, sd, differ)
+    return draw_cycle(
+        title, f"{title} over the gait cycle by method. {describe_ranges(mean)}", mean, sd, differ
+    )

@@ -13,17 +13,17 @@ from typing import Protocol
 from scaling_service.capabilities.cohort.document import CohortDocument, SubjectEntry
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.members import Listed, read_members
-from scaling_service.capabilities.cohort.outcomes import Outcome, possible_methods, run_members
+from scaling_service.capabilities.cohort.outcomes import Outcome, run_members, select_possible_methods
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
-from scaling_service.capabilities.cohort.statistics import cohort_statistics
+from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.subject import SubjectMember
-from scaling_service.capabilities.cohort.verdict import headline, reasons
+from scaling_service.capabilities.cohort.verdict import write_headline, write_reasons
 from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.tables import ResultTable
-from scaling_service.core.threads import cores
+from scaling_service.core.threads import count_cores
 from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
@@ -133,12 +133,12 @@ def batch(
     check_folder(folder)
     listed, notes = read_members(source)
     read = [_load(row) for row in listed]
-    members = [_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
+    members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
     readable = [member for member in members if member.error is None]
     check_names(((m.name, m.shown, m.file) for m in readable), source)
     _refuse_impossible([found for found in read if isinstance(found, Subject)], methods, source)
     refuse_foreign(folder, [member.name for member in readable])
-    count = min(worker_count or cores(), len(members))
+    count = min(worker_count or count_cores(), len(members))
     if watcher is not None:
         watcher.started(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finished)
@@ -164,16 +164,16 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
-    statistics = cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
+    statistics = compute_cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
     document = CohortDocument(
         code_version=code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
         settings=settings.resolved(),
         seed=settings.seed,
-        headline=headline(statistics),
-        why=reasons(statistics, {outcome.name: outcome.groups for outcome in outcomes}),
-        subjects=[_entry(outcome) for outcome in outcomes],
+        headline=write_headline(statistics),
+        why=write_reasons(statistics, {outcome.name: outcome.groups for outcome in outcomes}),
+        subjects=[_make_entry(outcome) for outcome in outcomes],
         statistics=statistics,
         notes=list(notes),
         wall_s=round(time.perf_counter() - started, 3),
@@ -181,7 +181,9 @@ def summarise_cohort(
     return BatchResult(document, tuple(outcomes))
 
 
-def none_possible(reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path) -> InputError:
+def explain_none_possible(
+    reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path
+) -> InputError:
     """The error that nobody can be done by any of the methods, for these reasons."""
     return InputError(
         f"no subject can be done by {', '.join(methods or ())} ({'; '.join(dict.fromkeys(reasons))})",
@@ -192,10 +194,10 @@ def none_possible(reasons: Iterable[str], methods: Sequence[str] | None, source:
 
 
 def _refuse_impossible(subjects: Sequence[Subject], methods: Sequence[str] | None, source: Path) -> None:
-    answers = [possible_methods(subject, methods) for subject in subjects]
+    answers = [select_possible_methods(subject, methods) for subject in subjects]
     if answers and not any(possible for possible, _ in answers):
         reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
-        raise none_possible(reasons, methods, source)
+        raise explain_none_possible(reasons, methods, source)
 
 
 def _load(row: Listed) -> Subject | InputError:
@@ -205,7 +207,7 @@ def _load(row: Listed) -> Subject | InputError:
         return error
 
 
-def _member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
+def _make_member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
     if isinstance(found, InputError):
         return SubjectMember(row.shown, row.file, folder, row.shown, row.groups, error=found)
     place = (folder / found.id).absolute()
@@ -224,7 +226,7 @@ def _made(folder: Path) -> Iterator[None]:
         raise
 
 
-def _entry(outcome: Outcome) -> SubjectEntry:
+def _make_entry(outcome: Outcome) -> SubjectEntry:
     summary = outcome.summary
     return SubjectEntry(
         id=outcome.name,

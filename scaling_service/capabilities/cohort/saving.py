@@ -11,7 +11,7 @@ from types import MappingProxyType
 from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.job import RECORD
 from scaling_service.capabilities.cohort.outcomes import Outcome
-from scaling_service.capabilities.cohort.report import cohort_page
+from scaling_service.capabilities.cohort.report import build_cohort_page
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
@@ -27,12 +27,12 @@ def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: P
     with all_or_nothing(folder) as scratch:
         write_json(scratch / DOCUMENT, document)
         for name in TABLES:
-            (scratch / name).write_text(table(name, outcomes), encoding="utf-8")
-        (scratch / REPORT).write_text(cohort_page(document).html(), encoding="utf-8")
+            (scratch / name).write_text(write_table(name, outcomes), encoding="utf-8")
+        (scratch / REPORT).write_text(build_cohort_page(document).html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def _lengths(summary: SubjectSummary) -> Iterator[Row]:
+def _list_lengths(summary: SubjectSummary) -> Iterator[Row]:
     by_method = {name: method.lengths for name, method in summary.methods.items()}
     for method, lengths in (
         by_method | ({TRUTH: summary.true_lengths} if summary.true_lengths else {})
@@ -41,7 +41,7 @@ def _lengths(summary: SubjectSummary) -> Iterator[Row]:
             yield {"method": method, "segment": segment, "length_mm": round(1e3 * length, 4)}
 
 
-def _errors(summary: SubjectSummary) -> Iterator[Row]:
+def _list_errors(summary: SubjectSummary) -> Iterator[Row]:
     for name, method in summary.methods.items():
         for trial, found in method.trials.items():
             values = {"mean_mm": found.mean, "rms_mm": found.rms, "max_mm": found.max}
@@ -50,7 +50,7 @@ def _errors(summary: SubjectSummary) -> Iterator[Row]:
             yield {"method": name, "trial": trial, "role": found.role, **shown}
 
 
-def _angles(summary: SubjectSummary) -> Iterator[Row]:
+def _list_angles(summary: SubjectSummary) -> Iterator[Row]:
     for name, method in summary.methods.items():
         for coordinate, curve in method.curves.items():
             strides = summary.strides[coordinate.rpartition("_")[2]]
@@ -60,18 +60,18 @@ def _angles(summary: SubjectSummary) -> Iterator[Row]:
 
 TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[SubjectSummary], Iterable[Row]]]] = MappingProxyType(
     {
-        "lengths.csv": (("method", "segment", "length_mm"), _lengths),
-        "errors.csv": (("method", "trial", "role", "mean_mm", "rms_mm", "max_mm"), _errors),
+        "lengths.csv": (("method", "segment", "length_mm"), _list_lengths),
+        "errors.csv": (("method", "trial", "role", "mean_mm", "rms_mm", "max_mm"), _list_errors),
         "angles.csv": (
             ("method", "coordinate", "strides", *(f"deg_at_{k}_percent" for k in range(NODES))),
-            _angles,
+            _list_angles,
         ),
     }
 )
 """File to its columns after the subject's and its groups, and to where the rows come from."""
 
 
-def table(name: str, outcomes: Sequence[Outcome]) -> str:
+def write_table(name: str, outcomes: Sequence[Outcome]) -> str:
     """One of :data:`TABLES` as CSV over the members that are done; labels stand in columns ``group_…``."""
     import pandas  # only here and after all work: it takes half a second
 
@@ -113,28 +113,28 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
     """Nothing of anybody else's is written over."""
     if not folder.is_dir():
         return
-    document = _content(folder / DOCUMENT)
+    document = _read_content(folder / DOCUMENT)
     ours = document.get("kind") == "cohort" and "schema_version" in document
     for name in (DOCUMENT, REPORT, *TABLES):
         if (folder / name).exists() and not ours:
-            raise _foreign(folder, f"'{name}' there was not written by a batch")
+            raise _refuse_foreign(folder, f"'{name}' there was not written by a batch")
     for name in names:
         place = folder / name
-        if place.exists() and not (place.is_dir() and _holds_results(place, name)):
-            raise _foreign(folder, f"'{name}' there holds something else than that subject's results")
+        if place.exists() and not (place.is_dir() and _has_results(place, name)):
+            raise _refuse_foreign(folder, f"'{name}' there holds something else than that subject's results")
 
 
-def _foreign(folder: Path, problem: str) -> InputError:
+def _refuse_foreign(folder: Path, problem: str) -> InputError:
     return InputError(problem, file=folder, field="--out", remedy="Name another folder, or move it away")
 
 
-def _holds_results(folder: Path, subject: str) -> bool:
+def _has_results(folder: Path, subject: str) -> bool:
     """Whether a subject's results, or nothing, are in a folder."""
-    known = (folder / RECORD).is_file() or _content(folder / "comparison.json").get("subject") == subject
+    known = (folder / RECORD).is_file() or _read_content(folder / "comparison.json").get("subject") == subject
     return known or not any(folder.iterdir())
 
 
-def _content(file: Path) -> Mapping[str, object]:
+def _read_content(file: Path) -> Mapping[str, object]:
     """A JSON object; empty where there is none."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))

@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from scaling_service.capabilities.cohort.report import screen_tables
-from scaling_service.capabilities.shared.screen import console_of_results, list_files, print_table, say
+from scaling_service.capabilities.cohort.report import make_screen_tables
+from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
 from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
     """The methods over subjects, then the subjects that are not done, notes and files."""
-    console = console_of_results()
+    console = make_console()
     ended = [s.status for s in document.subjects]
     counts = ", ".join(f"{ended.count(status)} {status}" for status in ("done", "skipped", "failed"))
     console.print(f"Cohort [bold]{escape(document.cohort)}[/bold]: {counts}", highlight=False, soft_wrap=True)
     if "done" in ended:
-        for table in screen_tables(document.statistics):
+        for table in make_screen_tables(document.statistics):
             print_table(console, table)
     say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
     others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
@@ -100,7 +100,7 @@ class Screen:
                 self._progress.remove_task(row)
             self._show_whole()
             if not self._terminal or outcome.status == "failed":
-                said = f"{self.ended} of {self.count}  {_line(outcome)}"
+                said = f"{self.ended} of {self.count}  {_format_line(outcome)}"
                 self._progress.console.print(said, markup=False, highlight=False, soft_wrap=True)
 
     def _show_whole(self) -> None:
@@ -114,7 +114,7 @@ class Screen:
             )
 
 
-def _line(outcome: Outcome) -> str:
+def _format_line(outcome: Outcome) -> str:
     reason = f": {outcome.reason}" if outcome.reason else ""
     took = f" in {outcome.wall_s:.1f} s" if outcome.status == "done" and not outcome.kept else ""
     return f"{outcome.name} {outcome.status}{took}{reason}"

@@ -24,8 +24,8 @@ from scaling_service.capabilities.cohort.groups import compare_quantities, expla
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
 from scaling_service.core.streams import stream
 from scaling_service.model.results import Array
-from scaling_service.numerics.statistics.agreement import Estimate, agreement
-from scaling_service.numerics.statistics.complete import Panel, panels
+from scaling_service.numerics.statistics.agreement import Estimate, measure_agreement
+from scaling_service.numerics.statistics.complete import Panel, list_panels
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     Curves,
@@ -59,7 +59,7 @@ class CohortSettings:
     confidence: float = 0.95  # of the intervals of agreement
 
 
-def cohort_statistics(
+def compute_cohort_statistics(
     subjects: Sequence[SubjectSummary],
     methods: Sequence[str],
     *,
@@ -85,14 +85,14 @@ def cohort_statistics(
         opensim_limits=Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
-            methods=[_gate(ordered, method) for method in present],
+            methods=[_make_gate(ordered, method) for method in present],
         ),
         notes=[*_describe_references(curves), *(a for a in compared if isinstance(a, str))],
     )
 
 
-def _gate(subjects: Sequence[SubjectSummary], method: str) -> GateEntry:
-    passed = [_passed(s.methods[method]) for s in subjects if method in s.methods]
+def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> GateEntry:
+    passed = [_list_passed(s.methods[method]) for s in subjects if method in s.methods]
     return GateEntry(
         method=method,
         subjects=len(passed),
@@ -102,7 +102,7 @@ def _gate(subjects: Sequence[SubjectSummary], method: str) -> GateEntry:
     )
 
 
-def _passed(method: MethodSummary) -> list[bool]:
+def _list_passed(method: MethodSummary) -> list[bool]:
     seen = [t for t in method.trials.values() if math.isfinite(t.mean)]
     return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
 
@@ -125,7 +125,7 @@ def compare_with_references(
 ) -> Iterator[AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
     for reference in (IMAGED, TRUTH):
-        tables = _tables(subjects, reference)
+        tables = _tabulate_quantities(subjects, reference)
         known = {s for table in tables.values() for s, values in table.items() if reference in values}
         if 0 < len(known) < FEWEST:
             yield (
@@ -144,7 +144,7 @@ def _agree(
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
-    found = agreement(both, method, reference, quantity=quantity, confidence=confidence)
+    found = measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
     yield AgreementEntry(
@@ -153,36 +153,38 @@ def _agree(
         reference=reference,
         subjects=list(both),
         excluded=[s for s in table if s not in both],
-        bias_mm=_interval(found.bland_altman.bias),
+        bias_mm=_make_interval(found.bland_altman.bias),
         sd_mm=found.bland_altman.sd,
-        lower_mm=_interval(found.bland_altman.lower),
-        upper_mm=_interval(found.bland_altman.upper),
+        lower_mm=_make_interval(found.bland_altman.lower),
+        upper_mm=_make_interval(found.bland_altman.upper),
         rmse_mm=found.rmse,
-        icc_agreement=_interval(found.icc_agreement) if varies else None,
-        icc_consistency=_interval(found.icc_consistency) if varies else None,
+        icc_agreement=_make_interval(found.icc_agreement) if varies else None,
+        icc_consistency=_make_interval(found.icc_consistency) if varies else None,
         confidence=confidence,
     )
 
 
-def _interval(estimate: Estimate) -> Interval:
-    return Interval(value=estimate.value, low=_finite(estimate.low), high=_finite(estimate.high))
+def _make_interval(estimate: Estimate) -> Interval:
+    return Interval(value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high))
 
 
-def _finite(value: float) -> float | None:
+def _keep_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _tables(subjects: Sequence[SubjectSummary], reference: str) -> dict[str, dict[str, dict[str, float]]]:
+def _tabulate_quantities(
+    subjects: Sequence[SubjectSummary], reference: str
+) -> dict[str, dict[str, dict[str, float]]]:
     """Quantity to subject to method (the reference among them) to value, mm."""
     tables: dict[str, dict[str, dict[str, float]]] = {}
     for subject in subjects:
-        for quantity, method, metres in _quantities(subject, reference):
+        for quantity, method, metres in _list_quantities(subject, reference):
             row = tables.setdefault(quantity, {s.subject: {} for s in subjects})
             row[subject.subject][method] = _MM * metres
     return tables
 
 
-def _quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, str, float]]:
+def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, str, float]]:
     """Quantity, method and value: lengths, and joint centres' coordinates in the proximal segment."""
     for method, summary in subject.methods.items():
         yield from ((name, method, length) for name, length in summary.lengths.items())
@@ -204,7 +206,7 @@ def compare_curves(
             s.subject: [name for name, method in s.methods.items() if coordinate in method.curves]
             for s in subjects
         }
-        for panel in panels(has, methods):
+        for panel in list_panels(has, methods):
             rng = stream(seed, "cohort", "curves", coordinate, *panel.methods)
             yield _compare_curve(coordinate, panel, subjects, rng, settings)
 
@@ -235,12 +237,12 @@ def _compare_curve(
         reference=reference,
         mean_deg=_by_method(panel, degrees.mean(axis=0)),
         sd_deg=_by_method(panel, degrees.std(axis=0, ddof=1)) if len(counted) > 1 else {},
-        anova=None if test is None else _curve_test(test.anova),
+        anova=None if test is None else _make_curve_test(test.anova),
         pairs=[
             CurvePairEntry(
                 methods=pair.methods,
                 difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
-                test=_curve_test(pair.test),
+                test=_make_curve_test(pair.test),
             )
             for pair in (() if test is None else test.pairs)
         ],
@@ -252,10 +254,10 @@ def _by_method(panel: Panel, curves: Array) -> dict[str, list[float]]:
     return dict(zip(panel.methods, curves.tolist(), strict=True))
 
 
-def _curve_test(test: CurveTest) -> CurveTestEntry:
+def _make_curve_test(test: CurveTest) -> CurveTestEntry:
     return CurveTestEntry(
         statistic=test.statistic.tolist(),
-        threshold=_finite(test.threshold),
+        threshold=_keep_finite(test.threshold),
         p=test.p,
         alpha=test.alpha,
         significant=test.significant,

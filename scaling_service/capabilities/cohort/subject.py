@@ -12,12 +12,12 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from scaling_service.capabilities.cohort.job import RECORD as RECORD
-from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, possible_methods
+from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, select_possible_methods
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import input_hashes, load_subject
+from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
@@ -72,7 +72,7 @@ class SubjectMember:
         if self.error is not None:
             raise self.error
         subject = load_subject(self.file)
-        possible, left_out = possible_methods(subject, methods)
+        possible, left_out = select_possible_methods(subject, methods)
         if not possible:
             raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
         specified = hash_inputs(self.file, subject, methods, settings)
@@ -90,7 +90,7 @@ class SubjectMember:
             progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
         )
         summary = summarise(results, left_out=left_out)
-        _write_record(self.folder, Record(specified, _files(document), summary))
+        _write_record(self.folder, Record(specified, _list_files(document), summary))
         return Done(summary)
 
 
@@ -100,7 +100,7 @@ def hash_inputs(file: Path, subject: Subject, methods: Sequence[str] | None, set
     The subject document counts as it is understood, not as it is written: comments and order change nothing.
     Every file that it names counts by its content.
     """
-    inputs = input_hashes(subject, file)
+    inputs = hash_input_files(subject, file)
     del inputs[file.resolve().name]
     content = {
         "record": RECORD_VERSION,
@@ -136,7 +136,7 @@ def _write_record(folder: Path, record: Record) -> None:
     new.replace(folder / RECORD)
 
 
-def _files(document: ComparisonDocument) -> tuple[str, ...]:
+def _list_files(document: ComparisonDocument) -> tuple[str, ...]:
     by_method = [
         f"{m.method}/{name}" for m in document.methods.values() for name in (*m.files, "scaling.json")
     ]

@@ -8,16 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, stride_curves
+from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
 from scaling_service.capabilities.scaling.comparison.geometry import (
-    angle_errors,
-    centre_errors,
-    length_errors,
-    placed_centres,
+    compute_angle_errors,
+    compute_centre_errors,
+    compute_length_errors,
+    place_centres,
 )
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results, Scaling
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.results import Array
 from scaling_service.model.subject import Session
@@ -97,25 +97,25 @@ def summarise(
     """
     session, scalings = results.session, results.scalings
     motions = {method: scaling.motions for method, scaling in scalings.items()}
-    strides = stride_curves(session.dynamic, motions, session.model)
-    imaged = _imaged(session.images)
+    strides = make_stride_curves(session.dynamic, motions, session.model)
+    imaged = _find_imaged(session.images)
     return SubjectSummary(
         subject=session.subject.id,
         methods={
-            method: _method(
+            method: _summarise_method(
                 scaling, session, strides, imaged if METHODS[method].needs_images else None, truth
             )
             for method, scaling in scalings.items()
         },
-        true_lengths={} if truth is None else segment_lengths(truth.model),
-        centres=_centres(results, imaged, truth),
+        true_lengths={} if truth is None else measure_segment_lengths(truth.model),
+        centres=_measure_centres(results, imaged, truth),
         strides=dict(strides.strides),
         no_strides=dict(strides.reasons),
         left_out=dict(left_out or {}),
     )
 
 
-def _method(
+def _summarise_method(
     scaling: Scaling,
     session: Session,
     strides: StrideCurves,
@@ -140,7 +140,7 @@ def _method(
     )
 
 
-def _imaged(images: ImageEvidence | None) -> frozenset[str]:
+def _find_imaged(images: ImageEvidence | None) -> frozenset[str]:
     """Joint centres and lengths that images show; a leg counts where it was imaged whole."""
     if images is None:
         return frozenset()
@@ -149,15 +149,15 @@ def _imaged(images: ImageEvidence | None) -> frozenset[str]:
     return frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
 
 
-def _judged_on(session: Session) -> list[str]:
+def _select_judged_trials(session: Session) -> list[str]:
     """The trials on which models are compared in space: held out, where any trial is."""
     return [trial.name for trial in session.evaluation or session.calibration]
 
 
-def _centres(
+def _measure_centres(
     results: Results, imaged: frozenset[str], truth: Truth | None
 ) -> dict[str, dict[str, dict[str, Vector]]]:
-    trials = _judged_on(results.session)
+    trials = _select_judged_trials(results.session)
     if not trials:
         return {}
     found: dict[str, dict[str, dict[str, Vector]]] = {}
@@ -166,18 +166,18 @@ def _centres(
         for method, scaling in results.scalings.items()
     }
     if IMAGED in models:
-        seen = _seen_from(models, *models[IMAGED])
+        seen = _express_centres(models, *models[IMAGED])
         found[IMAGED] = {m: {j: at for j, at in by.items() if j in imaged} for m, by in seen.items()}
     if truth is not None:
         true = truth.model, np.concatenate([truth.motions[t] for t in trials])
-        found[TRUTH] = _seen_from({**models, TRUTH: true}, *true)
+        found[TRUTH] = _express_centres({**models, TRUTH: true}, *true)
     return found
 
 
-def _seen_from(
+def _express_centres(
     models: Mapping[str, tuple[BodyModel, Array]], reference: BodyModel, q: Array
 ) -> dict[str, dict[str, Vector]]:
-    return {name: placed_centres(model, own, reference, q) for name, (model, own) in models.items()}
+    return {name: place_centres(model, own, reference, q) for name, (model, own) in models.items()}
 
 
 def _from_truth(
@@ -185,8 +185,8 @@ def _from_truth(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
     model = scaling.calibration.model
-    motions = [scaling.motions[name] for name in _judged_on(session)]
-    lengths = [abs(gap) for gap in length_errors(model, truth.model).values()]
-    centres = centre_errors(model, motions, truth.model, truth.motions)
+    motions = [scaling.motions[name] for name in _select_judged_trials(session)]
+    lengths = [abs(gap) for gap in compute_length_errors(model, truth.model).values()]
+    centres = compute_centre_errors(model, motions, truth.model, truth.motions)
     metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
-    return metres, angle_errors(motions, truth.model, truth.motions)
+    return metres, compute_angle_errors(motions, truth.model, truth.motions)

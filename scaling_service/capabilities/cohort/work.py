@@ -10,7 +10,7 @@ from typing import Any
 
 from scaling_service.capabilities.cohort.job import BatchRequest, MemberRequest, MemberResult
 from scaling_service.capabilities.cohort.outcomes import NothingPossible, Outcome
-from scaling_service.capabilities.cohort.run import none_possible, summarise_cohort
+from scaling_service.capabilities.cohort.run import explain_none_possible, summarise_cohort
 from scaling_service.capabilities.cohort.saving import check_names, save_cohort
 from scaling_service.capabilities.cohort.subject import SubjectMember, read_summary
 from scaling_service.core.progress import Progress
@@ -51,7 +51,7 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
     outcomes = read_outcomes(request, inputs)
     if all(outcome.status == "skipped" for outcome in outcomes):
         reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
-        raise none_possible(reasons, request.methods, _COHORT)
+        raise explain_none_possible(reasons, request.methods, _COHORT)
     result = summarise_cohort(outcomes, request.methods, request.settings, cohort=_COHORT, started=clock)
     save_cohort(result.document, outcomes, outputs)
     return result.document.model_dump(mode="json")
@@ -63,14 +63,14 @@ def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
     ends = {end["request"]["subject"]: end for end in ended}
     labels = sorted({label for given in request.groups.values() for label in given})
     return [
-        _outcome(
+        _read_outcome(
             name, ends[name], {label: request.groups.get(name, {}).get(label, "") for label in labels}, inputs
         )
         for name in request.subjects
     ]
 
 
-def _outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
+def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
     shown = f"{name}/{DOCUMENT}"
     if end["state"] != State.DONE:
         return Outcome(name, groups, "failed", str(Failure.model_validate(end["failure"])), shown=shown)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
     list_files,
+    make_console,
     print_subject,
     print_table,
     running,
@@ -47,16 +47,16 @@ def consistent(
 
 def show(document: ConsistentDocument, out: Path) -> None:
     """The errors of the three ways, the warnings, and what was written."""
-    from scaling_service.capabilities.consistent.report import error_table
+    from scaling_service.capabilities.consistent.report import tabulate_errors
 
-    console = console_of_results()
+    console = make_console()
     print_subject(
         console,
         document,
         f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
         f"{document.outer_iterations} loops",
     )
-    print_table(console, error_table(document))
+    print_table(console, tabulate_errors(document))
     say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
     list_files(console, out, [", ".join(written)])

@@ -12,17 +12,17 @@ from scaling_service.capabilities.consistent.geometric import (
     KnownMotion,
     identify_geometry,
 )
-from scaling_service.capabilities.consistent.motion import ConsistentMotion, consistent_motion
+from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
 from scaling_service.capabilities.consistent.problem import PLAIN, ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
     ConsistentRecording,
-    artefact_m,
-    classical_motion,
-    inertial_freedom,
-    limits,
-    problem_of,
-    repeats,
+    count_repeats,
+    estimate_classical_motion,
+    expect_artefacts,
+    find_inertial_freedom,
+    gather_limits,
+    pose_problem,
 )
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
@@ -30,11 +30,11 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, dynamics_of
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, compute_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.core.progress import silent
+from scaling_service.core.progress import show_nothing
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import inertias_of, with_inertias
+from scaling_service.model.inertia import gather_inertias, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 
 Progress = Callable[[str], None]
@@ -80,7 +80,7 @@ class ConsistentResult:
         return {"classical": self.classical, "consistent": self.consistent, "predicted": self.predicted}
 
 
-def consistent(
+def estimate_consistent(
     model: BodyModel,
     fitted: Sequence[ConsistentRecording],
     held_out: Sequence[ConsistentRecording] = (),
@@ -98,9 +98,9 @@ def consistent(
     artefact that follows the joints. Found for the table's inertia, as in the paper, the motion bends until
     it explains the forces, and hides what is wrong with that inertia.
     """
-    say = progress or silent
+    say = progress or show_nothing
     recordings = (*fitted, *held_out)
-    rated = [classical_motion(model, r, settings) for r in recordings]
+    rated = [estimate_classical_motion(model, r, settings) for r in recordings]
     classical = tuple(
         _measure_unchanged(model, r, m, settings) for r, m in zip(recordings, rated, strict=True)
     )
@@ -111,8 +111,8 @@ def consistent(
     while not converged and len(history) < settings.most_loops:
         loop = f"loop {len(history) + 1}"
         say(f"{loop}: motion")
-        table = with_inertias(now, inertias_of(model))
-        freedom = inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
+        table = with_inertias(now, gather_inertias(model))
+        freedom = find_inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
         earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
             _balance(table, r, m, settings, freedom, b)
@@ -123,9 +123,9 @@ def consistent(
         found = _refit_geometry(model, fitted, moved, settings)
         factors = dict(found.factors)
         say(f"{loop}: inertia")
-        prior = with_inertias(found.model, inertias_of(model))
+        prior = with_inertias(found.model, gather_inertias(model))
         forces = [
-            ForceRecording(dynamics_of(prior, m, r.loads, trial=r.name), r.supported)
+            ForceRecording(compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
             for r, m in zip(fitted, rated, strict=False)
         ]
         inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
@@ -162,12 +162,14 @@ def _balance(
     before: ConsistentMotion | None,
 ) -> ConsistentMotion:
     """The motion balanced anew; the artefact found before is where its search begins."""
-    problem = problem_of(model, recording, rated, settings, freedom)
+    problem = pose_problem(model, recording, rated, settings, freedom)
     shared, count = np.zeros(problem.n_shared), problem.shifts.count
     if before is not None:
         shared[:count] = before.state.shared[:count]
     start = State(problem.basis.fit(rated.q[:, problem.free]), shared)
-    return consistent_motion(problem, start, limits(model, problem), 1.0 if before is None else before.weight)
+    return solve_consistent_motion(
+        problem, start, gather_limits(model, problem), 1.0 if before is None else before.weight
+    )
 
 
 def _refit_geometry(
@@ -186,11 +188,11 @@ def _refit_geometry(
         start,
         names,
         known,
-        artefact_m(start),
+        expect_artefacts(start),
         bound=settings.geometry_bound,
         axes="xyz" if fitted[0].components == SPATIAL else "xy",
         prior=settings.geometry_prior,
-        independent=sum(len(r.trial.times) / repeats(r, settings) for r in fitted),
+        independent=sum(len(r.trial.times) / count_repeats(r, settings) for r in fitted),
     )
 
 
@@ -198,7 +200,7 @@ def _measure_unchanged(
     model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
 ) -> TrackedRecording:
     """How far a motion is from what was measured, without changing it."""
-    problem = problem_of(model, recording, rated, settings)
+    problem = pose_problem(model, recording, rated, settings)
     return _measure_errors(recording, rated, problem.objectives_of(rated.rates))
 
 
@@ -207,7 +209,7 @@ def _predict(
 ) -> TrackedRecording:
     """The classical two steps anew."""
     again = replace(recording, motion=inverse_kinematics(model, recording.trial))
-    return _measure_unchanged(model, again, classical_motion(model, again, settings), settings)
+    return _measure_unchanged(model, again, estimate_classical_motion(model, again, settings), settings)
 
 
 def _measure_errors(

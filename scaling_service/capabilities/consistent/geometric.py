@@ -12,11 +12,11 @@ import numpy as np
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_marker, free_scale
 from scaling_service.numerics.least_squares.border import minimise_within
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward, jacobian, positions
+from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
 
 FRAMES = 200
 """Frames used of each recording, evenly spaced (chosen: neighbours say the same)."""
@@ -80,10 +80,10 @@ def identify_geometry(
     hold, as in the paper; ``independent`` is how many frames' worth of errors weigh against it.
     """
     freed = _free_parameters(model, markers, bound, axes)
-    start = parameter_values(freed)
+    start = list_parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
     upper = np.array([p.upper for p in freed.parameters])
-    normal, slope = _normal_equations(freed, markers, fitted, expected_m, start)
+    normal, slope = _form_normal_equations(freed, markers, fitted, expected_m, start)
     if not normal.any():
         raise TrialUnusable(
             "no marker is seen in any frame", file=fitted[0].name, field="markers", remedy="Record them again"
@@ -102,7 +102,7 @@ def identify_geometry(
 def _free_parameters(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) -> BodyModel:
     """Every length that moves a marker, and the coordinates of the markers, as parameters."""
     free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
-    for segment in _sized_segments(model, markers):
+    for segment in _find_sized_segments(model, markers):
         free = free_scale(free, segment, bound)
     for name in markers:
         reach = bound * float(np.linalg.norm(model.marker(name).nominal))
@@ -111,7 +111,7 @@ def _free_parameters(model: BodyModel, markers: tuple[str, ...], bound: float, a
     return free
 
 
-def _sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
+def _find_sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
     """Segments whose size carries other segments with markers."""
     carrying = {model.marker(name).segment for name in markers}
     for segment in reversed(model.segments):
@@ -125,7 +125,7 @@ def _sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:
     return [s.name for s in model.segments if s.name in sized]
 
 
-def _normal_equations(
+def _form_normal_equations(
     freed: BodyModel,
     markers: tuple[str, ...],
     fitted: Sequence[KnownMotion],
@@ -139,12 +139,12 @@ def _normal_equations(
     normal, slope, frames = np.zeros((len(p), len(p))), np.zeros(len(p)), 0
     for known in fitted:
         rows = np.unique(np.linspace(0, len(known.q) - 1, FRAMES).astype(int))
-        poses = forward(tree, np.ascontiguousarray(known.q[rows].T), p)
-        placed = positions(tree, poses)
+        poses = pose_links(tree, np.ascontiguousarray(known.q[rows].T), p)
+        placed = place_tree_markers(tree, poses)
         gap = np.moveaxis(known.measured[rows], 0, -1) - placed
         seen = np.isfinite(gap)
         heavy = np.where(seen, weights[:, None, None], 0.0).ravel()
-        regressor = jacobian(tree, poses, placed, columns).reshape(len(p), -1)
+        regressor = compute_jacobian(tree, poses, placed, columns).reshape(len(p), -1)
         normal += (regressor * heavy) @ regressor.T
         slope += regressor @ (heavy * np.where(seen, gap, 0.0).ravel())
         frames += len(rows)

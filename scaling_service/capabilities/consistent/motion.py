@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.splines import Quadratic, Step, banded, solve_band
+from scaling_service.numerics.signals.splines import Quadratic, Step, pack_band, solve_band
 
 STEPS = 15
 """Most Gauss-Newton steps (chosen: three are usual)."""
@@ -54,7 +54,7 @@ class ConsistentMotion:
     converged: bool
 
 
-def consistent_motion(
+def solve_consistent_motion(
     problem: ConsistentProblem, start: State, bounds: tuple[Array, Array], weight: float = 1.0
 ) -> ConsistentMotion:
     """Balance markers against ground wrench (Futamure et al., eq. 6).
@@ -108,7 +108,7 @@ class Front:
     @classmethod
     def of(cls, markers: Quadratic, wrench: Quadratic, at: Array, bounds: tuple[Array, Array]) -> Front:
         """Pose it."""
-        return cls(markers, wrench, at, bounds, (banded(markers.blocks), banded(wrench.blocks)))
+        return cls(markers, wrench, at, bounds, (pack_band(markers.blocks), pack_band(wrench.blocks)))
 
     def step(self, weight: float) -> Step:
         """The step that minimises markers + weight * wrench between the bounds.

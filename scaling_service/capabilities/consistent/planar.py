@@ -10,16 +10,16 @@ import numpy as np
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, with_inertia
-from scaling_service.capabilities.kinetics.forces import movement_forces
+from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.model.anatomy.markers import PLANAR_SOURCES, canonical
+from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.recording.plates import orient_forces, synchronise
@@ -73,10 +73,10 @@ def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURC
     return replace(trial, labels=tuple(found), markers=np.stack(list(found.values()), axis=1))
 
 
-def plane_of(trial: Trial) -> SagittalPlane:
+def find_sagittal_plane(trial: Trial) -> SagittalPlane:
     """The plane of a squat from its standing at the beginning, seen by the planar markers."""
-    ankle = _standing_place(trial, "ANK")
-    facing = _standing_place(trial, "ASI") - _standing_place(trial, "PSI")
+    ankle = _average_standing_place(trial, "ANK")
+    facing = _average_standing_place(trial, "ASI") - _average_standing_place(trial, "PSI")
     return SagittalPlane(
         (float(ankle[0]), float(ankle[1]), float(ankle[2])), float(np.arctan2(-facing[2], facing[0]))
     )
@@ -89,7 +89,7 @@ def in_plane(trial: Trial, plane: SagittalPlane) -> Trial:
     return trial.with_markers(turned)
 
 
-def loads_in_plane(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot") -> SegmentLoads:
+def project_loads(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot") -> SegmentLoads:
     """The wrench of both feet together on the planar model's foot: force forward and up, moment about z."""
     total = loads.total
     force = total[:, :3] @ plane.rotation.T
@@ -106,18 +106,23 @@ def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
     markers show the hip. Markers are where the standing person shows them, those not seen at their scaled
     places.
     """
-    seen = {name: _standing_place(trial, name)[:2] for name in trial.labels if name in generic.marker_names}
+    seen = {
+        name: _average_standing_place(trial, name)[:2]
+        for name in trial.labels
+        if name in generic.marker_names
+    }
     own = {m.name: np.array(m.nominal)[:2] for m in generic.markers}
     size = {
-        "shank": _length(seen["KNE"] - seen["ANK"]) / _length(own["KNE"] - own["ANK"]),
-        "torso": _length(seen["SHO"] - _pelvis_middle(seen)) / _length(own["SHO"] - _pelvis_middle(own)),
+        "shank": _measure_length(seen["KNE"] - seen["ANK"]) / _measure_length(own["KNE"] - own["ANK"]),
+        "torso": _measure_length(seen["SHO"] - _find_pelvis_middle(seen))
+        / _measure_length(own["SHO"] - _find_pelvis_middle(own)),
     }
     trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
     turn, hip = _fit_in_plane(
         size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk])
     )
-    reach = {s.name: _joint_place(generic, s.name) for s in generic.segments}
-    size["thigh"] = _length(hip - seen["KNE"]) / _length(reach["torso"])
+    reach = {s.name: _find_joint_place(generic, s.name) for s in generic.segments}
+    size["thigh"] = _measure_length(hip - seen["KNE"]) / _measure_length(reach["torso"])
     shoulder = hip + size["torso"] * turn @ reach["arm"]
     frames = {
         "foot": (np.eye(2), np.zeros(2)),
@@ -126,15 +131,15 @@ def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
         "torso": (turn, hip),
     }
     if "ELB" in seen:
-        size["arm"] = _length(seen["ELB"] - shoulder) / _length(own["ELB"])
+        size["arm"] = _measure_length(seen["ELB"] - shoulder) / _measure_length(own["ELB"])
         frames["arm"] = (_turn_onto(shoulder - seen["ELB"]), shoulder)
-    model = scaled(generic, {name: (k, k, k) for name, k in size.items()})
+    model = scale_model(generic, {name: (k, k, k) for name, k in size.items()})
     return model.with_markers(
         tuple(_place(m, seen, frames) if m.name in seen and m.segment in frames else m for m in model.markers)
     )
 
 
-def _standing_place(trial: Trial, name: str) -> Array:
+def _average_standing_place(trial: Trial, name: str) -> Array:
     rows = trial.times <= trial.times[0] + STANDING_S
     values = trial.position(name)[rows]
     values = values[np.isfinite(values).all(axis=1)]
@@ -148,15 +153,15 @@ def _standing_place(trial: Trial, name: str) -> Array:
     return np.asarray(values.mean(axis=0))
 
 
-def _pelvis_middle(points: Mapping[str, Array]) -> Array:
+def _find_pelvis_middle(points: Mapping[str, Array]) -> Array:
     return 0.5 * (points["ASI"] + points["PSI"])
 
 
-def _length(vector: Array) -> float:
+def _measure_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
-def _joint_place(model: BodyModel, segment: str) -> Array:
+def _find_joint_place(model: BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, (2,), m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
     total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
@@ -165,7 +170,7 @@ def _joint_place(model: BodyModel, segment: str) -> Array:
 
 def _turn_onto(axis: Array) -> Array:
     """The turn that brings y onto an axis, (2, 2)."""
-    x, y = axis / _length(axis)
+    x, y = axis / _measure_length(axis)
     return np.array([[y, x], [-x, y]])
 
 
@@ -196,15 +201,15 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     assert axes is not None  # a session that was read has axes
     trials = {t.name: t for t in loaded.session.dynamic}
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
-    for path, (source, raw) in movement_forces(subject, loaded.plates).items():
+    for path, (source, raw) in gather_movement_forces(subject, loaded.plates).items():
         with blamed_on(path, [path]):
             trial = join_sides(_rename_labels(trials[path.stem]))
-            plane = plane_of(trial)
+            plane = find_sagittal_plane(trial)
         with blamed_on(source, [source]):
             forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
         # all plates together; unknown where one of them is not known
         loads = SegmentLoads(forces.times, forces.plates, forces.force, forces.moment)
-        planar[path.stem] = (in_plane(trial, plane), loads_in_plane(loads, plane))
+        planar[path.stem] = (in_plane(trial, plane), project_loads(loads, plane))
     standing, _ = next(iter(planar.values()))
     model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
     massive = with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
@@ -239,7 +244,7 @@ def _rename_labels(trial: Trial) -> Trial:
     taken = set(trial.labels)
     names: dict[str, str] = {}
     for label in trial.labels:
-        known = canonical(label)
+        known = find_canonical(label)
         if known in wanted and known not in taken and label not in PLANAR_SOURCES:
             names[label] = known
             taken.add(known)

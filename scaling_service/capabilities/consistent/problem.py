@@ -18,23 +18,23 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import (
     MarkerShifts,
     MarkerTargets,
-    marker_misfit,
-    marker_motion,
-    marker_normal,
-    rows_of_twists,
+    compute_marker_misfit,
+    compute_marker_motion,
+    form_normal_equations,
+    list_twist_rows,
     shift_normal,
 )
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias, Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, Screws, move_links, screws_of
+from scaling_service.numerics.multibody.motion import LinkMotion, Screws, list_screws, move_links
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, add_to_blocks, add_to_rows
 from scaling_service.numerics.wrench import (
-    blocks,
+    compute_regressor_blocks,
+    differentiate_wrench,
     link_wrenches,
-    moment_about,
-    regressor_blocks,
-    wrench_rates,
+    move_moment,
+    split_blocks,
 )
 
 SPREAD = GeometryPrior(0.05, 0.009)
@@ -161,11 +161,11 @@ class ConsistentProblem:
         n, x = len(self.basis.times), np.zeros(self.n_shared) if shared is None else shared
         mechanism = self.moved_mechanism(x)
         gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
-        for rows in blocks(n, BLOCK):
+        for rows in split_blocks(n, BLOCK):
             state = move_links(mechanism, motion.block(rows), self.p)
             _, moved, _, targets = self._marker_block(state, x, rows)
-            _, squares = marker_misfit(moved, targets)
-            rigid = marker_motion(self.tree, self.p, state)
+            _, squares = compute_marker_misfit(moved, targets)
+            rigid = compute_marker_motion(self.tree, self.p, state)
             gaps[rows] = np.where(targets.weights[0, ..., None] > 0, targets.values[0] - rigid[0], 0.0)
             total += float(squares.sum())
             wrench = link_wrenches(mechanism, state).sum(axis=0)
@@ -178,7 +178,7 @@ class ConsistentProblem:
         motion, n = self.motion(state.coefficients), len(self.basis.times)
         x = np.where(self.shifts.signal == CONSTANT, 0.0, state.shared[: self.shifts.count])
         result = np.empty((n, self.tree.n_markers, 3))
-        for rows in blocks(n, BLOCK):
+        for rows in split_blocks(n, BLOCK):
             moved = move_links(self.mechanism, motion.block(rows), self.p)
             shifts = self.shifts.rows(rows)
             result[rows] = shifts.moved(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
@@ -189,15 +189,15 @@ class ConsistentProblem:
         motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
         mechanism, glide = self.moved_mechanism(at.shared), slice(0, self.shifts.count)
         markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
-        for rows in blocks(len(self.basis.times), BLOCK):
-            screws = screws_of(mechanism, motion.block(rows), self.p, self.free)
+        for rows in split_blocks(len(self.basis.times), BLOCK):
+            screws = list_screws(mechanism, motion.block(rows), self.p, self.free)
             shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
-            gap, squares = marker_misfit(moved, targets)
-            by = rows_of_twists(moved)
+            gap, squares = compute_marker_misfit(moved, targets)
+            by = list_twist_rows(moved)
             markers.add(
                 rows,
                 float(squares.sum()),
-                *marker_normal(mechanism, self.tree, screws, by, gap, targets.weights, m),
+                *form_normal_equations(mechanism, self.tree, screws, by, gap, targets.weights, m),
             )
             if shifts.count:
                 found = shift_normal(
@@ -215,14 +215,14 @@ class ConsistentProblem:
     ) -> tuple[MarkerShifts, Array, Array, MarkerTargets]:
         shifts = self.shifts.rows(rows)
         columns = shifts.columns(self.tree, state)
-        rigid = marker_motion(self.tree, self.p, state)
+        rigid = compute_marker_motion(self.tree, self.p, state)
         moved = rigid + shifts.moved(columns, shared[: shifts.count], self.tree.n_markers)
         return shifts, moved, columns, self.markers.rows(rows)
 
     def _add_wrench(
         self, total: _Sum, mechanism: Mechanism, screws: Screws, motion: Rates, rows: slice, m: int
     ) -> None:
-        rates = wrench_rates(mechanism, screws, m)
+        rates = differentiate_wrench(mechanism, screws, m)
         by = self._moments_about(rates.by.reshape(-1, 6, 3 * m), rows, np.zeros((3, motion.n)))
         gap = self.wrench.values[rows] - self._about(rates.wrench, rows).T
         heavy = self.wrench.weights[rows]
@@ -231,7 +231,7 @@ class ConsistentProblem:
         gradient = -(weighed @ gap[..., None]).reshape(-1, 3, m)
         total.add(rows, float((heavy * gap**2).sum()), gradient, curvature)
         if self.inertia.shape[1]:
-            (block,) = regressor_blocks(mechanism, motion, self.p, size=BLOCK)
+            (block,) = compute_regressor_blocks(mechanism, motion, self.p, size=BLOCK)
             root = screws.state.poses.origins[0]
             columns = self._moments_about(block.ground @ self.inertia, rows, root)
             total.add_shared(
@@ -250,7 +250,7 @@ class ConsistentProblem:
         return result
 
     def _about(self, wrench: Array, rows: slice) -> Array:
-        return moment_about(wrench, self.wrench.about[rows].T)
+        return move_moment(wrench, self.wrench.about[rows].T)
 
 
 @dataclass(slots=True, eq=False)

@@ -19,27 +19,27 @@ from scaling_service.capabilities.consistent.problem import (
     WrenchTargets,
 )
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
-from scaling_service.capabilities.dynamics.inertia.parameters import inertial_prior
-from scaling_service.capabilities.dynamics.uncertainty.reference import trees_of
+from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
+from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.compile import (
-    coordinate_bounds,
-    default_coordinates,
     free_coordinates,
-    parameter_values,
+    list_coordinate_bounds,
+    list_parameter_values,
+    repeat_default_pose,
 )
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import inertias_of, mechanism_of, total_mass
+from scaling_service.model.inertia import compile_mechanism, gather_inertias, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
-from scaling_service.numerics.wrench import GRAVITY, regressor_blocks
+from scaling_service.numerics.wrench import GRAVITY, compute_regressor_blocks
 
 ARTEFACT_M: Mapping[str, float] = {
     "toe": 0.001,
@@ -85,7 +85,7 @@ FULL_RAD = np.radians(45.0)
 movements; below, it grows with the angle)."""
 
 
-def artefact_m(model: BodyModel) -> dict[str, float]:
+def expect_artefacts(model: BodyModel) -> dict[str, float]:
     """The expected error of every marker of a model, m."""
     rooted = [segment for segment in model.segments if segment.parent == GROUND]
     still = {segment.name for segment in rooted if not any(j.law.coordinates for j in segment.joints)}
@@ -100,12 +100,12 @@ def artefact_m(model: BodyModel) -> dict[str, float]:
 
 def _mirror_to_right(name: str) -> str:
     """The landmark's name on the right-hand side."""
-    known = canonical(name) or name
+    known = find_canonical(name) or name
     mirrored = f"R{known[1:]}"
     return mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known
 
 
-def artefact_shifts(
+def make_artefact_shifts(
     model: BodyModel,
     names: tuple[str, ...],
     q: Array,
@@ -212,7 +212,7 @@ class ConsistentRecording:
         )
 
 
-def classical_motion(
+def estimate_classical_motion(
     model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> RatedMotion:
     """The motion of the classical two steps: inverse kinematics, then filter and derivatives.
@@ -220,7 +220,7 @@ def classical_motion(
     Gaps of a coordinate are bridged by straight lines, one that is never known stands at its default.
     """
     motion = recording.motion
-    q = default_coordinates(model, len(motion.times))
+    q = repeat_default_pose(model, len(motion.times))
     for column, name in enumerate(model.coordinate_names):
         values = motion.q[:, motion.coordinates.index(name)]
         known = np.isfinite(values)
@@ -229,7 +229,7 @@ def classical_motion(
     return rated_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
 
 
-def problem_of(
+def pose_problem(
     model: BodyModel,
     recording: ConsistentRecording,
     rated: RatedMotion,
@@ -249,29 +249,29 @@ def problem_of(
         )
     basis = SplineBasis(rated.times, settings.spacing_s)
     names = recording.motion.markers
-    whole, alone = trees_of(model, names, model.segments)
+    whole, alone = make_trees(model, names, model.segments)
     shown = set(recording.motion.estimated)
     open_ = free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
-    targets, count = _marker_targets(recording, basis, settings)
+    targets, count = _make_marker_targets(recording, basis, settings)
     return ConsistentProblem(
-        Mechanism(whole, inertias_of(model)),
+        Mechanism(whole, gather_inertias(model)),
         alone,
-        parameter_values(model),
+        list_parameter_values(model),
         basis,
         np.flatnonzero(open_),
         rated.q[0],
         targets,
-        _wrench_targets(model, recording, settings),
-        artefact_shifts(
-            model, names, rated.q, basis, artefact_m(model), axes=axes, placed_m=settings.placed_m
+        _make_wrench_targets(model, recording, settings),
+        make_artefact_shifts(
+            model, names, rated.q, basis, expect_artefacts(model), axes=axes, placed_m=settings.placed_m
         ),
         np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
         1.0 / count,
     )
 
 
-def inertial_freedom(
+def find_inertial_freedom(
     model: BodyModel,
     recordings: Sequence[ConsistentRecording],
     rated: Sequence[RatedMotion],
@@ -282,15 +282,17 @@ def inertial_freedom(
 
     Directions (10 n_links, k), each of one standard deviation of the prior.
     """
-    prior = inertial_prior(
+    prior = make_inertial_prior(
         model, identification.spread, mass_known=identification.mass_known, symmetric=identification.symmetric
     )
     free = prior.scale @ prior.basis
     information = np.zeros((free.shape[1],) * 2)
     for recording, motion in zip(recordings, rated, strict=True):
-        targets = _wrench_targets(model, recording, settings)
-        counted = (targets.weights > 0).sum() / repeats(recording, settings)
-        for block in regressor_blocks(mechanism_of(model), motion.rates, parameter_values(model)):
+        targets = _make_wrench_targets(model, recording, settings)
+        counted = (targets.weights > 0).sum() / count_repeats(recording, settings)
+        for block in compute_regressor_blocks(
+            compile_mechanism(model), motion.rates, list_parameter_values(model)
+        ):
             rows = block.ground @ free
             heavy = counted * targets.weights[block.rows]
             information += np.einsum("nck,nc,ncl->kl", rows, heavy, rows, optimize=True)
@@ -298,17 +300,17 @@ def inertial_freedom(
     return np.asarray(free @ vectors[:, gains > DECIDES])
 
 
-def limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
+def gather_limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
     """Joint limits of the free coordinates, each (m,).
 
     A spline lies between its smallest and largest coefficient, so limits on coefficients are limits on
     angles.
     """
-    lower, upper = coordinate_bounds(model)
+    lower, upper = list_coordinate_bounds(model)
     return lower[problem.free], upper[problem.free]
 
 
-def _marker_targets(
+def _make_marker_targets(
     recording: ConsistentRecording, basis: SplineBasis, settings: ConsistentSettings
 ) -> tuple[MarkerTargets, float]:
     """Positions as measured, rates of splines through them, and how many errors are new.
@@ -327,20 +329,20 @@ def _marker_targets(
     dimensions = 3 if recording.components == SPATIAL else 2
     total = dimensions * max(float(seen.sum()), 1.0)
     weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
-    return MarkerTargets(values, weights), total / repeats(recording, settings)
+    return MarkerTargets(values, weights), total / count_repeats(recording, settings)
 
 
-def repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> float:
+def count_repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> float:
     """How many frames say the same thing."""
     step = float(np.median(np.diff(recording.trial.times)))
     return max(1.0, settings.independent_s / step)
 
 
-def _wrench_targets(
+def _make_wrench_targets(
     model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> WrenchTargets:
     measured, known = recording.wrench, recording.known
-    force = settings.force_share * total_mass(model) * -GRAVITY[1]
+    force = settings.force_share * sum_mass(model) * -GRAVITY[1]
     scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
     counted = known[:, None] * np.array(recording.components, dtype=float)
     return WrenchTargets(

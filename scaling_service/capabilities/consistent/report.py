@@ -11,10 +11,10 @@ from scaling_service.capabilities.consistent.document import ConsistentDocument,
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend, Row, Table, Text, Tone
-from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, escape_plain, make_chart
 from scaling_service.report.methods import INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import origin_blocks
+from scaling_service.report.provenance import build_origin_blocks
 
 WAYS = (
     ("classical", "#0072B2", "dash"),
@@ -36,16 +36,18 @@ MOVED = 12
 """Inertial parameters listed: those that moved most (chosen); all are in consistent.json."""
 
 
-def consistent_page(document: ConsistentDocument, results: ConsistentResults) -> Page:
+def build_consistent_page(document: ConsistentDocument, results: ConsistentResults) -> Page:
     """The page of one person's dynamically consistent motion."""
     return Page(
         f"Dynamically consistent motion of {document.subject}",
         [
-            Section("What it gained", list(_gain(document))),
-            Section("Ground wrench", list(_wrenches(results)), new_page=True),
-            Section("Markers", list(_markers(results)), new_page=True),
-            Section("Lengths and inertia", list(_body(document)), new_page=True),
-            Section("Where this comes from", list(origin_blocks(document, document.warnings)), new_page=True),
+            Section("What it gained", list(_build_gain(document))),
+            Section("Ground wrench", list(_build_wrenches(results)), new_page=True),
+            Section("Markers", list(_build_markers(results)), new_page=True),
+            Section("Lengths and inertia", list(_build_body(document)), new_page=True),
+            Section(
+                "Where this comes from", list(build_origin_blocks(document, document.warnings)), new_page=True
+            ),
         ],
         subtitle=f"Start: {document.start}, inertia: {document.inertia}, "
         f"{document.mass_kg:.1f} kg on the plates",
@@ -53,7 +55,7 @@ def consistent_page(document: ConsistentDocument, results: ConsistentResults) ->
     )
 
 
-def _gain(document: ConsistentDocument) -> Iterator[Block]:
+def _build_gain(document: ConsistentDocument) -> Iterator[Block]:
     fitted = [t for t in document.trials.values() if not t.held_out]
     ratio = max(
         getattr(t.ground_wrench_rmse.consistent, n) / max(getattr(t.ground_wrench_rmse.classical, n), 1e-9)
@@ -72,10 +74,10 @@ def _gain(document: ConsistentDocument) -> Iterator[Block]:
         ],
         tone,
     )
-    yield error_table(document)
+    yield tabulate_errors(document)
 
 
-def error_table(document: ConsistentDocument) -> Table:
+def tabulate_errors(document: ConsistentDocument) -> Table:
     """Errors of every recording in the three ways."""
     rows = []
     for name, trial in document.trials.items():
@@ -95,7 +97,7 @@ def error_table(document: ConsistentDocument) -> Table:
     )
 
 
-def _wrenches(results: ConsistentResults) -> Iterator[Block]:
+def _build_wrenches(results: ConsistentResults) -> Iterator[Block]:
     yield Legend([("measured", INK, "solid"), *WAYS])
     for recording, ways in results.tracked:
         curves = {"measured": recording.wrench}
@@ -103,14 +105,14 @@ def _wrenches(results: ConsistentResults) -> Iterator[Block]:
         yield Heading(recording.name)
         yield Grid(
             [
-                _wrench(recording.name, recording.trial.times, curves, k)
+                _draw_wrench(recording.name, recording.trial.times, curves, k)
                 for k in range(6)
                 if recording.components[k]
             ]
         )
 
 
-def _wrench(name: str, times: Array, curves: Mapping[str, Array], k: int) -> Figure:
+def _draw_wrench(name: str, times: Array, curves: Mapping[str, Array], k: int) -> Figure:
     traces = [
         go.Scatter(
             x=np.round(times, 4),
@@ -121,13 +123,13 @@ def _wrench(name: str, times: Array, curves: Mapping[str, Array], k: int) -> Fig
         )
         for way, colour, dash in (("measured", INK, "solid"), *WAYS)
     ]
-    drawn = chart(traces, x_title="time, s", y_title=NAMES[k])
+    drawn = make_chart(traces, x_title="time, s", y_title=NAMES[k])
     return Figure(
         drawn, f"{name}: {NAMES[k]}", f"{NAMES[k]} of {name} over time, measured and in three ways.", 230
     )
 
 
-def _markers(results: ConsistentResults) -> Iterator[Block]:
+def _build_markers(results: ConsistentResults) -> Iterator[Block]:
     yield Text(
         "RMS distance of each marker from the model's. What follows forces follows markers less closely."
     )
@@ -135,18 +137,18 @@ def _markers(results: ConsistentResults) -> Iterator[Block]:
     for recording, ways in results.tracked:
         traces = [
             go.Bar(
-                x=[plain(m) for m in recording.motion.markers],
+                x=[escape_plain(m) for m in recording.motion.markers],
                 y=np.round(1e3 * np.sqrt(np.mean(ways[way].gaps.marker_gaps ** 2, axis=0).sum(axis=1)), 2),
                 name=way,
                 marker={"color": colour},
             )
             for way, colour, _ in WAYS[:2]
         ]
-        drawn, name = chart(traces, y_title="mm", barmode="group"), recording.name
+        drawn, name = make_chart(traces, y_title="mm", barmode="group"), recording.name
         yield Figure(drawn, f"{name}: markers", f"RMS distance of every marker of {name}, mm.", 280)
 
 
-def _body(document: ConsistentDocument) -> Iterator[Block]:
+def _build_body(document: ConsistentDocument) -> Iterator[Block]:
     rows = [
         Row(name, [f"{document.lengths_before_mm[name]:.1f}", f"{after:.1f}"])
         for name, after in document.lengths_mm.items()

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
-from scaling_service.capabilities.consistent.estimate import consistent as identify
+from scaling_service.capabilities.consistent.estimate import estimate_consistent as identify
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
@@ -18,21 +18,21 @@ from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSe
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
+    find_judged_frames,
     inverse_dynamics,
-    judged_frames,
 )
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import parameter_values
-from scaling_service.model.inertia import total_mass, whole_tree
-from scaling_service.model.scaling import scaled
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_whole_tree, sum_mass
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.wrench import GRAVITY
 
 _PREPARING, _FINDING = 0.3, 0.6
@@ -78,10 +78,10 @@ def consistent(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or silent
+    report = progress or show_nothing
     loaded = open_subject(subject, settings)
     with loaded.blamed():
-        ready = read(loaded, chosen, settings, progress=part_of(report, 0.0, _PREPARING))
+        ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
         result = identify(
             ready.prepared.model,
             ready.fitted,
@@ -141,17 +141,17 @@ def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> Consist
         trial,
         motion,
         forces.loads,
-        judged_frames(dynamics, forces.contacts, cutoff_hz),
-        _middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
+        find_judged_frames(dynamics, forces.contacts, cutoff_hz),
+        _find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
     )
 
 
-def _middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
+def _find_middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
     """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
     rows = [model.segment_names.index(name) for name in segments]
     known = np.isfinite(q).all(axis=1)
-    tree = whole_tree(model)
-    poses = forward(tree, np.ascontiguousarray(q[known].T), parameter_values(model))
+    tree = compile_whole_tree(model)
+    poses = pose_links(tree, np.ascontiguousarray(q[known].T), list_parameter_values(model))
     middle = poses.origins[rows].mean(axis=0).T
     result = np.tile(middle.mean(axis=0), (len(q), 1))
     result[known] = middle
@@ -169,7 +169,7 @@ def _take_borne_mass(
             remedy="Name a movement with both feet on force plates under `calibration:`",
         )
     borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
-    mass, before = float(borne.mean() / -GRAVITY[1]), total_mass(prepared.model)
+    mass, before = float(borne.mean() / -GRAVITY[1]), sum_mass(prepared.model)
     notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
-    changed = replace(prepared, model=scaled(prepared.model, {}, mass_kg=mass))
+    changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
     return changed, notes if abs(mass / before - 1.0) > 0.01 else ()

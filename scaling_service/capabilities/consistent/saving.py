@@ -16,14 +16,14 @@ from scaling_service.capabilities.consistent.document import (
 )
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.report import consistent_page
+from scaling_service.capabilities.consistent.report import build_consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
-from scaling_service.capabilities.dynamics.saving import provenance_of, write_massive_model
+from scaling_service.capabilities.dynamics.saving import record_dynamics_provenance, write_massive_model
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import total_mass
+from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
 
@@ -37,17 +37,17 @@ def save_consistent(
     result = results.result
     with all_or_nothing(Path(folder)) as scratch:
         for recording, tracked in zip(results.recordings, result.consistent, strict=True):
-            motion = _motion(recording, tracked, result.model)
+            motion = _write_motion_part(recording, tracked, result.model)
             write_motion(scratch / f"{recording.name}_ik.mot", motion, result.model)
-        notes = write_massive_model(scratch, result.model, results.prepared, _factors(results))
-        document = _document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        notes = write_massive_model(scratch, result.model, results.prepared, _list_factors(results))
+        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(consistent_page(document, results).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(build_consistent_page(document, results).html(), encoding="utf-8")
     return document
 
 
-def _factors(results: ConsistentResults) -> dict[str, tuple[float, float, float]]:
+def _list_factors(results: ConsistentResults) -> dict[str, tuple[float, float, float]]:
     """Each segment's factors against the generic model: of the scaling, times those of the loop."""
     calibration = results.prepared.calibration
     factors = {} if calibration is None else dict(calibration.scale_factors)
@@ -57,7 +57,7 @@ def _factors(results: ConsistentResults) -> dict[str, tuple[float, float, float]
     return factors
 
 
-def _motion(recording: ConsistentRecording, tracked: TrackedRecording, model: BodyModel) -> Motion:
+def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording, model: BodyModel) -> Motion:
     motion = recording.motion
     return Motion(
         recording.name,
@@ -70,24 +70,28 @@ def _motion(recording: ConsistentRecording, tracked: TrackedRecording, model: Bo
     )
 
 
-def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[str]) -> ConsistentDocument:
+def _make_document(
+    results: ConsistentResults, files: Sequence[str], notes: Sequence[str]
+) -> ConsistentDocument:
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     return ConsistentDocument(
-        **provenance_of(prepared, results.settings, consistent=results.chosen),
-        mass_kg=round(total_mass(prepared.model), 3),
+        **record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
+        mass_kg=round(sum_mass(prepared.model), 3),
         trials={
-            recording.name: _trial(results, recording, ways, held_out=k >= results.fitted)
+            recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
             for k, (recording, ways) in enumerate(results.tracked)
         },
         inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],
-        lengths_mm=_lengths(result.model),
-        lengths_before_mm=_lengths(result.start),
+        lengths_mm=_measure_lengths(result.model),
+        lengths_before_mm=_measure_lengths(result.start),
         length_factors={name: round(f, 5) for name, f in result.factors.items()},
         outer_iterations=result.outer_iterations,
         converged=result.converged,
         history=[
-            LoopEntry(marker_rms_mm=_mm(markers), ground_wrench_rmse=_wrench(w, results.recordings[0]))
+            LoopEntry(
+                marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
+            )
             for markers, w in result.history
         ],
         warnings=[*results.warnings, *notes],
@@ -96,7 +100,7 @@ def _document(results: ConsistentResults, files: Sequence[str], notes: Sequence[
     )
 
 
-def _trial(
+def _make_trial(
     results: ConsistentResults,
     recording: ConsistentRecording,
     ways: Mapping[str, TrackedRecording],
@@ -108,22 +112,24 @@ def _trial(
         held_out=held_out,
         forces_from=forces.source.name if forces is not None else recording.name,
         frames=int(recording.known.sum()),
-        ground_wrench_rmse=WrenchErrors(**{n: _wrench(w.wrench_rmse, recording) for n, w in ways.items()}),
-        marker_rms_mm=MarkerErrors(**{n: _mm(w.marker_rms_m) for n, w in ways.items()}),
+        ground_wrench_rmse=WrenchErrors(
+            **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
+        ),
+        marker_rms_mm=MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
         weight=ways["consistent"].weight,
     )
 
 
-def _wrench(values: Array, recording: ConsistentRecording) -> GroundWrench:
+def _make_wrench(values: Array, recording: ConsistentRecording) -> GroundWrench:
     named = zip(
         ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
     )
     return GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
 
 
-def _lengths(model: BodyModel) -> dict[str, float]:
-    return {name: round(1e3 * length, 2) for name, length in segment_lengths(model).items()}
+def _measure_lengths(model: BodyModel) -> dict[str, float]:
+    return {name: round(1e3 * length, 2) for name, length in measure_segment_lengths(model).items()}
 
 
-def _mm(metres: float) -> float:
+def _to_mm(metres: float) -> float:
     return round(1e3 * metres, 3)

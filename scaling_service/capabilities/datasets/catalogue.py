@@ -15,8 +15,8 @@ from pydantic import (
 )
 
 from scaling_service.core.errors import InputError
-from scaling_service.core.text import did_you_mean
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.core.text import suggest_name
+from scaling_service.model.reference import find_reference_folder, read_reference
 
 SUBJECT_FILE = "subject.yaml"
 SOURCE_FILE = "SOURCE.md"
@@ -32,7 +32,7 @@ Commit = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{40}$")]
 Repository = Annotated[str, StringConstraints(pattern=r"^[\w.-]+/[\w.-]+$")]
 
 
-def _inside(path: str) -> str:
+def _require_inside(path: str) -> str:
     """A path that stays within its folder."""
     parts = PurePosixPath(path)
     if parts.is_absolute() or ".." in parts.parts or "\\" in path or not parts.name:
@@ -40,7 +40,7 @@ def _inside(path: str) -> str:
     return path
 
 
-RelativePath = Annotated[str, AfterValidator(_inside)]
+RelativePath = Annotated[str, AfterValidator(_require_inside)]
 
 
 class _Strict(BaseModel):
@@ -115,7 +115,9 @@ def read_catalogue() -> dict[str, Dataset]:
     >>> "jia_mri" in read_catalogue()
     True
     """
-    return CatalogueDocument.model_validate(read_reference(reference_folder() / "datasets.yaml")).datasets
+    return CatalogueDocument.model_validate(
+        read_reference(find_reference_folder() / "datasets.yaml")
+    ).datasets
 
 
 def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
@@ -125,7 +127,7 @@ def find_dataset(name: str, catalogue: dict[str, Dataset]) -> Dataset:
     """
     if name in catalogue:
         return catalogue[name]
-    guess = did_you_mean(name.lower(), catalogue, cutoff=0.5)
+    guess = suggest_name(name.lower(), catalogue, cutoff=0.5)
     raise InputError(
         f"there is no dataset '{name}'", field="NAME", remedy=f"{guess}There are {', '.join(catalogue)}"
     )

@@ -9,8 +9,8 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
-from scaling_service.capabilities.shared.flags import folder
-from scaling_service.capabilities.shared.screen import console_of_results, print_table, progress_bar
+from scaling_service.capabilities.shared.flags import make_folder_parser
+from scaling_service.capabilities.shared.screen import make_console, print_table, progress_bar
 from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _Folder = Annotated[
         metavar="DIR",
         help="Where to write; ./NAME unless given.",
         show_default=False,
-        parser=folder("--out"),
+        parser=make_folder_parser("--out"),
     ),
 ]
 _Cache = Annotated[
@@ -41,7 +41,7 @@ _Cache = Annotated[
         envvar="SCALING_SERVICE_CACHE",
         help="Keeps downloads between runs; a folder of the system unless given.",
         show_default=False,
-        parser=folder("--cache"),
+        parser=make_folder_parser("--cache"),
     ),
 ]
 _BaseUrl = Annotated[
@@ -72,11 +72,11 @@ def list_datasets() -> None:
     [bold]Next[/bold]: scaling-service datasets get jia_mri
     """
     from scaling_service.capabilities.datasets.catalogue import read_catalogue
-    from scaling_service.capabilities.datasets.run import terms
+    from scaling_service.capabilities.datasets.run import describe_terms
 
-    console = console_of_results()
+    console = make_console()
     rows = [
-        Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", terms(dataset), dataset.use])
+        Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", describe_terms(dataset), dataset.use])
         for name, dataset in read_catalogue().items()
     ]
     print_table(console, Table("", ["name", "what", "MB", "licence", "used for"], rows, words=True))
@@ -98,7 +98,7 @@ def get(
     [bold]Example[/bold]: scaling-service datasets get jia_mri --out data/jia_mri
     """
     from scaling_service.capabilities.datasets.catalogue import find_dataset, read_catalogue
-    from scaling_service.capabilities.datasets.downloads import default_cache
+    from scaling_service.capabilities.datasets.downloads import find_default_cache
     from scaling_service.capabilities.datasets.run import get_dataset
 
     dataset = find_dataset(name, read_catalogue())
@@ -108,7 +108,7 @@ def get(
             name,
             dataset,
             folder,
-            cache=default_cache() if cache is None else cache,
+            cache=find_default_cache() if cache is None else cache,
             base_url=base_url,
             progress=progress,
         )
@@ -117,16 +117,18 @@ def get(
 
 def _show(obtained: Obtained, dataset: Dataset) -> None:
     """What was written and what was there, the terms, and what to run now."""
-    from scaling_service.capabilities.datasets.run import next_commands, terms
+    from scaling_service.capabilities.datasets.run import describe_terms, list_next_commands
 
-    console = console_of_results()
+    console = make_console()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:
             console.print(f"{what} [bold]{escape(str(obtained.folder))}[/bold]:", highlight=False)
             console.print(f"  {escape(', '.join(files))}", highlight=False, soft_wrap=True)
-    console.print(f"Licence: {escape(terms(dataset))}; read {SOURCE_FILE}", highlight=False, soft_wrap=True)
+    console.print(
+        f"Licence: {escape(describe_terms(dataset))}; read {SOURCE_FILE}", highlight=False, soft_wrap=True
+    )
     console.print("Now run:", highlight=False)
-    for command in next_commands(dataset, obtained.folder):
+    for command in list_next_commands(dataset, obtained.folder):
         console.print(f"  {escape(command)}", highlight=False, soft_wrap=True, style="cyan")
 
 

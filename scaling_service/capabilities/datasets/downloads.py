@@ -26,7 +26,7 @@ class DownloadFailed(InputError):
     """A file cannot be had from where it should be, or is not the one that was asked for."""
 
 
-def default_cache() -> Path:
+def find_default_cache() -> Path:
     """Where downloads are kept between runs: the system's folder for such files."""
     return Path(pooch.os_cache("scaling-service"))
 
@@ -50,12 +50,12 @@ def check_base_url(base_url: str) -> str:
     return base_url.strip().rstrip("/")
 
 
-def remote_url(base_url: str, repository: str, commit: str, path: str) -> str:
+def make_remote_url(base_url: str, repository: str, commit: str, path: str) -> str:
     """The address of one file at one commit.
 
     Examples
     --------
-    >>> remote_url("https://host", "owner/name", "c0ffee", "a folder/a.trc")
+    >>> make_remote_url("https://host", "owner/name", "c0ffee", "a folder/a.trc")
     'https://host/owner/name/c0ffee/a%20folder/a.trc'
     """
     return f"{base_url}/{repository}/{commit}/{quote(path)}"
@@ -94,7 +94,7 @@ def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
                 downloader=_Checked(file, received),
             )
     except requests.RequestException as error:
-        raise _explained(error, url, file) from None
+        raise _explain_failure(error, url, file) from None
     except OSError as error:
         raise InputError(
             f"downloads cannot be kept there: {error.strerror or error}",
@@ -124,15 +124,15 @@ class _Checked:
             for chunk in response.iter_content(_CHUNK_BYTES):
                 size += len(chunk)
                 if size > file.bytes:
-                    raise _another(url, file, f"more than {file.bytes} bytes")
+                    raise _report_another(url, file, f"more than {file.bytes} bytes")
                 scratch.write(chunk)
                 self._received(size)
         found = pooch.file_hash(output_file, alg="sha256")
         if found != file.sha256:
-            raise _another(url, file, f"SHA-256 {found}, {size} bytes")
+            raise _report_another(url, file, f"SHA-256 {found}, {size} bytes")
 
 
-def _another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
+def _report_another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
     return DownloadFailed(
         f"what {url} gave is not the published file and was deleted: "
         f"expected SHA-256 {file.sha256}, {file.bytes} bytes; found {found}",
@@ -166,17 +166,17 @@ _ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
 """Kind of failure, problem and remedy, the particular before the general."""
 
 
-def _explained(error: requests.RequestException, url: str, file: RemoteFile) -> DownloadFailed:
+def _explain_failure(error: requests.RequestException, url: str, file: RemoteFile) -> DownloadFailed:
     """What went wrong on the way, in plain words."""
     host = urlsplit(url).netloc
     if isinstance(error, requests.HTTPError) and error.response is not None:
-        problem, remedy = _refusal(error.response.status_code, url)
+        problem, remedy = _describe_refusal(error.response.status_code, url)
     else:
         problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
     return DownloadFailed(problem.format(host=host), file=file.saved_as, field="--base-url", remedy=remedy)
 
 
-def _refusal(status: int, url: str) -> tuple[str, str]:
+def _describe_refusal(status: int, url: str) -> tuple[str, str]:
     if status in (404, 410):
         layout = "<address>/<owner>/<name>/<commit>/<path>"
         return f"{url} is not there (HTTP {status})", f"Check the address: files are looked for at {layout}"

@@ -24,7 +24,7 @@ from scaling_service.capabilities.datasets.downloads import (
     check_base_url,
     fetch,
     has_hash,
-    remote_url,
+    make_remote_url,
 )
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.progress import Progress
@@ -65,12 +65,12 @@ def get_dataset(
     """
     base = check_base_url(base_url)
     check_folder(folder)
-    texts = _texts(name, dataset)
-    new = _not_there(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
+    texts = _write_texts(name, dataset)
+    new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
     missing = [file for file in dataset.files if not _is_there(folder, file)]
     fetched = _fetch_all(name, dataset, missing, cache, base, progress)
-    markers = _markers(dataset, folder, fetched)
-    new |= _not_there(folder, markers)
+    markers = _write_markers(dataset, folder, fetched)
+    new |= _list_missing(folder, markers)
     if fetched or new:
         _write(folder, fetched, new)
     everything = (*(file.saved_as for file in dataset.files), *texts, *markers)
@@ -78,7 +78,7 @@ def get_dataset(
     return Obtained(folder, written, tuple(path for path in everything if path not in written))
 
 
-def next_commands(dataset: Dataset, folder: Path) -> list[str]:
+def list_next_commands(dataset: Dataset, folder: Path) -> list[str]:
     """The commands to run now, as typed into a shell."""
     return [
         shlex.join(word.format(folder=folder) for word in ["scaling-service", *shlex.split(command)])
@@ -91,7 +91,7 @@ def _is_there(folder: Path, file: RemoteFile) -> bool:
     if has_hash(place, file.sha256):
         return True
     if place.exists():
-        raise _differs(folder, file.saved_as)
+        raise _report_difference(folder, file.saved_as)
     return False
 
 
@@ -107,15 +107,15 @@ def _fetch_all(
     total = sum(file.bytes for file in files)
     done, fetched = 0, dict[str, Path]()
     for number, file in enumerate(files, start=1):
-        received = _told(progress, f"{file.saved_as} ({number} of {len(files)}", done, total)
+        received = _report_received(progress, f"{file.saved_as} ({number} of {len(files)}", done, total)
         received(0)
-        url = remote_url(base, dataset.repository, dataset.commit, file.path)
+        url = make_remote_url(base, dataset.repository, dataset.commit, file.path)
         fetched[file.saved_as] = fetch(url, file, cache / name, received)
         done += file.bytes
     return fetched
 
 
-def _told(progress: Progress | None, what: str, before: int, total: int) -> Received:
+def _report_received(progress: Progress | None, what: str, before: int, total: int) -> Received:
     """What a file's download reports to, counted over all files."""
 
     def received(size: int) -> None:
@@ -126,28 +126,32 @@ def _told(progress: Progress | None, what: str, before: int, total: int) -> Rece
     return received
 
 
-def _texts(name: str, dataset: Dataset) -> dict[str, str]:
+def _write_texts(name: str, dataset: Dataset) -> dict[str, str]:
     """What is written beside the downloads and needs none of them."""
     subject = {} if dataset.subject is None else {SUBJECT_FILE: dataset.subject + "\n"}
-    return subject | {SOURCE_FILE: source_note(name, dataset)}
+    return subject | {SOURCE_FILE: write_source_note(name, dataset)}
 
 
-def _markers(dataset: Dataset, folder: Path, fetched: dict[str, Path]) -> dict[str, str]:
+def _write_markers(dataset: Dataset, folder: Path, fetched: dict[str, Path]) -> dict[str, str]:
     """The image markers of a dataset that has them inside a model."""
     source = dataset.image_markers_from
-    return {} if source is None else {IMAGE_MARKERS_FILE: image_markers(fetched.get(source, folder / source))}
+    return (
+        {}
+        if source is None
+        else {IMAGE_MARKERS_FILE: tabulate_image_markers(fetched.get(source, folder / source))}
+    )
 
 
-def _not_there(folder: Path, texts: dict[str, str]) -> dict[str, str]:
+def _list_missing(folder: Path, texts: dict[str, str]) -> dict[str, str]:
     """Those that the folder does not hold; one that differs is an error, for a user may have edited it."""
     for path, content in texts.items():
         place = folder / path
         if place.exists() and not (place.is_file() and place.read_bytes() == content.encode()):
-            raise _differs(folder, path)
+            raise _report_difference(folder, path)
     return {path: content for path, content in texts.items() if not (folder / path).exists()}
 
 
-def _differs(folder: Path, name: str) -> InputError:
+def _report_difference(folder: Path, name: str) -> InputError:
     return InputError(
         f"'{name}' is there already, and differs from the dataset's; it was left as it is",
         file=folder,
@@ -176,7 +180,7 @@ def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> Non
 _MM = 1e3
 
 
-def image_markers(model: Path) -> str:
+def tabulate_image_markers(model: Path) -> str:
     """The table of image markers, from a model that was made in the image.
 
     Where each body of a model has the image's origin and axes, as in models from NMSBuilder or STAPLE,
@@ -185,7 +189,7 @@ def image_markers(model: Path) -> str:
     ``model``: an ``.osim`` file of OpenSim 4, positions in m. Returns CSV with the columns
     ``marker,segment,x_mm,y_mm,z_mm``. Raises FileUnreadable: it holds no markers, or one without a place.
     """
-    rows = [_row(marker, model) for marker in parse_xml(model).iter("Marker")]
+    rows = [_make_row(marker, model) for marker in parse_xml(model).iter("Marker")]
     if not rows:
         raise FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
     text = io.StringIO()
@@ -195,7 +199,7 @@ def image_markers(model: Path) -> str:
     return text.getvalue()
 
 
-def _row(marker: Element, model: Path) -> tuple[str, ...]:
+def _make_row(marker: Element, model: Path) -> tuple[str, ...]:
     name = marker.get("name", "")
     segment = (marker.findtext("socket_parent_frame") or "").strip().rpartition("/")[2]
     try:
@@ -208,7 +212,7 @@ def _row(marker: Element, model: Path) -> tuple[str, ...]:
     return name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))
 
 
-def source_note(name: str, dataset: Dataset) -> str:
+def write_source_note(name: str, dataset: Dataset) -> str:
     """``SOURCE.md``: where everything is from, on what terms, and what was made here."""
     made = []
     if dataset.subject is not None:
@@ -222,7 +226,7 @@ def source_note(name: str, dataset: Dataset) -> str:
     paragraphs = [
         f"# {name}: {dataset.title}",
         f"Source: https://github.com/{dataset.repository}, commit {dataset.commit}",
-        f"Licence: {terms(dataset)}",
+        f"Licence: {describe_terms(dataset)}",
         *([dataset.licence.note] if dataset.licence.note else []),
         "Please cite:",
         "\n".join(f"- {reference}" for reference in dataset.cite),
@@ -234,6 +238,6 @@ def source_note(name: str, dataset: Dataset) -> str:
     return "\n\n".join(paragraphs) + "\n"
 
 
-def terms(dataset: Dataset) -> str:
+def describe_terms(dataset: Dataset) -> str:
     """The licence in one line, with a word on commercial use where it is excluded."""
     return dataset.licence.name + (" (NON-COMMERCIAL USE ONLY)" if dataset.licence.non_commercial else "")

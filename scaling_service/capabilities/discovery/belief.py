@@ -19,7 +19,7 @@ CARRIES = 0.1
 what was left when it was tried, on what did not fit it (chosen: as much as a companion must explain)."""
 
 
-def probability_of_effect(named: NamedEffect) -> float:
+def estimate_probability(named: NamedEffect) -> float:
     """At most how probable it is that there is something, as likely as not before.
 
     The calibration of p-values of Sellke, Bayarri & Berger 2001, Am Stat 55:62: no prior of sizes speaks
@@ -29,7 +29,7 @@ def probability_of_effect(named: NamedEffect) -> float:
     return 1.0 / (1.0 - math.e * p * math.log(p)) if p < 1.0 / math.e else 0.5
 
 
-def probability_of_sign(values: Array, covariance: Array) -> float | None:
+def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
     """How probable it is that all of it, in the found proportions, points the way that was found.
 
     None where no number has a deviation. Numbers (k,) and covariance (k, k) count in deviations.
@@ -43,7 +43,7 @@ def probability_of_sign(values: Array, covariance: Array) -> float | None:
     return float(scipy.special.ndtr(z @ z / math.sqrt(length))) if length > 0.0 else 0.5
 
 
-def bounds_of(named: NamedEffect) -> Mapping[str, Range]:
+def list_bounds(named: NamedEffect) -> Mapping[str, Range]:
     """By its name in the results, what the search lets a number be."""
     found = {c.name: Range(c.low, c.high) for c in named.candidate.columns}
     if named.candidate.oscillation is not None:
@@ -51,7 +51,7 @@ def bounds_of(named: NamedEffect) -> Mapping[str, Range]:
     return found
 
 
-def carrying(named: Sequence[NamedEffect]) -> Iterator[bool]:
+def find_carrying(named: Sequence[NamedEffect]) -> Iterator[bool]:
     """Which effects carry the gap: the first question's answers, the largest, and those beside it."""
     sums: dict[str, float] = {}
     for n in named:

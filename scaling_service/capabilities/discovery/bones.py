@@ -17,13 +17,18 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
-from scaling_service.capabilities.motion.bones import Posed, is_revealed, learn_skin_sizes, revealed_share
+from scaling_service.capabilities.motion.bones import (
+    Posed,
+    compute_revealed_share,
+    is_revealed,
+    learn_skin_sizes,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import TrackedTrial, track
-from scaling_service.capabilities.motion.uncertainty import SkinField, skin_fields
-from scaling_service.model.anatomy.secondary import SecondaryRotation, secondary_rotations
+from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
+from scaling_service.model.anatomy.secondary import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.body import BodyModel, Expectation, Law
-from scaling_service.model.compile import law_value
+from scaling_service.model.compile import evaluate_law
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 
@@ -60,21 +65,21 @@ def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, 
     left_out = {
         effect.candidate.key: effect.candidate.name
         for effect in fit.effects
-        if any(_moves(one) for one in (effect.candidate, *alike.get(effect.candidate.key, ())))
-        and _left_over(_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
+        if any(_is_moving(one) for one in (effect.candidate, *alike.get(effect.candidate.key, ())))
+        and _measure_left_over(_list_segments(effect, fit.model), fit.model, findings) > _LEFT_OVER
     }
     reduced = fit.without(left_out)
     return reduced, tuple(left_out.values())
 
 
-def _moves(candidate: Candidate) -> bool:
+def _is_moving(candidate: Candidate) -> bool:
     """Whether it moves markers or joints from frame to frame."""
     parts = [part for column in candidate.columns for part in column.parts]
     follows = any(isinstance(part.profile, Following) for part in parts)
     return follows or isinstance(candidate.change, FreeMotion)
 
 
-def _segments(effect: Estimate, model: BodyModel) -> set[str]:
+def _list_segments(effect: Estimate, model: BodyModel) -> set[str]:
     """Those whose markers it moves."""
     where = set(effect.candidate.where)
     found = {m.segment for m in model.markers if m.name in where}
@@ -84,7 +89,7 @@ def _segments(effect: Estimate, model: BodyModel) -> set[str]:
     return found
 
 
-def _left_over(segments: set[str], model: BodyModel, findings: Findings) -> float:
+def _measure_left_over(segments: set[str], model: BodyModel, findings: Findings) -> float:
     """What is left at the markers of some segments, times their noise floor."""
     after = floor = 0.0
     for gap in (findings.fit, findings.held_out):
@@ -111,7 +116,7 @@ def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
         return BoneKnowledge()
     posed, fields = [f.posed.thinned() for f in followed], [f.fields for f in followed]
     expectations, notes = [], []
-    for rotation in secondary_rotations(model):
+    for rotation in list_secondary_rotations(model):
         found = _expect(rotation, model, followed)
         if isinstance(found, str):
             notes.append(found)
@@ -119,7 +124,7 @@ def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
             expectations.append(found)
     hidden: dict[str, None] = {}
     for item, own in zip(posed, fields, strict=True):
-        for one, share in zip(own, revealed_share(item, own), strict=True):
+        for one, share in zip(own, compute_revealed_share(item, own), strict=True):
             if not is_revealed(share):
                 hidden[model.marker(item.task.markers[one.markers[0]]).segment] = None
     return BoneKnowledge(learn_skin_sizes(posed, fields), tuple(expectations), tuple(hidden), tuple(notes))
@@ -129,7 +134,7 @@ def _follow(model: BodyModel, trial: Trial) -> _Followed:
     tracked, task = track(model, trial), Task.of(model, trial)
     known = np.isfinite(tracked.motion.q) & np.isin(tracked.motion.coordinates, tracked.motion.estimated)
     posed = Posed(task, np.nan_to_num(tracked.motion.q), ~known)
-    return _Followed(tracked, posed, tuple(skin_fields(task)))
+    return _Followed(tracked, posed, tuple(list_skin_fields(task)))
 
 
 def _expect(
@@ -140,7 +145,7 @@ def _expect(
     column, flexion = names.index(rotation.coordinate), names.index(rotation.flexion)
     gaps, turns, flexed, sds = [], [], [], []
     for item in followed:
-        gap = _gaps(item, model, (rotation.parent, rotation.child))
+        gap = _measure_gaps(item, model, (rotation.parent, rotation.child))
         sd = item.tracked.uncertainty.sd[:, column]
         q = item.tracked.motion.q
         known = np.isfinite(gap) & np.isfinite(sd) & np.isfinite(q[:, flexion]) & (sd > 0.0)
@@ -152,7 +157,7 @@ def _expect(
     if len(gap) < _FEWEST:
         return None
     best = np.argsort(gap)[: max(_FEWEST, round(_BEST * len(gap)))]
-    led = np.zeros_like(turn) + law_value(rotation.law, {rotation.flexion: bent})
+    led = np.zeros_like(turn) + evaluate_law(rotation.law, {rotation.flexion: bent})
     reference = float(np.mean(turn[best] - led[best]))
     # Skin is out of place in the best frames, too, by as much less as it deforms less there.
     still = float(np.sqrt(np.mean(gap[best]) / np.mean(gap))) if gap.any() else 0.0
@@ -168,7 +173,7 @@ def _expect(
     return Expectation(rotation.coordinate, law, spread, rotation.source)
 
 
-def _gaps(item: _Followed, model: BodyModel, segments: tuple[str, str]) -> Array:
+def _measure_gaps(item: _Followed, model: BodyModel, segments: tuple[str, str]) -> Array:
     """Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are seen."""
     motion = item.tracked.motion
     owners = np.array([model.marker(name).segment for name in motion.markers])

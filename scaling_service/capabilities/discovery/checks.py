@@ -11,7 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
 
 LARGEST_M = 0.08
@@ -75,8 +75,8 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
     ``scaled``: whether it was scaled here, or is taken as it is.
     """
     for trial in trials:
-        away = typical_distance(model, trial)
-        if away > SUSPECT_M and _sides_exchanged(model, trial, away):
+        away = measure_typical_distance(model, trial)
+        if away > SUSPECT_M and _are_sides_exchanged(model, trial, away):
             raise TrialUnusable(
                 "labels of the left and the right seem to be exchanged: with the other side's labels the "
                 f"markers are nearer to the model's than the {1e3 * away:.0f} mm that half of them are away",
@@ -112,27 +112,27 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
             )
 
 
-def typical_distance(model: BodyModel, trial: Trial) -> float:
+def measure_typical_distance(model: BodyModel, trial: Trial) -> float:
     """Median distance between measured and model markers over some frames, m."""
-    shown = np.flatnonzero(np.any(seen(trial.markers), axis=1))
+    shown = np.flatnonzero(np.any(find_seen(trial.markers), axis=1))
     if len(shown) > _FRAMES:
         shown = shown[np.linspace(0, len(shown) - 1, _FRAMES).round().astype(np.intp)]
     motion = inverse_kinematics(model, trial.frames(shown) if len(shown) else trial)
     return float(np.nanmedian(motion.distances))
 
 
-def _sides_exchanged(model: BodyModel, trial: Trial, away: float) -> bool:
+def _are_sides_exchanged(model: BodyModel, trial: Trial, away: float) -> bool:
     """Whether the other side's labels fit far better."""
-    other = mirrored(trial.labels)
-    return bool(other) and typical_distance(model, trial.relabelled(other)) < _MENDED * away
+    other = mirror_labels(trial.labels)
+    return bool(other) and measure_typical_distance(model, trial.relabelled(other)) < _MENDED * away
 
 
-def mirrored(labels: Sequence[str]) -> dict[str, str]:
+def mirror_labels(labels: Sequence[str]) -> dict[str, str]:
     """Each label to that of the other side, where the first or last letter gives the side.
 
     Examples
     --------
-    >>> mirrored(["RASIS", "LASIS", "knee_r", "knee_l", "SACR"])
+    >>> mirror_labels(["RASIS", "LASIS", "knee_r", "knee_l", "SACR"])
     {'RASIS': 'LASIS', 'LASIS': 'RASIS', 'knee_r': 'knee_l', 'knee_l': 'knee_r'}
     """
     known = {label.lower(): label for label in labels}

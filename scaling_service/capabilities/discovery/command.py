@@ -10,8 +10,8 @@ import typer
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
     list_files,
+    make_console,
     print_subject,
     print_table,
     running,
@@ -91,7 +91,7 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
     from scaling_service.capabilities.discovery import text
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
-    console = console_of_results()
+    console = make_console()
     print_subject(console, document, text.describe_model(document))
     if document.effects:
         print_table(console, text.tabulate_effects(document))

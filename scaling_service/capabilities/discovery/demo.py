@@ -10,8 +10,8 @@ from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.run import run
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.core.progress import Progress, silent
-from scaling_service.virtual.example import RECORDED, hidden_session
+from scaling_service.core.progress import Progress, show_nothing
+from scaling_service.virtual.example import RECORDED, make_hidden_session
 from scaling_service.virtual.subject import VirtualSettings
 
 
@@ -19,9 +19,9 @@ def run_hidden_demo(
     seed: int = 0, settings: VirtualSettings = RECORDED, *, progress: Progress | None = None
 ) -> DiscoverResults:
     """Hide something in a person that the seed decides, and search for it without knowing what."""
-    report = progress or silent
+    report = progress or show_nothing
     report("recording a virtual person", 0.0)
-    session, _person, hidden = hidden_session(seed, settings)
+    session, _person, hidden = make_hidden_session(seed, settings)
     results = run(
         Loaded(session),
         DiscoverSettings(start=AS_IT_IS),

@@ -15,15 +15,15 @@ FILE_NAME = "discovery.json"
 _FIGURES = 6  # far beyond what any of these numbers is known to
 
 
-def _rounded(value: object) -> object:
+def _round_numbers(value: object) -> object:
     if not isinstance(value, int | float):
         return value
     return float(f"{value:.{_FIGURES}g}") if math.isfinite(value) else None
 
 
 Unit = Literal["1", "mm", "N", "N m"]
-Number = Annotated[float, BeforeValidator(_rounded)]
-Known = Annotated[float | None, BeforeValidator(_rounded)]
+Number = Annotated[float, BeforeValidator(_round_numbers)]
+Known = Annotated[float | None, BeforeValidator(_round_numbers)]
 """A number, null where there is none."""
 
 

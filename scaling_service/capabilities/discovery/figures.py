@@ -19,13 +19,13 @@ from scaling_service.capabilities.discovery.document import (
     GapDocument,
     LevelDocument,
 )
-from scaling_service.capabilities.discovery.numbers import figures
+from scaling_service.capabilities.discovery.numbers import format_figures
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
-from scaling_service.capabilities.discovery.text import placed
+from scaling_service.capabilities.discovery.text import describe_place
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.report.figures import Figure, chart, plain
+from scaling_service.report.figures import Figure, escape_plain, make_chart
 from scaling_service.report.methods import INK
 
 BEFORE_COLOUR: Final = "#E69F00"
@@ -65,7 +65,7 @@ class HeatMap:
     after: Array
 
 
-def heat_maps(results: DiscoverResults) -> Iterator[HeatMap]:
+def make_heat_maps(results: DiscoverResults) -> Iterator[HeatMap]:
     """Of the recordings with the largest disagreement: markers, and the wrench where there are forces."""
     ranking = [d.where for d in results.findings.disagreements]
     wrenches = {item.name: item for item in results.before.wrenches}
@@ -96,7 +96,7 @@ def _of_markers(before: TrackedTrial, after: TrackedTrial, ranking: Sequence[str
     """Markers in the order of the ranking, so that all recordings have the same."""
     order = sorted(range(len(before.markers)), key=lambda k: ranking.index(before.markers[k]))
     away = [_MM * np.linalg.norm(item.residuals, axis=2)[:, order] for item in (before, after)]
-    return _binned(before, "mm", [before.markers[k] for k in order], away[0], away[1])
+    return _bin_rows(before, "mm", [before.markers[k] for k in order], away[0], away[1])
 
 
 def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
@@ -104,10 +104,10 @@ def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
         np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan)
         for item in (before, after)
     ]
-    return _binned(before, "floors", COMPONENTS, away[0], away[1])
+    return _bin_rows(before, "floors", COMPONENTS, away[0], away[1])
 
 
-def _binned(
+def _bin_rows(
     item: TrackedTrial | WrenchFit, unit: str, places: Sequence[str], before: Array, after: Array
 ) -> HeatMap:
     times = item.times
@@ -132,18 +132,18 @@ def draw_heat_maps(maps: Sequence[HeatMap], which: Which) -> Iterator[Figure]:
         values = np.concatenate([np.zeros(0), *(m.before[np.isfinite(m.before)] for m in chosen)])
         top = float(np.percentile(values, _DARKEST)) if len(values) else 0.0
         if top > 0.0:
-            yield from (_heat_map(heat, which, top, name, colours) for heat in chosen)
+            yield from (_draw_heat_map(heat, which, top, name, colours) for heat in chosen)
 
 
-def _heat_map(heat: HeatMap, which: Which, top: float, name: str, unit: str) -> Figure:
+def _draw_heat_map(heat: HeatMap, which: Which, top: float, name: str, unit: str) -> Figure:
     values = heat.before if which == "before" else heat.after
     trace = go.Heatmap(
-        x=np.round(heat.times, 3), y=[plain(p) for p in heat.places],
+        x=np.round(heat.times, 3), y=[escape_plain(p) for p in heat.places],
         z=np.round(values, 2).astype(np.float32),
         zmin=0.0, zmax=top, colorscale=_HEAT, colorbar={"title": {"text": unit}, "thickness": 12, "len": 1.0},
         hovertemplate=f"%{{y}} at %{{x:.2f}} s: %{{z:.1f}} {unit}<extra></extra>",
     )  # fmt: skip
-    figure = chart(
+    figure = make_chart(
         [trace], x_title="time, s", hovermode="closest", yaxis_autorange="reversed",
         yaxis_tickfont={"size": 10}, yaxis_dtick=1, margin={"l": 70, "r": 8, "t": 6, "b": 38},
     )  # fmt: skip
@@ -151,7 +151,7 @@ def _heat_map(heat: HeatMap, which: Which, top: float, name: str, unit: str) -> 
     words = "before" if which == "before" else "with what was named"
     return Figure(
         figure,
-        f"{heat.trial} ({role}), {words}: {name}; darkest {figures(top)} {unit} or more",
+        f"{heat.trial} ({role}), {words}: {name}; darkest {format_figures(top)} {unit} or more",
         f"{name} of {len(heat.places)} places over time in {heat.trial}, {words}; the most is "
         f"{np.nanmax(values) if np.isfinite(values).any() else 0.0:.1f} {unit}.",
         max(_LEAST_PX, 60 + _ROW_PX * len(heat.places)),
@@ -161,7 +161,7 @@ def _heat_map(heat: HeatMap, which: Which, top: float, name: str, unit: str) -> 
 def draw_ranking(places: Sequence[DisagreementDocument], title: str, unit: str) -> Figure:
     """What is left over at every place, with its floor."""
     order = sorted(places, key=lambda p: p.rms)
-    names = [plain(p.where) for p in order]
+    names = [escape_plain(p.where) for p in order]
     traces = [
         go.Bar(
             x=[round(p.rms, 3) for p in order], y=names, orientation="h", marker={"color": BEFORE_COLOUR},
@@ -173,7 +173,7 @@ def draw_ranking(places: Sequence[DisagreementDocument], title: str, unit: str) 
             hovertemplate=f"%{{x:.2f}} {unit}",
         ),
     ]  # fmt: skip
-    figure = chart(
+    figure = make_chart(
         traces, x_title=f"RMS of what is left over, {unit}", hovermode="y unified", bargap=0.25,
         showlegend=True, legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
         margin={"l": 70, "r": 10, "t": 28, "b": 40}, xaxis_rangemode="tozero",
@@ -200,27 +200,28 @@ def draw_gap(gaps: Mapping[str, GapDocument], field: str, name: str, unit: str) 
     traces = [
         go.Bar(
             x=x, y=[getattr(level, of) for level in levels], name=label, marker={"color": colour},
-            error_y=_error(levels) if of == "after" else None,
-            text=[figures(getattr(level, of)) for level in levels],
+            error_y=_make_error_bar(levels) if of == "after" else None,
+            text=[format_figures(getattr(level, of)) for level in levels],
             textposition="outside" if of == "floor" else "inside",
             insidetextanchor="start", textangle=0, textfont={"size": 10}, cliponaxis=False,
             hovertemplate="%{y:.3g}",
         )
         for of, label, colour in bars
     ]  # fmt: skip
-    figure = chart(
+    figure = make_chart(
         traces, y_title=f"RMS, {unit}", barmode="group", bargap=0.25, showlegend=True,
         legend={"orientation": "h", "y": -0.16, "x": 0}, margin={"l": 50, "r": 8, "t": 18, "b": 60},
         yaxis_rangemode="tozero",
     )  # fmt: skip
     said = "; ".join(
-        f"{role}: {figures(v.before)} before, {figures(v.after)} after, noise floor {figures(v.floor)}"
+        f"{role}: {format_figures(v.before)} before, {format_figures(v.after)} after, "
+        f"noise floor {format_figures(v.floor)}"
         for role, v in roles
     )
     return Figure(figure, f"{name.capitalize()}, {unit}", f"{said} {unit}.", 290)
 
 
-def _error(levels: Sequence[LevelDocument]) -> dict[str, object]:
+def _make_error_bar(levels: Sequence[LevelDocument]) -> dict[str, object]:
     """The 95 % interval as lengths to either side."""
     above = [0.0 if v.high is None or v.after is None else max(v.high - v.after, 0.0) for v in levels]
     below = [0.0 if v.low is None or v.after is None else max(v.after - v.low, 0.0) for v in levels]
@@ -229,21 +230,23 @@ def _error(levels: Sequence[LevelDocument]) -> dict[str, object]:
 
 def draw_candidates(document: DiscoveryDocument) -> Figure:
     """Named effects and the best of what was not, by what each took off what did not fit it."""
-    named = [(placed(e), e.evidence.gain_held_out or 0.0, True) for e in document.effects]
-    tried = sorted(((placed(t), t.gain or 0.0, False) for t in document.tried), key=lambda c: -c[1])[:_TRIED]
+    named = [(describe_place(e), e.evidence.gain_held_out or 0.0, True) for e in document.effects]
+    tried = sorted(((describe_place(t), t.gain or 0.0, False) for t in document.tried), key=lambda c: -c[1])[
+        :_TRIED
+    ]
     bars = [*sorted(named, key=lambda c: -c[1]), *tried][::-1]
     short = [n if len(n) <= _LONGEST_NAME else f"{n[: _LONGEST_NAME - 1]}…" for n, _, _ in bars]
     trace = go.Bar(
         x=[max(_HAIR, round(100 * gain, 2)) for _, gain, _ in bars],
         y=[f"{len(bars) - k}." for k in range(len(bars))],
-        text=[plain(name) for name in short], textposition="auto", insidetextanchor="start",
+        text=[escape_plain(name) for name in short], textposition="auto", insidetextanchor="start",
         insidetextfont={"color": ["#ffffff" if found else INK for _, _, found in bars]},
         textangle=0, constraintext="none", cliponaxis=False, orientation="h",
         marker={"color": [AFTER_COLOUR if found else _OTHER for _, _, found in bars]},
-        customdata=[f"{plain(name)}: {figures(100 * gain)} %" for name, gain, _ in bars],
+        customdata=[f"{escape_plain(name)}: {format_figures(100 * gain)} %" for name, gain, _ in bars],
         hovertemplate="%{customdata}<extra></extra>",
     )  # fmt: skip
-    figure = chart(
+    figure = make_chart(
         [trace], x_title="share of the squared disagreement taken off what did not fit it, %",
         hovermode="closest", bargap=0.25, margin={"l": 34, "r": 12, "t": 6, "b": 40},
         yaxis_type="category",

@@ -9,21 +9,21 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
-from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, band_hz
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.dynamics.weight import FAR_OFF
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
-    feet_of,
+    find_feet,
     read_movement_forces,
 )
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import ModelRefused
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.inertia import total_mass
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.model.inertia import sum_mass
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
 
@@ -46,23 +46,23 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
     read = read_movement_forces(loaded.session.subject, loaded.plates)
     if not read:
         return {}, (f"no recording has forces: {NOT_TRIED}",)
-    lacking = _lacking(model, loaded.session.subject.mass_kg)
+    lacking = _describe_lack(model, loaded.session.subject.mass_kg)
     if lacking:
         return {}, (f"{lacking}: {NOT_TRIED}",)
-    found, unusable = assign_forces(loaded, read, lambda trial: band_hz(trial.rate_hz))
+    found, unusable = assign_forces(loaded, read, lambda trial: choose_band_hz(trial.rate_hz))
     recorded = {path.stem for path in read}
     without = [trial.name for trial in loaded.session.dynamic if trial.name not in recorded]
-    notes = [f"{few(without)}: no forces, so only markers were compared"] if without else []
-    return found, (*notes, *unusable, *_notes_on_repairs(found))
+    notes = [f"{list_few(without)}: no forces, so only markers were compared"] if without else []
+    return found, (*notes, *unusable, *_note_repairs(found))
 
 
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
     """Forces with the frames in which they are all that touches the body."""
-    usable = usable_frames(forces.ground, forces.contacts)
-    return ContactAssignment(forces.ground, usable, cutoff_hz, _unloaded(forces.ground, forces.contacts))
+    usable = find_usable_frames(forces.ground, forces.contacts)
+    return ContactAssignment(forces.ground, usable, cutoff_hz, _find_unloaded(forces.ground, forces.contacts))
 
 
-def _unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
+def _find_unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
     """Where a plate is read with nobody on it, and long before and after, (n, n_plates).
 
     A load that was given to nobody, for its fault moves the pressure off the foot, is more than any bias.
@@ -73,13 +73,13 @@ def _unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
     return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
 
 
-def _lacking(model: BodyModel, mass_kg: float | None) -> str:
+def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
     """What a model lacks to answer the forces on a person of this mass; empty where it has all."""
     try:
-        feet_of(model)
+        find_feet(model)
     except ModelRefused:
         return f"model '{model.name}' ends above its feet, so the ground's forces act on nothing"
-    mass = total_mass(model)
+    mass = sum_mass(model)
     if mass_kg is not None and 0.0 < mass < mass_kg / FAR_OFF:
         return (
             f"model '{model.name}' weighs {mass:.1f} of the person's {mass_kg:.1f} kg, so it cannot answer "
@@ -88,7 +88,7 @@ def _lacking(model: BodyModel, mass_kg: float | None) -> str:
     return "" if mass > 0.0 else f"model '{model.name}' has no mass"
 
 
-def usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
+def find_usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
     """Frames in which the plates should show all that the ground does, shape (n,).
 
     A foot that steps beside the plates is no finding. A foot that never meets a plate while the other one
@@ -97,7 +97,7 @@ def usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
     loaded = ground.in_contact()
     stray = (loaded & (contacts.foot == NOBODY)).any(axis=1)
     bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
-    beside = _lasting(contacts.on_floor & ~bears, ground.times)
+    beside = _drop_contact_edges(contacts.on_floor & ~bears, ground.times)
     for k in range(len(contacts.feet)):
         others = np.delete(beside, k, axis=1)
         if not bears[:, k].any() and not others.any():
@@ -105,17 +105,17 @@ def usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
     return np.asarray(ground.known.all(axis=1) & ~stray & ~beside.any(axis=1))
 
 
-def _lasting(beside: Mask, times: NDArray[np.float64]) -> Mask:
+def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
     """Without the frames in which a foot comes down and rolls off."""
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     found = np.zeros_like(beside)
     for k in range(beside.shape[1]):
-        for start, stop in runs(beside[:, k]).tolist():
+        for start, stop in find_runs(beside[:, k]).tolist():
             found[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
     return found
 
 
-def _notes_on_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
+def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
     return tuple(
         f"{name}: {repair.where} {repair.detail}"
         for name, forces in found.items()

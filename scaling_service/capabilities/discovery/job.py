@@ -11,7 +11,7 @@ from scaling_service.capabilities.discovery.document import DiscoveryDocument
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.core.progress import Progress, part_of
+from scaling_service.core.progress import Progress, report_part
 from scaling_service.documents.names import DOCUMENT
 
 _COMPUTING, _WRITING = 0.9, 0.97
@@ -32,17 +32,19 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
     """Write ``discovery.json`` (the result), the corrected model and recordings, and the report."""
     from scaling_service.capabilities.discovery.run import discover
     from scaling_service.capabilities.discovery.saving import save_discovery
-    from scaling_service.capabilities.discovery.scene import scene_of_discovery
+    from scaling_service.capabilities.discovery.scene import write_discovery_scene
 
     results = discover(
         inputs / request.subject / DOCUMENT,
         request.part(DiscoverSettings),
         request.settings,
-        progress=part_of(progress, 0.0, _COMPUTING),
+        progress=report_part(progress, 0.0, _COMPUTING),
     )
-    document = save_discovery(results, outputs, progress=part_of(progress, _COMPUTING, _WRITING - _COMPUTING))
+    document = save_discovery(
+        results, outputs, progress=report_part(progress, _COMPUTING, _WRITING - _COMPUTING)
+    )
     progress("writing what is played back", _WRITING)
-    scene_of_discovery(results, outputs)
+    write_discovery_scene(results, outputs)
     return document.model_dump(mode="json")
 
 

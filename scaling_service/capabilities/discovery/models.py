@@ -19,17 +19,17 @@ from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.files.osim.joints import plan_joints
 from scaling_service.files.osim.models import write_osim
 from scaling_service.model.body import BodyModel, Law, Vector
-from scaling_service.model.parameters import after
+from scaling_service.model.parameters import compose_tilts
 
 _ANY_TRIAL = ""
 
 
-def corrected_model(fit: Fit) -> BodyModel:
+def correct_model(fit: Fit) -> BodyModel:
     """The model with all that holds in every recording: shape, markers, masses."""
-    return _with(fit.model, _lasting(fit))
+    return _with(fit.model, _select_lasting(fit))
 
 
-def own_models(fit: Fit) -> dict[str, BodyModel]:
+def make_own_models(fit: Fit) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
     own = {trial for s in fit.effects if _of_model(s) for trial in s.candidate.trials}
     return {
@@ -43,17 +43,17 @@ def _with(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
     return with_inertial_changes(with_effects(model, everywhere, _ANY_TRIAL), everywhere)
 
 
-def _lasting(fit: Fit) -> list[Estimate]:
+def _select_lasting(fit: Fit) -> list[Estimate]:
     return [s for s in fit.estimates if not s.candidate.trials]
 
 
 def _of_model(effect: Estimate) -> bool:
     """Whether an effect changes the model rather than the recording."""
-    parts = _parts(effect)
+    parts = _list_parts(effect)
     return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Oscillation) for p in parts)
 
 
-def _parts(effect: Estimate) -> list[Part]:
+def _list_parts(effect: Estimate) -> list[Part]:
     return [part for column in effect.candidate.columns for part in column.parts]
 
 
@@ -69,25 +69,25 @@ class OsimPlan:
     tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def osim_plan(fit: Fit, prepared: Prepared) -> OsimPlan:
+def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
     """Leave out what OpenSim cannot hold, effect by effect."""
     kept: list[Estimate] = []
     left: list[str] = []
-    for effect in _lasting(fit):
-        reason = _refusal(fit.model, [*kept, effect], effect)
+    for effect in _select_lasting(fit):
+        reason = _describe_refusal(fit.model, [*kept, effect], effect)
         if reason:
             left.append(f"{effect.candidate.name}: {reason}")
         else:
             kept.append(effect)
-    model = _still(_with(fit.model, kept))
-    if not _from_osim(prepared) or not all(map(_amendable, kept)):
+    model = _hold_markers_still(_with(fit.model, kept))
+    if not _from_osim(prepared) or not all(map(_can_be_amended, kept)):
         return OsimPlan(model, tuple(left))
-    return OsimPlan(model, tuple(left), True, _factors(prepared, kept), _tilts(prepared, kept))
+    return OsimPlan(model, tuple(left), True, _list_factors(prepared, kept), _list_tilts(prepared, kept))
 
 
-def _refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> str:
+def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> str:
     """Why an OpenSim file cannot hold an effect; empty where it can."""
-    parts, loads = _parts(effect), [column.load for column in effect.candidate.columns]
+    parts, loads = _list_parts(effect), [column.load for column in effect.candidate.columns]
     if any(isinstance(load, Tilt) for load in loads):
         return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
     if any(isinstance(p.profile, Oscillation) for p in parts) or any(
@@ -103,7 +103,7 @@ def _refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> st
     return ""
 
 
-def _still(model: BodyModel) -> BodyModel:
+def _hold_markers_still(model: BodyModel) -> BodyModel:
     """The model with markers at the constant part of their places."""
     markers = []
     for marker in model.markers:
@@ -112,7 +112,7 @@ def _still(model: BodyModel) -> BodyModel:
     return model.with_markers(tuple(markers))
 
 
-def _amendable(effect: Estimate) -> bool:
+def _can_be_amended(effect: Estimate) -> bool:
     """Whether an effect is a change of sizes, axes, markers or masses, which a file can be given, or none."""
     if isinstance(effect.candidate.change, FreeMotion):
         return False
@@ -120,11 +120,11 @@ def _amendable(effect: Estimate) -> bool:
         return True
     return all(
         isinstance(p.spot, MarkerSpot | SizeSpot | VolumeSpot) and isinstance(p.profile, Constant)
-        for p in _parts(effect)
+        for p in _list_parts(effect)
     )
 
 
-def _factors(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, Vector]:
+def _list_factors(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, Vector]:
     known = dict(prepared.calibration.scale_factors) if prepared.calibration is not None else {}
     for effect in kept:
         for column, size in effect.columns:
@@ -136,28 +136,28 @@ def _factors(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, Vector]:
     return known
 
 
-def _tilts(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, tuple[float, float]]:
+def _list_tilts(prepared: Prepared, kept: Sequence[Estimate]) -> dict[str, tuple[float, float]]:
     known = dict(prepared.calibration.axis_tilts) if prepared.calibration is not None else {}
     for effect in kept:
         if effect.candidate.kind == TILT:
             turn = {column.name[0]: size for column, size in effect.columns}
             more = (turn.get("x", 0.0), turn.get("y", 0.0))
             joint = effect.candidate.where[0]
-            known[joint] = after(known.get(joint, (0.0, 0.0)), more)
+            known[joint] = compose_tilts(known.get(joint, (0.0, 0.0)), more)
     return known
 
 
 def write_corrected_osim(path: Path, fit: Fit, prepared: Prepared) -> tuple[str, ...]:
     """Write ``model.osim`` with all that OpenSim can hold; says in plain sentences what it does not hold."""
-    plan = osim_plan(fit, prepared)
+    plan = plan_osim(fit, prepared)
     notes = tuple(f"model.osim is without {said}" for said in plan.left_out)
     try:
-        return (*notes, *_written(path, plan, prepared))
+        return (*notes, *_write_osim(path, plan, prepared))
     except (DependencyMissing, ModelRefused) as error:
         return (*notes, f"model.osim was not written: {error}")
 
 
-def _written(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
+def _write_osim(path: Path, plan: OsimPlan, prepared: Prepared) -> tuple[str, ...]:
     """Change the file that the model came from; make a new one where that cannot hold what was found."""
     subject, setup = prepared.subject, prepared.loaded.session.scale_setup
     if plan.amended:

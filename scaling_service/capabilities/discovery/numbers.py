@@ -20,23 +20,23 @@ _SUFFIXES = (
 )
 
 
-def figures(value: float | None, count: int = 3) -> str:
+def format_figures(value: float | None, count: int = 3) -> str:
     """A number to some figures, a dash where there is none.
 
     Examples
     --------
-    >>> figures(0.020134), figures(None), figures(1234.5)
+    >>> format_figures(0.020134), format_figures(None), format_figures(1234.5)
     ('0.0201', '–', '1.23e+03')
     """
     return "–" if value is None else f"{value:.{count}g}"
 
 
-def chance(p: float | None) -> str:
+def format_chance(p: float | None) -> str:
     """A p-value as shown.
 
     Examples
     --------
-    >>> chance(0.3), chance(3e-9)
+    >>> format_chance(0.3), format_chance(3e-9)
     ('0.30', '< 0.001')
     """
     if p is None or math.isnan(p):
@@ -44,12 +44,12 @@ def chance(p: float | None) -> str:
     return "< 0.001" if p < 1e-3 else f"{p:.2f}" if p >= 0.01 else f"{p:.3f}"
 
 
-def percent(probability: float) -> str:
+def format_percent(probability: float) -> str:
     """A probability as shown.
 
     Examples
     --------
-    >>> percent(0.4), percent(0.9999), percent(1e-9)
+    >>> format_percent(0.4), format_percent(0.9999), format_percent(1e-9)
     ('40 %', '> 99 %', '< 1 %')
     """
     return "> 99 %" if probability > 0.99 else "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
@@ -80,9 +80,9 @@ def format_quantity(name: str, quantity: QuantityDocument, *, spread: bool = Fal
     return f"{stem} {quantity.value:.{digits}f} ± {sd:.{digits}f}{unit}".strip()
 
 
-def interval(quantity: QuantityDocument) -> str:
+def format_interval(quantity: QuantityDocument) -> str:
     """95 % interval of a number; a dash where its spread is not known."""
     if quantity.sd is None or isinstance(quantity.value, tuple):
         return "–"
     half = _NORMAL_95 * quantity.sd
-    return f"{figures(quantity.value - half)} to {figures(quantity.value + half)}"
+    return f"{format_figures(quantity.value - half)} to {format_figures(quantity.value + half)}"

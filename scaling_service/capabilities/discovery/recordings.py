@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.laws.apply import corrected_forces, corrected_trial
+from scaling_service.capabilities.discovery.laws.apply import correct_forces, correct_trial
 from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.loads import Late, PlateFault
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
@@ -39,13 +39,13 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
     session = prepared.loaded.session
     static = () if session.static is None else (session.static,)
     for trial in (*static, *session.dynamic):
-        write_trc(place / f"{trial.name}.trc", corrected_trial(trial, effects))
+        write_trc(place / f"{trial.name}.trc", correct_trial(trial, effects))
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
         if path.stem in prepared.forces:
             ground = _as_recorded(path, prepared)
             here = [e for e in effects if e.candidate.holds_in(path.stem)]
-            corrected = corrected_forces(ground, ground.times, here)
-            write_sto(place / f"{path.stem}_forces.mot", forces_table(path.stem, corrected))
+            corrected = correct_forces(ground, ground.times, here)
+            write_sto(place / f"{path.stem}_forces.mot", tabulate_forces(path.stem, corrected))
     return (_NOTE,)
 
 
@@ -68,7 +68,7 @@ def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:
     return turn_forces(*read, axes)
 
 
-def forces_table(name: str, ground: GroundForces) -> Table:
+def tabulate_forces(name: str, ground: GroundForces) -> Table:
     """Forces as OpenSim names them: for each plate force, point and free moment, (n, 9).
 
     Where a plate is not loaded the point is one of its surface.

@@ -19,13 +19,13 @@ from scaling_service.capabilities.discovery.figures import (
     draw_gap,
     draw_heat_maps,
     draw_ranking,
-    heat_maps,
+    make_heat_maps,
 )
-from scaling_service.capabilities.discovery.numbers import chance, figures, interval
+from scaling_service.capabilities.discovery.numbers import format_chance, format_figures, format_interval
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.scene import draw_largest_change
-from scaling_service.capabilities.discovery.text import placed
-from scaling_service.core.text import few
+from scaling_service.capabilities.discovery.text import describe_place
+from scaling_service.core.text import list_few
 from scaling_service.report.blocks import (
     Block,
     Bullets,
@@ -40,7 +40,7 @@ from scaling_service.report.blocks import (
     Tone,
 )
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import input_blocks, repair_blocks
+from scaling_service.report.provenance import build_input_blocks, repair_blocks
 from scaling_service.report.scene import Scene
 
 _TONES: dict[str, Tone] = {"found": "good", "nothing": "plain", "unexplained": "fair"}
@@ -49,23 +49,25 @@ _MOST_PLACES, _MOST_ALIKE = 12, 6
 """Places in a table, effects that cannot be told apart (chosen); discovery.json has all."""
 
 
-def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Page:
+def build_discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Page:
     """The page of one search; ``document`` is what is written as ``discovery.json``."""
-    maps = list(heat_maps(results))
+    maps = list(make_heat_maps(results))
     scene = draw_largest_change(results) if document.effects else None
     held = f"; held out: {', '.join(document.held_out_trials)}" if document.held_out_trials else ""
     hidden, bones = text.describe_hidden(document), list(text.describe_bones(document))
     return Page(
         f"What is missing in the model of {document.subject}",
         [
-            Section("Verdict", list(_verdict(document))),
-            Section("1. Where: model and recordings before", list(_where(document, maps))),
-            Section("2. What: the effects that explain it", list(_what(document)), new_page=True),
-            Section("3. After: with what was named", list(_after(document, maps, scene)), new_page=True),
+            Section("Verdict", list(_build_verdict(document))),
+            Section("1. Where: model and recordings before", list(_build_where(document, maps))),
+            Section("2. What: the effects that explain it", list(_build_what(document)), new_page=True),
+            Section(
+                "3. After: with what was named", list(_build_after(document, maps, scene)), new_page=True
+            ),
             *([Section("Bones under the skin", [Bullets(bones)])] if bones else []),
-            Section("4. On unseen data", list(_unseen(document)), new_page=True),
+            Section("4. On unseen data", list(_build_unseen(document)), new_page=True),
             *([Section("What had been hidden in this virtual person", [Bullets(hidden)])] if hidden else []),
-            Section("Where it comes from", list(_provenance(document))),
+            Section("Where it comes from", list(_build_provenance(document))),
         ],
         subtitle=f"Search from the {text.describe_model(document)}. "
         f"Fitted: {', '.join(document.fitted_trials)}{held}",
@@ -73,17 +75,17 @@ def discovery_page(results: DiscoverResults, document: DiscoveryDocument) -> Pag
     )
 
 
-def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
+def _build_verdict(document: DiscoveryDocument) -> Iterator[Block]:
     main = [effect for effect in document.effects if effect.carries]
-    single = [effect for effect in main if not text.tells_class(effect)]
-    blocks: list[Block] = [Bullets([_sentence(effect) for effect in main], numbered=True)]
+    single = [effect for effect in main if not text.is_class_named(effect)]
+    blocks: list[Block] = [Bullets([_write_sentence(effect) for effect in main], numbered=True)]
     cautions, classes = text.list_cautions(main), list(text.describe_classes(single))
     if cautions:
         blocks.append(Callout("Sizes to doubt", [Bullets(cautions)], "fair"))
     if classes:
         blocks.append(Bullets(classes))
     if document.unexplained:
-        left = few([place for u in document.unexplained for place in u.where])
+        left = list_few([place for u in document.unexplained for place in u.where])
         blocks.append(Text(f"Still above the noise floor, and like no effect that is known: {left}."))
         if document.verdict == "unexplained":
             blocks.append(Text(f"Described best: {document.unexplained[0].law}."))
@@ -97,20 +99,20 @@ def _verdict(document: DiscoveryDocument) -> Iterator[Block]:
         yield Bullets(document.notes)
 
 
-def _sentence(effect: EffectDocument) -> str:
+def _write_sentence(effect: EffectDocument) -> str:
     return f"{effect.name} ({effect.belief.summary})" if effect.belief else effect.name
 
 
-def _provenance(document: DiscoveryDocument) -> Iterator[Block]:
+def _build_provenance(document: DiscoveryDocument) -> Iterator[Block]:
     yield Text(f"The search took {document.wall_s:.1f} s and stopped: {document.reason}.")
     yield from repair_blocks(document)
-    yield from input_blocks(document)
+    yield from build_input_blocks(document)
 
 
 # 1. Where
 
 
-def _where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterator[Block]:
+def _build_where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterator[Block]:
     places = document.disagreements
     yield Text(
         "The model follows every recording as closely as it can. What is left over is compared with the "
@@ -131,10 +133,10 @@ def _tabulate_places(places: Sequence[DisagreementDocument]) -> Table:
         Row(
             p.where,
             [
-                f"{figures(p.rms)} {p.unit}",
-                f"{figures(p.floor)} {p.unit}",
+                f"{format_figures(p.rms)} {p.unit}",
+                f"{format_figures(p.floor)} {p.unit}",
                 _share(p.share),
-                chance(p.p),
+                format_chance(p.p),
                 p.when or "–",
                 p.along or "–",
             ],
@@ -158,38 +160,38 @@ def _share(value: float | None) -> Cell:
 # 2. What
 
 
-def _what(document: DiscoveryDocument) -> Iterator[Block]:
+def _build_what(document: DiscoveryDocument) -> Iterator[Block]:
     if not document.effects:
         yield Text(f"No effect was named: {document.reason}.")
     for number, effect in enumerate([e for e in document.effects if e.carries], start=1):
-        yield Heading(f"{number}. {placed(effect)}")
-        yield from _chapter(effect)
+        yield Heading(f"{number}. {describe_place(effect)}")
+        yield from _build_chapter(effect)
     for effect in document.effects:
         if not effect.carries:
-            yield Details(f"Smaller: {placed(effect)}", list(_chapter(effect)))
+            yield Details(f"Smaller: {describe_place(effect)}", list(_build_chapter(effect)))
     if document.effects or document.tried:
         yield draw_candidates(document)
     if document.effects:
         yield Text(f"The search then stopped: {document.reason}.", quiet=True)
 
 
-def _chapter(effect: EffectDocument) -> Iterator[Block]:
-    yield Text(f"{text.meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
+def _build_chapter(effect: EffectDocument) -> Iterator[Block]:
+    yield Text(f"{text.describe_meaning(effect.kind).capitalize()}. {effect.evidence.summary}")
     if effect.belief is not None:
         yield Text(f"How sure: {effect.belief.summary}.")
     yield _tabulate_numbers(effect)
-    yield from _alike(effect)
+    yield from _build_alike(effect)
 
 
 def _tabulate_numbers(effect: EffectDocument) -> Table:
     rows = []
     for name, quantity in effect.parameters.items():
         value = quantity.value
-        said = ", ".join(f"{v:.2f}" for v in value) if isinstance(value, tuple) else figures(value)
-        smallest = figures(effect.smallest_nameable.get(name))
-        usual = "–" if quantity.usual is None else " to ".join(map(figures, quantity.usual))
+        said = ", ".join(f"{v:.2f}" for v in value) if isinstance(value, tuple) else format_figures(value)
+        smallest = format_figures(effect.smallest_nameable.get(name))
+        usual = "–" if quantity.usual is None else " to ".join(map(format_figures, quantity.usual))
         shown = Cell(said, tone="fair" if quantity.implausible or quantity.at_bound else "plain")
-        rows.append(Row(name, [shown, interval(quantity), usual, smallest]))
+        rows.append(Row(name, [shown, format_interval(quantity), usual, smallest]))
     return Table(
         "Its numbers",
         ["", "value", "95 % interval", "met", "named from"],
@@ -199,13 +201,17 @@ def _tabulate_numbers(effect: EffectDocument) -> Table:
     )
 
 
-def _alike(effect: EffectDocument) -> Iterator[Block]:
+def _build_alike(effect: EffectDocument) -> Iterator[Block]:
     """Its equivalence class, and what would separate it."""
     if not effect.confusable_with:
         return
 
     def said(other: PlacedEffect) -> str:
-        return placed(other) if other.kind == effect.kind else f"{placed(other)}: {text.meaning(other.kind)}"
+        return (
+            describe_place(other)
+            if other.kind == effect.kind
+            else f"{describe_place(other)}: {text.describe_meaning(other.kind)}"
+        )
 
     yield Text("These recordings do not tell it from:")
     yield Bullets([said(other) for other in effect.confusable_with[:_MOST_ALIKE]])
@@ -219,7 +225,9 @@ def _alike(effect: EffectDocument) -> Iterator[Block]:
 # 3. After
 
 
-def _after(document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | None) -> Iterator[Block]:
+def _build_after(
+    document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | None
+) -> Iterator[Block]:
     if not document.effects:
         yield Text("Nothing was named, so nothing changed: the picture is the one before.")
     else:
@@ -242,7 +250,7 @@ def _after(document: DiscoveryDocument, maps: Sequence[HeatMap], scene: Scene | 
 # 4. On unseen data
 
 
-def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
+def _build_unseen(document: DiscoveryDocument) -> Iterator[Block]:
     unseen = (
         f"The right half of each picture shows recordings that fitted nothing: "
         f"{', '.join(document.held_out_trials)}."
@@ -254,7 +262,7 @@ def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
         f"What fits the recordings that it was fitted to is no proof. {unseen} Black-box bound: what a "
         "correction with as many numbers reaches, which knows nothing of bodies."
     )
-    gaps = text.gaps_of(document)
+    gaps = text.list_gaps(document)
     held_out = document.gap.held_out
     yield Grid([draw_gap(gaps, *of) for of in text.LEVELS if getattr(held_out, of[0]) is not None])
     yield text.tabulate_gaps(document)
@@ -263,8 +271,8 @@ def _unseen(document: DiscoveryDocument) -> Iterator[Block]:
         verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
         yield Text(
             f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
-            f"{figures(held_out.absorbed)} times the noise floor would be left on what did not fit it, "
-            f"against {figures(level.after)}: {verdict}."
+            f"{format_figures(held_out.absorbed)} times the noise floor would be left on what did not fit, "
+            f"against {format_figures(level.after)}: {verdict}."
         )
     yield _tabulate_levels(gaps)
 
@@ -274,7 +282,10 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
     last = list(gaps.values())[-1].places
     order = sorted(last, key=lambda name: -(last[name].before or 0.0) / (last[name].floor or 1.0))
     rows = [
-        Row(f"{name}, {last[name].unit}", [c for g in gaps.values() for c in _cells(g.places.get(name))])
+        Row(
+            f"{name}, {last[name].unit}",
+            [c for g in gaps.values() for c in _format_cells(g.places.get(name))],
+        )
         for name in order
     ]
     names = ("before", "after", "noise floor", "closed")
@@ -286,13 +297,18 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
     )
 
 
-def _cells(level: LevelDocument | None) -> list[str | Cell]:
+def _format_cells(level: LevelDocument | None) -> list[str | Cell]:
     if level is None:
         return ["–"] * 4
-    return [figures(level.before), figures(level.after), figures(level.floor), _share(_closed(level))]
+    return [
+        format_figures(level.before),
+        format_figures(level.after),
+        format_figures(level.floor),
+        _share(_compute_closed_share(level)),
+    ]
 
 
-def _closed(level: LevelDocument) -> float | None:
+def _compute_closed_share(level: LevelDocument) -> float | None:
     if level.before is None or level.after is None or level.floor is None:
         return None
     room = level.before - level.floor

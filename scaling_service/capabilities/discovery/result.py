@@ -13,10 +13,10 @@ import numpy as np
 
 from scaling_service.capabilities.discovery import text
 from scaling_service.capabilities.discovery.belief import (
-    bounds_of,
-    carrying,
-    probability_of_effect,
-    probability_of_sign,
+    estimate_probability,
+    estimate_sign_probability,
+    find_carrying,
+    list_bounds,
 )
 from scaling_service.capabilities.discovery.bones import BoneKnowledge
 from scaling_service.capabilities.discovery.document import (
@@ -38,7 +38,7 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
     Unit,
 )
-from scaling_service.capabilities.discovery.effects.sizes import Range, usual_sizes
+from scaling_service.capabilities.discovery.effects.sizes import Range, look_up_usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
@@ -50,14 +50,14 @@ from scaling_service.capabilities.discovery.search.findings import (
     Level,
     NamedEffect,
     Unexplained,
-    observable_of,
+    classify_place,
 )
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import provenance, repair_notes
+from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import law_value
+from scaling_service.model.compile import evaluate_law
 from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
@@ -88,7 +88,7 @@ class DiscoverResults:
     @property
     def document(self) -> DiscoveryDocument:
         """``discovery.json`` of it."""
-        return discovery_document(self)
+        return make_discovery_document(self)
 
     @property
     def effects(self) -> ResultTable:
@@ -107,7 +107,7 @@ class DiscoverResults:
         return f"<p>{escape(self.document.headline)}</p>{self.effects._repr_html_()}"
 
 
-def discovery_document(
+def make_discovery_document(
     results: DiscoverResults, files: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> DiscoveryDocument:
     """``discovery.json``; ``files``: what was written beside it, ``notes``: what writing had to leave out."""
@@ -115,14 +115,16 @@ def discovery_document(
     fitted, held_out = (
         [name for name, role in prepared.roles.items() if role == of] for of in ("fit", "held_out")
     )
-    carries = carrying(found.named)
-    effects = [_effect(n, prepared.model, c) for n, c in zip(found.named, carries, strict=True)]
-    gap = BothGaps(fit=_gap(found.fit), held_out=_gap(found.held_out))
+    carries = find_carrying(found.named)
+    effects = [_make_effect(n, prepared.model, c) for n, c in zip(found.named, carries, strict=True)]
+    gap = BothGaps(fit=_make_gap(found.fit), held_out=_make_gap(found.held_out))
     left = [UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained]
     return DiscoveryDocument(
-        **_provenance(results),
+        **_make_provenance(results),
         verdict=found.verdict,
-        headline=text.headline(found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)),
+        headline=text.write_headline(
+            found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)
+        ),
         smaller=text.describe_smaller(effects),
         reason=found.reason,
         disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
@@ -130,7 +132,7 @@ def discovery_document(
         gap=gap,
         tried=[TriedDocument(**_place(o.candidate), gain=o.held_out.gain) for o in found.tried],
         unexplained=left,
-        bones=_bones(results),
+        bones=_make_bones(results),
         start=prepared.start,
         fitted_trials=fitted,
         held_out_trials=held_out,
@@ -142,14 +144,14 @@ def discovery_document(
     )
 
 
-def _bones(results: DiscoverResults) -> BonesDocument:
+def _make_bones(results: DiscoverResults) -> BonesDocument:
     known = results.bones
     return BonesDocument(
         skin_mm={name: _MM * sd for name, sd in known.skin.items()},
         expectations=[
             ExpectationDocument(
                 coordinate=e.coordinate,
-                at_rest_deg=math.degrees(law_value(e.law, defaultdict(float))),
+                at_rest_deg=math.degrees(evaluate_law(e.law, defaultdict(float))),
                 follows=[t.coordinate for t in e.law.terms if t.coordinate is not None],
                 sd_deg=math.degrees(e.sd),
                 source=e.source,
@@ -161,10 +163,10 @@ def _bones(results: DiscoverResults) -> BonesDocument:
     )
 
 
-def _provenance(results: DiscoverResults) -> dict[str, Any]:
+def _make_provenance(results: DiscoverResults) -> dict[str, Any]:
     loaded, settings = results.prepared.loaded, results.settings
     chosen = {"discover": results.chosen.resolved(), "search": asdict(results.search)}
-    found = provenance(loaded, loaded.session.dynamic, settings.resolved() | chosen, settings.seed)
+    found = record_provenance(loaded, loaded.session.dynamic, settings.resolved() | chosen, settings.seed)
     for name, forces in results.prepared.forces.items():
         found["repairs"][name] += repair_notes(forces.repairs)
     return found
@@ -189,8 +191,8 @@ def _place(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocument:
-    candidate, numbers = named.effect.candidate, _judged(named, model)
+def _make_effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocument:
+    candidate, numbers = named.effect.candidate, _judge_numbers(named, model)
     others = [PlacedEffect(**_place(other)) for other in named.equivalents]
     return EffectDocument(
         **_place(candidate),
@@ -207,7 +209,7 @@ def _effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocume
             by_blocks=named.held_out.folds,
             summary=text.describe_evidence(named),
         ),
-        belief=_belief(named, numbers),
+        belief=_make_belief(named, numbers),
     )
 
 
@@ -219,10 +221,10 @@ def _name(named: NamedEffect, others: Sequence[PlacedEffect], numbers: Mapping[s
     return text.describe_effect(one.kind, one.where, one.driver, one.trials, numbers)
 
 
-def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:
+def _judge_numbers(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:
     """Every number beside what laboratories meet and what the search allows."""
-    usual, bounds, found = usual_sizes(named.candidate, model), bounds_of(named), {}
-    for name, quantity in quantities(named).items():
+    usual, bounds, found = look_up_usual_sizes(named.candidate, model), list_bounds(named), {}
+    for name, quantity in list_quantities(named).items():
         if not isinstance(quantity.value, tuple):
             known, bound = usual(name), bounds.get(name)
             ends = None if known is None else (known.low, known.high)
@@ -232,14 +234,14 @@ def _judged(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]
     return found
 
 
-def _belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) -> BeliefDocument:
+def _make_belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) -> BeliefDocument:
     sizes = [
         Range(*q.usual).chance(q.value, q.sd or 0.0)
         for q in numbers.values()
         if q.usual is not None and not isinstance(q.value, tuple)
     ]
-    effect, member = probability_of_effect(named), named.member
-    sign, size = probability_of_sign(named.effect.size, named.covariance), min(sizes, default=None)
+    effect, member = estimate_probability(named), named.member
+    sign, size = estimate_sign_probability(named.effect.size, named.covariance), min(sizes, default=None)
     return BeliefDocument(
         effect=effect,
         member=member,
@@ -250,7 +252,7 @@ def _belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) -> Beli
     )
 
 
-def quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
+def list_quantities(named: NamedEffect) -> dict[str, QuantityDocument]:
     """Every number of an effect by its name in the results."""
     columns = named.effect.candidate.columns
     names = [column.name for column in columns]
@@ -288,12 +290,14 @@ def _place_load(names: list[str], values: Array, covariance: Array) -> tuple[lis
     return ["kg", "x_mm", "y_mm", "z_mm"], np.array([kg, *place]), slope @ covariance @ slope.T
 
 
-def _gap(gap: Gap) -> GapDocument:
-    levels = {name: LevelDocument(**_scaled(level, _FACTORS[name])) for name, level in gap.levels.items()}
+def _make_gap(gap: Gap) -> GapDocument:
+    levels = {
+        name: LevelDocument(**_scale_to_results(level, _FACTORS[name])) for name, level in gap.levels.items()
+    }
     places = {}
     for name, level in gap.places.items():
-        unit, factor = _UNITS[observable_of(name)]
-        places[name] = PlaceLevelDocument(**_scaled(level, factor), unit=unit)
+        unit, factor = _UNITS[classify_place(name)]
+        places[name] = PlaceLevelDocument(**_scale_to_results(level, factor), unit=unit)
     return GapDocument(
         whitened=levels.get("whitened"),
         markers_mm=levels.get("markers"),
@@ -304,5 +308,5 @@ def _gap(gap: Gap) -> GapDocument:
     )
 
 
-def _scaled(level: Level, factor: float) -> dict[str, float]:
+def _scale_to_results(level: Level, factor: float) -> dict[str, float]:
     return {name: factor * value for name, value in asdict(level).items()}

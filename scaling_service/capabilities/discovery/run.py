@@ -7,14 +7,14 @@ from pathlib import Path
 
 from scaling_service.capabilities.discovery.bones import learn_bones, without_undetermined
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.models import corrected_model
+from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
-from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model.subject import Subject
 
 USUAL = DiscoverySettings()
@@ -67,7 +67,7 @@ def discover(
     'nothing'
     """
     clock = time.perf_counter()
-    report = progress or silent
+    report = progress or show_nothing
     report("reading the recordings", 0.0)
     loaded = open_subject(subject, settings)
     return run(loaded, chosen, settings, search=search, progress=report, started=clock)
@@ -87,19 +87,19 @@ def run(
     ``started``: value of ``time.perf_counter()`` from which the wall time counts.
     """
     clock = time.perf_counter() if started is None else started
-    report = progress or silent
+    report = progress or show_nothing
     with loaded.blamed():
-        prepared = prepare(loaded, chosen, settings, search.block_s, part_of(report, 0.0, _PREPARING))
+        prepared = prepare(loaded, chosen, settings, search.block_s, report_part(report, 0.0, _PREPARING))
         found = search_effects(
             prepared.model,
             prepared.recordings,
             prepared.free,
             search,
-            progress=part_of(report, _PREPARING, 1.0 - _PREPARING),
+            progress=report_part(report, _PREPARING, 1.0 - _PREPARING),
             notes=prepared.notes,
         )
         fit, left_out = without_undetermined(found.after, found.findings)
-        bones = learn_bones(corrected_model(fit), fit)
+        bones = learn_bones(correct_model(fit), fit)
     report("done", 1.0)
     return DiscoverResults(
         prepared=prepared,

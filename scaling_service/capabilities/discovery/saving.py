@@ -8,11 +8,11 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
-from scaling_service.capabilities.discovery.models import corrected_model, own_models, write_corrected_osim
+from scaling_service.capabilities.discovery.models import correct_model, make_own_models, write_corrected_osim
 from scaling_service.capabilities.discovery.recordings import write_contacts, write_corrected
-from scaling_service.capabilities.discovery.report import discovery_page
-from scaling_service.capabilities.discovery.result import DiscoverResults, discovery_document
-from scaling_service.core.progress import Progress, silent
+from scaling_service.capabilities.discovery.report import build_discovery_page
+from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
+from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
@@ -55,8 +55,8 @@ def save_discovery(
     >>> ss.save_discovery(found, "found", report=False).verdict
     'nothing'
     """
-    say = progress or silent
-    before = _written_before(Path(folder))
+    say = progress or show_nothing
+    before = _list_written_before(Path(folder))
     with all_or_nothing(Path(folder)) as scratch:
         say("writing the model", 0.0)
         notes = _write_models(scratch, results)
@@ -64,11 +64,11 @@ def save_discovery(
         notes += write_corrected(scratch, results.after, results.prepared)
         notes += write_contacts(scratch, results.after)
         files = sorted(p.relative_to(scratch).as_posix() for p in scratch.rglob("*") if p.is_file())
-        document = discovery_document(results, [*files, *([REPORT] if report else [])], notes)
+        document = make_discovery_document(results, [*files, *([REPORT] if report else [])], notes)
         write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            page = discovery_page(results, document)
+            page = build_discovery_page(results, document)
             (scratch / REPORT).write_text(page.html(), encoding="utf-8")
     for path in before - {Path(folder) / name for name in document.files}:
         path.unlink(missing_ok=True)
@@ -76,7 +76,7 @@ def save_discovery(
     return document
 
 
-def _written_before(folder: Path) -> set[Path]:
+def _list_written_before(folder: Path) -> set[Path]:
     """What an earlier search says that it wrote into a folder."""
     try:
         document = DiscoveryDocument.model_validate_json((folder / FILE_NAME).read_bytes())
@@ -90,8 +90,8 @@ def _written_before(folder: Path) -> set[Path]:
 def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
     """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
     fit, bones, notes = results.lasting, results.bones, list(results.bones.notes)
-    _write_model(folder / "model.json", bones.added_to(corrected_model(fit)))
-    for trial, model in own_models(fit).items():
+    _write_model(folder / "model.json", bones.added_to(correct_model(fit)))
+    for trial, model in make_own_models(fit).items():
         _write_model(folder / f"{trial}_model.json", bones.added_to(model))
         notes.append(f"{trial}_model.json holds what was found in {trial} only")
     return (*notes, *write_corrected_osim(folder / "model.osim", fit, results.prepared))

@@ -16,7 +16,7 @@ from scaling_service.capabilities.playback.document import SceneDocument
 from scaling_service.capabilities.playback.drawing import MOST_FACES, Drawing, follow_person, place_bones
 from scaling_service.model.trial import Bone
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.report.methods import words
+from scaling_service.report.methods import spell_name
 from scaling_service.report.scene import Body, Scene, coarsen
 
 BEFORE, AFTER = "as given", "with what was named"
@@ -28,10 +28,10 @@ _MOST_FRAMES = 41
 Rows = NDArray[np.intp]
 
 
-def scene_of_discovery(results: DiscoverResults, outputs: Path) -> SceneDocument:
+def write_discovery_scene(results: DiscoverResults, outputs: Path) -> SceneDocument:
     """Write the model as given, and with what was named, in all recordings, into a job's folder."""
     pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
-    bones = _bones(results.prepared)
+    bones = _list_bones(results.prepared)
     bodies = [
         playback.Body(name, item.task.model, bones)
         for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
@@ -40,14 +40,14 @@ def scene_of_discovery(results: DiscoverResults, outputs: Path) -> SceneDocument
         playback.Recorded(
             before.trial,
             "calibration" if before.role == "fit" else "evaluation",
-            (_played(BEFORE, before), _played(AFTER, after)),
+            (_play_recording(BEFORE, before), _play_recording(AFTER, after)),
         )
         for before, after in pairs
     ]
     return playback.write_scene(results.prepared.subject.id, bodies, recorded, None, outputs)
 
 
-def _bones(prepared: Prepared) -> dict[str, Bone]:
+def _list_bones(prepared: Prepared) -> dict[str, Bone]:
     """The person's bones where the model was scaled from images."""
     images = prepared.loaded.session.images
     if images is None or prepared.calibration is None:
@@ -56,7 +56,7 @@ def _bones(prepared: Prepared) -> dict[str, Bone]:
     return place_bones(prepared.calibration, coarse)
 
 
-def _played(name: str, item: TrackedTrial) -> playback.Played:
+def _play_recording(name: str, item: TrackedTrial) -> playback.Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
     return playback.Played(name, model, item.q, item.markers, distances, frozenset(model.coordinate_names))
@@ -65,10 +65,11 @@ def _played(name: str, item: TrackedTrial) -> playback.Played:
 def draw_largest_change(results: DiscoverResults) -> Scene | None:
     """Both models around the frame in which they differ most; None where no marker was seen."""
     before, after = max(
-        zip(results.before.tracked, results.after.tracked, strict=True), key=lambda pair: _largest(*pair)[0]
+        zip(results.before.tracked, results.after.tracked, strict=True),
+        key=lambda pair: _find_largest(*pair)[0],
     )
-    middle = _largest(before, after)[1]
-    rows = _around(before.trial.times, middle)
+    middle = _find_largest(before, after)[1]
+    rows = _select_around(before.trial.times, middle)
     labels = tuple(m for m in before.markers if m in after.markers)
     measured = after.trial.selected(labels).markers[rows]
     if not np.isfinite(measured).any():
@@ -82,14 +83,14 @@ def draw_largest_change(results: DiscoverResults) -> Scene | None:
             labels,
             measured,
             [
-                _body(BEFORE, BEFORE_COLOUR, before, rows, labels),
-                _body(AFTER, AFTER_COLOUR, after, rows, labels),
+                _make_body(BEFORE, BEFORE_COLOUR, before, rows, labels),
+                _make_body(AFTER, AFTER_COLOUR, after, rows, labels),
             ],
         )
     )
 
 
-def _largest(before: TrackedTrial, after: TrackedTrial) -> tuple[float, int]:
+def _find_largest(before: TrackedTrial, after: TrackedTrial) -> tuple[float, int]:
     """By how much the mean square of a frame's distances falls at most, m2, and in which frame.
 
     Both are held against the corrected recording, so that it is the models that differ. Not at the very ends,
@@ -108,7 +109,7 @@ def _largest(before: TrackedTrial, after: TrackedTrial) -> tuple[float, int]:
     return float(gain[frame]), frame
 
 
-def _around(times: Array, middle: int) -> Rows:
+def _select_around(times: Array, middle: int) -> Rows:
     """Frames to either side, as many on both so that the middle one is seen first."""
     near = np.flatnonzero(np.abs(times - times[middle]) <= _AROUND_S)
     reach = int(min(middle - near[0], near[-1] - middle))
@@ -117,7 +118,7 @@ def _around(times: Array, middle: int) -> Rows:
     return np.asarray(middle + step * np.arange(-half, half + 1), dtype=np.intp)
 
 
-def _body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: tuple[str, ...]) -> Body:
+def _make_body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: tuple[str, ...]) -> Body:
     drawing = Drawing(item.task.model)
     for label in labels:
         drawing.add_marker(label)
@@ -125,7 +126,7 @@ def _body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: tuple[
         name,
         colour,
         drawing.positions(item.q[rows]),
-        centres=[(k, words(centre)) for centre, k in drawing.centres.items()],
+        centres=[(k, spell_name(centre)) for centre, k in drawing.centres.items()],
         sticks=drawing.sticks,
         axes=drawing.axes,
         markers=[(k, label, labels.index(label)) for label, k in drawing.markers.items()],

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.forces import assign_contacts, read_ground_forces
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
@@ -27,7 +27,6 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.exchanged import without_exchanges
 
 NOTE = "as calibrated"
@@ -145,9 +144,7 @@ def free_parameters(
     row = METHODS.get(method)
     if not isinstance(row, Optimised):
         return ()
-    shown = frozenset(
-        label for t in trials for label, once in zip(t.labels, ever(seen(t.markers)), strict=True) if once
-    )
+    shown = frozenset(label for trial in trials for label in trial.shown_labels)
     marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
     scene = Scene(model, marked, (), ())
     # one candidate for each thing that was freed, with the columns of its free numbers
@@ -156,7 +153,7 @@ def free_parameters(
         free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
     found = []
     for (group, target), letters in free.items():
-        for candidate in candidates(scene, [_SAME_CHANGE[group]]):
+        for candidate in propose_candidates(scene, [_SAME_CHANGE[group]]):
             if candidate.where == (target,):
                 # a size has one column, whatever its letter
                 columns = tuple(c for c in candidate.columns if group == "length" or c.name[0] in letters)

@@ -14,14 +14,19 @@ from scaling_service.capabilities.discovery.document import (
     QuantityDocument,
     UnexplainedDocument,
 )
-from scaling_service.capabilities.discovery.effects.catalogue import known_effects
-from scaling_service.capabilities.discovery.effects.sizes import source_of_sizes
+from scaling_service.capabilities.discovery.effects.catalogue import find_effects
+from scaling_service.capabilities.discovery.effects.sizes import cite_source_of_sizes
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Reweighed
-from scaling_service.capabilities.discovery.numbers import chance, figures, format_quantity, percent
+from scaling_service.capabilities.discovery.numbers import (
+    format_chance,
+    format_figures,
+    format_percent,
+    format_quantity,
+)
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.report.blocks import Cell, Row, Table
-from scaling_service.report.methods import words
+from scaling_service.report.methods import spell_name
 
 LEVELS = (
     ("whitened", "all together", "times the noise floor"),
@@ -38,9 +43,9 @@ _TOLD_ALONE = 0.3
 three as good, for no other member is likelier)."""
 
 
-def meaning(kind: str) -> str:
+def describe_meaning(kind: str) -> str:
     """What an effect is, in a sentence without its place."""
-    return known_effects()[kind].meaning
+    return find_effects()[kind].meaning
 
 
 # Sentences
@@ -61,10 +66,10 @@ def describe_effect(
     >>> describe_effect("plate_gain", ("plate_1",), (), (), gain)
     'plate_1: the plate measures a multiple of the true force: factor 1.02'
     """
-    following = f", here {few([words(d) for d in driver])}" if driver else ""
-    only = f", in {few(trials)} only" if trials else ""
+    following = f", here {list_few([spell_name(d) for d in driver])}" if driver else ""
+    only = f", in {list_few(trials)} only" if trials else ""
     sizes = ", ".join(format_quantity(name, quantity) for name, quantity in parameters.items())
-    return f"{few(where)}: {meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
+    return f"{list_few(where)}: {describe_meaning(kind)}{following}{only}" + (f": {sizes}" if sizes else "")
 
 
 def describe_class(first: PlacedEffect, others: Sequence[PlacedEffect], would_separate: str) -> str:
@@ -76,7 +81,7 @@ def describe_class(first: PlacedEffect, others: Sequence[PlacedEffect], would_se
     >>> describe_class(skin, [hip], "quiet standing")
     'one of 2 not told apart here: plate gain at plate_1; plate gain at plate_2. To separate: quiet standing'
     """
-    shown = [placed(each) for each in (first, *others)][:_MOST_ALIKE]
+    shown = [describe_place(each) for each in (first, *others)][:_MOST_ALIKE]
     left = 1 + len(others) - len(shown)
     more = f" and {left} more" if left else ""
     apart = f". To separate: {would_separate}" if would_separate else ""
@@ -88,17 +93,17 @@ def is_class(member: float) -> bool:
     return member < _TOLD_ALONE
 
 
-def tells_class(effect: EffectDocument) -> bool:
+def is_class_named(effect: EffectDocument) -> bool:
     """Whether an effect stands for its class, and not for itself."""
     return effect.belief is not None and is_class(effect.belief.member)
 
 
-def placed(effect: PlacedEffect) -> str:
+def describe_place(effect: PlacedEffect) -> str:
     """An effect in a line: what, where, along with what, in which recording.
 
     Examples
     --------
-    >>> placed(PlacedEffect(kind="plate_gain", where=["plate_1"]))
+    >>> describe_place(PlacedEffect(kind="plate_gain", where=["plate_1"]))
     'plate gain at plate_1'
     """
     following = f" with {', '.join(effect.driver)}" if effect.driver else ""
@@ -112,7 +117,7 @@ def describe_model(document: DiscoveryDocument) -> str:
     return "model as given" if document.start == "none" else f"model scaled by {document.start}"
 
 
-def headline(
+def write_headline(
     verdict: str,
     effects: Sequence[EffectDocument],
     level: LevelDocument | None,
@@ -127,24 +132,26 @@ def headline(
     """
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
-        tracked = f": {unseen} are tracked to {figures(level.after)} times the noise floor" if level else ""
+        tracked = (
+            f": {unseen} are tracked to {format_figures(level.after)} times the noise floor" if level else ""
+        )
         return f"Nothing stands above the noise{tracked}"
     if verdict == "unexplained":
         return "Something stands above the noise, and nothing in the catalogue explains it"
     count = sum(effect.carries for effect in effects)
     things = "One missing effect was" if count == 1 else f"{count} missing effects were"
     doubtful = sum(effect.carries and has_doubtful_size(effect) for effect in effects)
-    classes = sum(effect.carries and tells_class(effect) for effect in effects)
+    classes = sum(effect.carries and is_class_named(effect) for effect in effects)
     whose = ("", "") if count == 1 else (f"{classes} of them ", f"{doubtful} of them ")
     doubt = f", {whose[0]}named only as a class of effects" if classes else ""
     doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
     if level is None:
         return f"{things} found{doubt}"
-    fall = f"falls from {figures(level.before)} to {figures(level.after)} times the noise floor"
-    return f"{things} found{doubt}; the gap on {unseen} {fall}{_most_left(level, left)}"
+    fall = f"falls from {format_figures(level.before)} to {format_figures(level.after)} times the noise floor"
+    return f"{things} found{doubt}; the gap on {unseen} {fall}{_describe_most_left(level, left)}"
 
 
-def _most_left(level: LevelDocument, left: Sequence[UnexplainedDocument]) -> str:
+def _describe_most_left(level: LevelDocument, left: Sequence[UnexplainedDocument]) -> str:
     """Where effects explain little of what stands above the noise: that, and where most of it is left."""
     if level.before is None or level.after is None or not left:
         return ""
@@ -152,16 +159,15 @@ def _most_left(level: LevelDocument, left: Sequence[UnexplainedDocument]) -> str
     if taken >= _LITTLE * above:
         return ""
     most = left[0]
-    return (
-        f". Most of it is left unexplained, above all at {few(most.where)} ({figures(most.rms)} {most.unit})"
-    )
+    size = f"{format_figures(most.rms)} {most.unit}"
+    return f". Most of it is left unexplained, above all at {list_few(most.where)} ({size})"
 
 
 def describe_smaller(effects: Sequence[EffectDocument]) -> str:
     """In a line, what improves the fit beside what carries the gap; empty where there is nothing."""
-    small = [placed(effect) for effect in effects if not effect.carries]
+    small = [describe_place(effect) for effect in effects if not effect.carries]
     things = "One smaller thing improves" if len(small) == 1 else f"{len(small)} smaller things improve"
-    return f"{things} the fit: {few(small)}" if small else ""
+    return f"{things} the fit: {list_few(small)}" if small else ""
 
 
 def describe_belief(effect: float, member: float, sign: float | None, size: float | None) -> str:
@@ -178,23 +184,23 @@ def describe_belief(effect: float, member: float, sign: float | None, size: floa
         ("its sign", sign),
         ("a size that laboratories meet", size),
     )
-    return "; ".join(f"{what}: {percent(value)}" for what, value in beliefs if value is not None)
+    return "; ".join(f"{what}: {format_percent(value)}" for what, value in beliefs if value is not None)
 
 
 def describe_cautions(candidate: Candidate, parameters: Mapping[str, QuantityDocument]) -> Iterator[str]:
     """Numbers of an effect that are implausible, and those that stand at a bound of the search."""
     for name, quantity in parameters.items():
-        said = f"{few(candidate.where)}: {format_quantity(name, quantity)}"
+        said = f"{list_few(candidate.where)}: {format_quantity(name, quantity)}"
         if quantity.at_bound:
             yield f"{said} is a bound of the search, not an estimate"
         elif quantity.usual is not None and quantity.implausible:
-            met = " to ".join(map(figures, quantity.usual))
-            yield f"{said} is implausible: {met} is met ({source_of_sizes(candidate.kind)})"
+            met = " to ".join(map(format_figures, quantity.usual))
+            yield f"{said} is implausible: {met} is met ({cite_source_of_sizes(candidate.kind)})"
 
 
 def list_beliefs(effects: Sequence[EffectDocument]) -> list[str]:
     """How far each effect may be believed."""
-    return [f"{placed(e)}: {e.belief.summary}" for e in effects if e.belief is not None]
+    return [f"{describe_place(e)}: {e.belief.summary}" for e in effects if e.belief is not None]
 
 
 def list_cautions(effects: Sequence[EffectDocument]) -> list[str]:
@@ -209,9 +215,8 @@ def has_doubtful_size(effect: EffectDocument) -> bool:
 
 def describe_evidence(named: NamedEffect) -> str:
     """What speaks for an effect."""
-    family = (
-        f"The chance of naming anything in the whole catalogue where nothing is: {chance(named.p_family)}."
-    )
+    chance = format_chance(named.p_family)
+    family = f"The chance of naming anything in the whole catalogue where nothing is: {chance}."
     if isinstance(named.candidate.change, Reweighed):
         return (
             f"The momentum balance of all recordings with forces says so; none was held out from it. {family}"
@@ -219,20 +224,21 @@ def describe_evidence(named: NamedEffect) -> str:
     held_out = named.held_out
     unseen = "blocks of time that did not fit it" if held_out.folds else "recordings that did not fit it"
     gain = f"{held_out.gain:.0%}" if math.isfinite(held_out.gain) else "an unknown share"
-    by_chance = chance(held_out.p)
+    by_chance = format_chance(held_out.p)
     return f"It takes {gain} off the squared disagreement of {unseen} (by chance: {by_chance}). {family}"
 
 
 def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
     """Which effects these recordings do not tell from others, and what would."""
     for effect in effects:
-        if tells_class(effect):
+        if is_class_named(effect):
             yield effect.name
         elif effect.confusable_with:
-            others = [placed(other) for other in effect.confusable_with]
+            others = [describe_place(other) for other in effect.confusable_with]
             more = f" and {len(others) - _MOST_ALIKE} more" if len(others) > _MOST_ALIKE else ""
             apart = f". To separate: {effect.would_separate}" if effect.would_separate else ""
-            yield f"{placed(effect)} cannot be told here from {'; '.join(others[:_MOST_ALIKE])}{more}{apart}"
+            alike = "; ".join(others[:_MOST_ALIKE])
+            yield f"{describe_place(effect)} cannot be told here from {alike}{more}{apart}"
 
 
 def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
@@ -241,26 +247,31 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
     if known is None:
         return
     for expected in known.expectations:
-        follows = f", following {few([words(f) for f in expected.follows])}" if expected.follows else ""
+        follows = (
+            f", following {list_few([spell_name(f) for f in expected.follows])}" if expected.follows else ""
+        )
         yield (
-            f"{words(expected.coordinate)} is expected about the posture in which the markers were placed"
-            f"{follows}, ± {figures(expected.sd_deg, 2)} deg ({expected.source})"
+            f"{spell_name(expected.coordinate)} is expected about the posture in which markers were placed"
+            f"{follows}, ± {format_figures(expected.sd_deg, 2)} deg ({expected.source})"
         )
     if known.skin_mm:
         least, most = min(known.skin_mm.values()), max(known.skin_mm.values())
         yield (
-            f"How far skin moves over the bone was learnt at {few(list(known.skin_mm))}: {figures(least, 2)} "
-            f"to {figures(most, 2)} mm along an axis"
+            f"How far skin moves over the bone was learnt at {list_few(list(known.skin_mm))}: "
+            f"{format_figures(least, 2)} "
+            f"to {format_figures(most, 2)} mm along an axis"
         )
     if known.undetermined:
         yield (
-            f"What the skin of {few(known.undetermined)} does as a whole over the bone, its turn about the "
+            f"What the skin of {list_few(known.undetermined)} does as a whole over the bone, its turn about "
+            f"the "
             "long axis above all, is not determined by these recordings: it is not named, and counts with "
             "its published size in standard deviations"
         )
     if known.left_out:
         yield (
-            f"Named but left out of model.json: {few(known.left_out)}. More moves the same markers, so these "
+            f"Named but left out of model.json: {list_few(known.left_out)}. More moves the same markers, "
+            f"so these "
             "recordings do not show where it takes the bones"
         )
 
@@ -268,7 +279,7 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
 def describe_hidden(document: DiscoveryDocument) -> list[str]:
     """What a search of a virtual person should have found."""
     return [
-        f"{placed(h)}: {', '.join(f'{name} {value:.3g}' for name, value in h.parameters.items())}"
+        f"{describe_place(h)}: {', '.join(f'{name} {value:.3g}' for name, value in h.parameters.items())}"
         for h in document.hidden or ()
     ]
 
@@ -289,20 +300,21 @@ def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Ta
         more = [f"and {len(sizes) - _MOST_NUMBERS} more"] if len(sizes) > _MOST_NUMBERS else []
         levels = document.gap.held_out.places
         gaps = [
-            f"{name} {figures(level.before)} → {figures(level.after)} ({figures(level.floor)}) {level.unit}"
+            f"{name} {format_figures(level.before)} → {format_figures(level.after)} "
+            f"({format_figures(level.floor)}) {level.unit}"
             for name, level in ((name, levels[name]) for name in effect.where if name in levels)
         ]
         size = "\n".join([*sizes[:_MOST_NUMBERS], *more])
         shown = Cell(size, tone="fair" if has_doubtful_size(effect) else "plain")
         cells: list[str | Cell] = [", ".join(effect.where) + following + only, shown, "\n".join(gaps)]
-        others = "\nor another of its class" if tells_class(effect) else ""
+        others = "\nor another of its class" if is_class_named(effect) else ""
         rows.append(Row(effect.kind.replace("_", " ") + others, cells))
     columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
     caption = "The missing effects" if carries else "Smaller things that improve the fit"
     return Table(caption, columns, rows, words=True)
 
 
-def gaps_of(document: DiscoveryDocument) -> dict[str, GapDocument]:
+def list_gaps(document: DiscoveryDocument) -> dict[str, GapDocument]:
     """Role of recordings to their gap; one only where none was held out."""
     found = {"used to fit": document.gap.fit}
     return found | ({"held out": document.gap.held_out} if document.held_out_trials else {})
@@ -313,9 +325,9 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
     rows = [
         Row(
             f"{role}: {name}, {unit}",
-            [figures(v) for v in (level.before, level.after, level.floor, level.ceiling)],
+            [format_figures(v) for v in (level.before, level.after, level.floor, level.ceiling)],
         )
-        for role, gap in gaps_of(document).items()
+        for role, gap in list_gaps(document).items()
         for field, name, unit in LEVELS
         if (level := getattr(gap, field)) is not None
     ]
@@ -325,7 +337,10 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
 def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
     """What is left above the noise floor, the first places with the law that describes each."""
     rows = [
-        Row(", ".join(u.where), [f"{figures(u.rms)} {u.unit}", f"{figures(u.floor)} {u.unit}", u.law])
+        Row(
+            ", ".join(u.where),
+            [f"{format_figures(u.rms)} {u.unit}", f"{format_figures(u.floor)} {u.unit}", u.law],
+        )
         for u in document.unexplained[:most]
     ]
     more = len(document.unexplained) - most

@@ -9,8 +9,8 @@ from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
     list_files,
+    make_console,
     print_subject,
     print_table,
     print_tables,
@@ -52,15 +52,15 @@ def dynamics(
 def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
     from scaling_service.capabilities.dynamics.document import merge_warnings
-    from scaling_service.capabilities.dynamics.report import inertial_tables, residual_tables
+    from scaling_service.capabilities.dynamics.report import make_inertial_tables, make_residual_tables
 
-    console, inertial = console_of_results(), document.inertial
+    console, inertial = make_console(), document.inertial
     how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
     own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
     print_subject(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
-    print_tables(console, residual_tables(document.trials))
+    print_tables(console, make_residual_tables(document.trials))
     if inertial is not None and inertial.combinations:
-        for table in inertial_tables(inertial, most=_SHOWN):
+        for table in make_inertial_tables(inertial, most=_SHOWN):
             print_table(console, table)
     warnings = (
         *document.warnings,

@@ -7,17 +7,17 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.documents.base import Part
 from scaling_service.documents.results import Provenance
 
 
-def _rounded(value: float) -> float:
+def _round_figures(value: float) -> float:
     """Six significant figures; forces are not known to more than three."""
     return float(f"{value:.6g}")
 
 
-Number = Annotated[float, AfterValidator(_rounded)]
+Number = Annotated[float, AfterValidator(_round_figures)]
 Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(tuple)]
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
@@ -181,4 +181,4 @@ def merge_warnings(document: DynamicsDocument) -> list[str]:
     for name, trial in document.trials.items():
         for warning in trial.warnings:
             where.setdefault(warning.removeprefix(f"{name}: "), []).append(name)
-    return [f"{few(names)}: {said}" for said, names in where.items()]
+    return [f"{list_few(names)}: {said}" for said, names in where.items()]

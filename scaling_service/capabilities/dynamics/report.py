@@ -31,10 +31,10 @@ from scaling_service.report.blocks import (
     Text,
     Tone,
 )
-from scaling_service.report.figures import Figure, chart
+from scaling_service.report.figures import Figure, make_chart
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
-from scaling_service.report.provenance import origin_blocks
+from scaling_service.report.provenance import build_origin_blocks
 
 _HEADLINES: tuple[tuple[str, Tone], ...] = (
     ("These recordings cannot tell this person's inertia better than a table", "unknown"),
@@ -55,21 +55,21 @@ _NOTED = 0.1
 """Least change that is worth a row in the first table, prior standard deviations (chosen)."""
 
 
-def dynamics_page(document: DynamicsDocument, curves: Curves) -> Page:
+def build_dynamics_page(document: DynamicsDocument, curves: Curves) -> Page:
     """The page of one person's dynamics."""
     model = "The given model as it is" if document.start == "none" else f"Model scaled by {document.start}"
     inertia = "its own inertia" if document.inertia == "model" else f"inertia of {document.inertia}"
     chapters = {
-        "Residuals": residual_blocks(document, curves),
-        "Residual against its uncertainty": uncertainty_blocks(document),
+        "Residuals": build_residual_blocks(document, curves),
+        "Residual against its uncertainty": build_uncertainty_blocks(document),
     }
     if document.inertial is not None:
-        chapters["Identified inertia"] = _inertia(document.inertial)
-    chapters |= {"Joint loads": _loads(document), "Where this comes from": _provenance(document)}
+        chapters["Identified inertia"] = _build_inertia(document.inertial)
+    chapters |= {"Joint loads": _build_loads(document), "Where this comes from": _build_provenance(document)}
     return Page(
         f"Dynamics of {document.subject}",
         [
-            Section("Verdict", list(_verdict(document))),
+            Section("Verdict", list(_build_verdict(document))),
             *(Section(title, list(blocks), new_page=True) for title, blocks in chapters.items()),
         ],
         subtitle=f"{model}, {inertia}, {document.mass_kg:.1f} kg, {document.height_m:.2f} m",
@@ -77,13 +77,13 @@ def dynamics_page(document: DynamicsDocument, curves: Curves) -> Page:
     )
 
 
-def _verdict(document: DynamicsDocument) -> Iterator[Block]:
+def _build_verdict(document: DynamicsDocument) -> Iterator[Block]:
     supported = [yes for trial in document.trials.values() for yes in trial.calibration_supported]
     headline, tone = _WRONG_MASS if document.weight.differs else _HEADLINES[any(supported) + all(supported)]
     yield Callout(headline, [Text(document.verdict), Bullets(merge_warnings(document))], tone)
 
 
-def _loads(document: DynamicsDocument) -> Iterator[Block]:
+def _build_loads(document: DynamicsDocument) -> Iterator[Block]:
     trials = document.trials
     loads = [trial.joint_loads for trial in trials.values()]
     rows = [
@@ -99,42 +99,45 @@ def _loads(document: DynamicsDocument) -> Iterator[Block]:
     )
 
 
-def _provenance(document: DynamicsDocument) -> Iterator[Block]:
-    yield from origin_blocks(document, document.warnings)
+def _build_provenance(document: DynamicsDocument) -> Iterator[Block]:
+    yield from build_origin_blocks(document, document.warnings)
     seconds = Row("seconds in all", [f"{document.wall_s:.1f}"])
     yield Details("Computing time", [Table("Computing time", ["", ""], [seconds])])
 
 
-def _inertia(found: IdentificationDocument) -> Iterator[Block]:
+def _build_inertia(found: IdentificationDocument) -> Iterator[Block]:
     """Inertial parameters before and after, and the wrench that each explains."""
     before, after = found.total_mass_kg
     mass = f"Total mass {before:.1f} kg" + ("" if abs(after - before) < 0.05 else f", now {after:.1f} kg")
-    headline, tone = _headline(found)
-    yield Callout(headline, [Bullets([f"{mass}. Components used: {_used(found)}.", *found.warnings])], tone)
+    headline, tone = _write_headline(found)
+    yield Callout(
+        headline, [Bullets([f"{mass}. Components used: {_describe_used(found)}.", *found.warnings])], tone
+    )
     yield Text(
         "Tables are the prior, with the scatter between them as its standard deviation. Only combinations "
         "that the recordings say more about than the tables do were free to move; every segment stays a "
         "possible body (positive mass, pseudo-inertia positive definite, centre of mass within its joints "
         "and markers)."
     )
-    yield from inertial_tables(found)
+    yield from make_inertial_tables(found)
     if found.combinations:
-        yield _combinations(found)
+        yield _tabulate_combinations(found)
     yield Details(
-        f"All {len(found.parameters)} numbers", [_parameters("All inertial parameters", found.parameters)]
+        f"All {len(found.parameters)} numbers",
+        [_tabulate_parameters("All inertial parameters", found.parameters)],
     )
 
 
-def inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
+def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
     """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
-    yield _fits(found)
+    yield _tabulate_fits(found)
     moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
     if moved:
         largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
-        yield _parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
+        yield _tabulate_parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
 
 
-def _headline(found: IdentificationDocument) -> tuple[str, Tone]:
+def _write_headline(found: IdentificationDocument) -> tuple[str, Tone]:
     count = len(found.combinations)
     if not count:
         return "Nothing moved: the recordings say less about the inertia than the tables", "unknown"
@@ -142,17 +145,17 @@ def _headline(found: IdentificationDocument) -> tuple[str, Tone]:
     ratio = found.held_out_ratio
     if ratio is None:
         return f"{moved}; no recording was held out to check it", "unknown"
-    what = "the wrench" if all(found.components) else _used(found)
+    what = "the wrench" if all(found.components) else _describe_used(found)
     better = ratio < 1.0
     how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
 
 
-def _used(found: IdentificationDocument) -> str:
+def _describe_used(found: IdentificationDocument) -> str:
     return ", ".join(c for c, yes in zip(COMPONENTS, found.components, strict=True) if yes)
 
 
-def _fits(found: IdentificationDocument) -> Table:
+def _tabulate_fits(found: IdentificationDocument) -> Table:
     rows: list[Row] = []
     for name, fit in found.trials.items():
         rows.append(Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
@@ -162,7 +165,7 @@ def _fits(found: IdentificationDocument) -> Table:
     return Table("RMS error of the ground wrench, before and after", ["", *units], rows)
 
 
-def _parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
+def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
     rows = [
         Row(
             f"{p.segment} {p.quantity}, {p.unit}",
@@ -186,7 +189,7 @@ def _parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
     )
 
 
-def _combinations(found: IdentificationDocument) -> Table:
+def _tabulate_combinations(found: IdentificationDocument) -> Table:
     rows = [
         Row(
             ", ".join(f"{part.weight:+.2f} {part.segment} {part.quantity}" for part in c.parts),
@@ -213,7 +216,7 @@ _PLATE = "#0072B2"
 _LOW, _HIGH = 1e-4, 100.0  # %; chosen: from below any plate's noise to the whole body weight
 
 
-def residual_blocks(document: DynamicsDocument, curves: Curves) -> Iterator[Block]:
+def build_residual_blocks(document: DynamicsDocument, curves: Curves) -> Iterator[Block]:
     """Residuals of every recording over time, against published limits, and their RMS."""
     yield Text(
         "The residual is the force and moment that the motion needs and the plates do not show. Its moment "
@@ -226,14 +229,14 @@ def residual_blocks(document: DynamicsDocument, curves: Curves) -> Iterator[Bloc
         yield Heading(f"{name} ({trial.role}), forces from {trial.forces_from}")
         yield Grid(
             [
-                _over_time(name, trial, times, residual[:, :3], "force", "N"),
-                _over_time(name, trial, times, residual[:, 3:], "moment", "N m"),
+                _draw_over_time(name, trial, times, residual[:, :3], "force", "N"),
+                _draw_over_time(name, trial, times, residual[:, 3:], "moment", "N m"),
             ]
         )
-    yield from residual_tables(document.trials)
+    yield from make_residual_tables(document.trials)
 
 
-def _over_time(
+def _draw_over_time(
     name: str, trial: TrialDynamicsDocument, times: Array, residual: Array, what: str, unit: str
 ) -> Figure:
     limit = next(g.limit for g in trial.gates if g.name == f"peak {what}" and g.source == HICKS)
@@ -253,14 +256,14 @@ def _over_time(
     peaks = np.nanmax(np.abs(residual), axis=0)
     said = ", ".join(f"{axis} {peak:.0f}" for (axis, _, _), peak in zip(_AXES, peaks, strict=True))
     return Figure(
-        chart(traces, x_title="time, s", y_title=f"residual {what}, {unit}", shapes=bounds),
+        make_chart(traces, x_title="time, s", y_title=f"residual {what}, {unit}", shapes=bounds),
         f"{name}: residual {what}",
         f"Residual {what} of {name} over time, {unit}. Largest: {said}. Limit {limit:.0f}.",
         240,
     )
 
 
-def residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
+def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
     """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
     first = next(iter(trials.values()))
     columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
@@ -299,7 +302,7 @@ def residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table,
         "Residuals against published limits: value (limit)",
         columns,
         [
-            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_gate_cell(t, k) for t in trials.values()])
+            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()])
             for k, gate in enumerate(first.gates)
         ],
         "Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation checklist, which "
@@ -308,7 +311,7 @@ def residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table,
     return rms, shares, gates
 
 
-def _gate_cell(trial: TrialDynamicsDocument, k: int) -> Cell:
+def _format_gate(trial: TrialDynamicsDocument, k: int) -> Cell:
     gate = trial.gates[k]
     return Cell(
         f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
@@ -316,7 +319,7 @@ def _gate_cell(trial: TrialDynamicsDocument, k: int) -> Cell:
     )
 
 
-def uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:
+def build_uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:
     """Residual indicator and uncertainty of every recording."""
     yield Text(
         "Errors of markers and plates alone give a residual, whatever the inertia. Where the residual stands "
@@ -332,12 +335,12 @@ def uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:
             ("uncertainty by the plates", _PLATE, "solid"),
         ]
     )
-    yield Grid([_bars(name, trial) for name, trial in document.trials.items()])
+    yield Grid([_draw_bars(name, trial) for name, trial in document.trials.items()])
     for name, trial in document.trials.items():
-        yield _shares(name, trial)
+        yield _tabulate_shares(name, trial)
 
 
-def _bars(name: str, trial: TrialDynamicsDocument) -> Figure:
+def _draw_bars(name: str, trial: TrialDynamicsDocument) -> Figure:
     sets = (
         ("residual", trial.dr, INK),
         ("by the motion", trial.uncertainty.kinematic, FAINT),
@@ -354,7 +357,7 @@ def _bars(name: str, trial: TrialDynamicsDocument) -> Figure:
         for title, values, colour in sets
     ]
     ticks = [10.0**k for k in range(-4, 3)]
-    drawn = chart(traces, y_title="% of weight, of weight × height", barmode="group")
+    drawn = make_chart(traces, y_title="% of weight, of weight × height", barmode="group")
     # whole decades, at least up to the body weight
     top = math.ceil(math.log10(max(100.0 * max(*trial.dr, *trial.uncertainty.kinematic), _HIGH)))
     drawn.update_yaxes(
@@ -372,7 +375,7 @@ def _bars(name: str, trial: TrialDynamicsDocument) -> Figure:
     )
 
 
-def _shares(name: str, trial: TrialDynamicsDocument) -> Table:
+def _tabulate_shares(name: str, trial: TrialDynamicsDocument) -> Table:
     spread = trial.uncertainty
     shares = zip(trial.dr, spread.kinematic, spread.plate, spread.total, trial.slopes_per_cm, strict=True)
     rows = [

@@ -26,7 +26,11 @@ from scaling_service.capabilities.dynamics.uncertainty.total import (
     WrenchUncertainty,
     propagate,
 )
-from scaling_service.capabilities.dynamics.unmeasured import Unmeasured, find_unmeasured, frames_of
+from scaling_service.capabilities.dynamics.unmeasured import (
+    Unmeasured,
+    find_unmeasured,
+    find_unmeasured_frames,
+)
 from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.kinetics.forces import TrialForces
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
@@ -35,16 +39,16 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     Residuals,
     evaluate_residuals,
+    find_judged_frames,
     find_trembling,
     inverse_dynamics,
-    judged_frames,
 )
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.results import Motion
 from scaling_service.model.subject import Subject
 from scaling_service.recording.faults import FAULTS
@@ -147,9 +151,9 @@ def dynamics(
     67
     """
     clock = time.perf_counter()
-    report = progress or silent
+    report = progress or show_nothing
     loaded = open_subject(subject, settings)
-    prepared = prepare(loaded, chosen, settings, progress=part_of(report, 0.0, _PREPARING))
+    prepared = prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
     trials: dict[str, TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}
     with loaded.blamed():
@@ -157,7 +161,7 @@ def dynamics(
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
             try:
-                trials[name] = trial_dynamics(prepared, name, chosen, settings.seed, part)
+                trials[name] = compute_trial_dynamics(prepared, name, chosen, settings.seed, part)
             except TrialUnusable as error:
                 refused[name] = error
         if not trials:
@@ -173,7 +177,7 @@ def dynamics(
         settings,
         trials,
         weight,
-        verdict_of(trials, weight, refused),
+        write_verdict(trials, weight, refused),
         inertial,
         (*prepared.warnings, *notes),
         time.perf_counter() - clock,
@@ -216,18 +220,18 @@ def _identify(
     return result, notes
 
 
-def trial_dynamics(
+def compute_trial_dynamics(
     prepared: Prepared, name: str, chosen: DynamicsSettings, seed: int, progress: Callable[[float], None]
 ) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
     unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
-    frames = judged_frames(found, forces.contacts, chosen.cutoff_hz)
+    frames = find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
     weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
     if weight is not None:
         weight.check()
-    frames &= ~frames_of(unmeasured, found.motion.times)
+    frames &= ~find_unmeasured_frames(unmeasured, found.motion.times)
     if unmeasured and not (frames & found.known).any():
         raise TrialUnusable(
             f"the plates measure no frame of it whole: {'; '.join(one.sentence for one in unmeasured)}",
@@ -253,9 +257,12 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
             yield f"{repair.where}: {repair.detail}{frames}"
     still = [name for name in motion.coordinates if name not in motion.estimated]
     if still:
-        yield f"no marker shows {few(still)}: they stand still, and what hangs on them moves as if stiff"
+        yield f"no marker shows {list_few(still)}: they stand still, and what hangs on them moves as if stiff"
     if shaking:
-        yield f"{few(shaking)} tremble faster than joints do: markers hardly determine them, nor the residual"
+        yield (
+            f"{list_few(shaking)} tremble faster than joints do: markers hardly determine them, "
+            "nor the residual"
+        )
 
 
 _WRONG_MASS = (
@@ -268,7 +275,7 @@ _NOT_MEASURED = (
 )
 
 
-def verdict_of(
+def write_verdict(
     trials: Mapping[str, TrialDynamics],
     weight: Weight,
     refused: Mapping[str, TrialUnusable] = MappingProxyType({}),
@@ -281,16 +288,16 @@ def verdict_of(
     ]
     whole = {name: found for name, found in trials.items() if not found.unmeasured}
     if len(whole) < len(trials):
-        said.append(_NOT_MEASURED.format(few([name for name in trials if name not in whole])))
+        said.append(_NOT_MEASURED.format(list_few([name for name in trials if name not in whole])))
     if weight.differs:
         said.append(_WRONG_MASS)
     elif whole:
-        said.append(_calibration(whole))
+        said.append(_judge_calibration(whole))
     left_out = (f"{name} is left out: {error.problem}." for name, error in refused.items())
-    return " ".join([*weight.sentences, *left_out, *said, _gates(trials)])
+    return " ".join([*weight.sentences, *left_out, *said, _describe_gates(trials)])
 
 
-def _calibration(trials: Mapping[str, TrialDynamics]) -> str:
+def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
     if len(trials) == 1:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
@@ -303,14 +310,14 @@ def _calibration(trials: Mapping[str, TrialDynamics]) -> str:
             "None of these recordings can calibrate inertial parameters: in every component the "
             "measurement's own uncertainty explains all of the residual, and identification would fit noise."
         )
-    by = "; ".join(f"{components} of {few(names)}" for components, names in able.items())
+    by = "; ".join(f"{components} of {list_few(names)}" for components, names in able.items())
     return (
         f"Inertial parameters can be calibrated by {by}: there the residual stands above its uncertainty. "
         "Elsewhere the measurement's own uncertainty explains all of it."
     )
 
 
-def _gates(trials: Mapping[str, TrialDynamics]) -> str:
+def _describe_gates(trials: Mapping[str, TrialDynamics]) -> str:
     broken = {
         name: [gate.name for gate in found.residuals.gates if gate.source == HICKS and not gate.passed]
         for name, found in trials.items()
@@ -319,6 +326,5 @@ def _gates(trials: Mapping[str, TrialDynamics]) -> str:
     if not failing:
         return "The residuals keep the limits of Hicks et al. 2015."
     worst = max(failing, key=lambda name: len(broken[name]))
-    return (
-        f"The residuals break limits of Hicks et al. 2015 in {few(failing)} ({worst}: {few(broken[worst])})."
-    )
+    limits = list_few(broken[worst])
+    return f"The residuals break limits of Hicks et al. 2015 in {list_few(failing)} ({worst}: {limits})."

@@ -16,14 +16,14 @@ from scaling_service.capabilities.dynamics.document import (
     WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.report import dynamics_page
+from scaling_service.capabilities.dynamics.report import build_dynamics_page
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import provenance, repair_notes
+from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
@@ -32,7 +32,7 @@ from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-from scaling_service.model.inertia import total_mass
+from scaling_service.model.inertia import sum_mass
 
 FILE_NAME = "dynamics.json"
 
@@ -71,13 +71,13 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     """
     with all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
-            write_sto(scratch / f"{name}_id.sto", _forces_table(name, found, results.prepared.model))
+            write_sto(scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model))
         notes: tuple[str, ...] = ()
         if results.inertial is not None:
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        document = _document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
             curves = {
@@ -87,11 +87,11 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
                 )
                 for name, found in results.trials.items()
             }
-            (scratch / REPORT).write_text(dynamics_page(document, curves).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(build_dynamics_page(document, curves).html(), encoding="utf-8")
     return document
 
 
-def _forces_table(name: str, found: TrialDynamics, model: BodyModel) -> Table:
+def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -135,23 +135,23 @@ def write_massive_model(
     return ()
 
 
-def provenance_of(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
+def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
     """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
     resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
     trials = prepared.loaded.session.dynamic
-    origin = provenance(prepared.loaded, trials, resolved, settings.seed)
+    origin = record_provenance(prepared.loaded, trials, resolved, settings.seed)
     return origin | {"start": prepared.start, "inertia": prepared.inertia}
 
 
-def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
+def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
-    known = provenance_of(prepared, results.settings, dynamics=results.chosen)
+    known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)
     return DynamicsDocument(
         **known,
-        mass_kg=total_mass(prepared.model),
+        mass_kg=sum_mass(prepared.model),
         weight=WeightDocument(
             declared_kg=results.weight.declared_kg,
             plates_kg=results.weight.plates_kg,
@@ -160,16 +160,16 @@ def _document(results: DynamicsResults, files: Sequence[str], notes: Sequence[st
             by_trial_kg=dict(results.weight.by_trial),
         ),
         height_m=prepared.height_m,
-        trials={name: _trial(found, results) for name, found in results.trials.items()},
+        trials={name: _make_trial(found, results) for name, found in results.trials.items()},
         verdict=results.verdict,
-        inertial=None if results.inertial is None else _identification(results.inertial, prepared.model),
+        inertial=None if results.inertial is None else _make_identification(results.inertial, prepared.model),
         warnings=[*results.warnings, *notes],
         files=list(files),
         wall_s=round(results.wall_s, 3),
     )
 
 
-def _trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocument:
+def _make_trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocument:
     residuals, uncertainty = found.residuals, found.uncertainty
     fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
     kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
@@ -203,12 +203,12 @@ def _trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocum
     )
 
 
-def _identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
+def _make_identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
     ratio = found.relative_error(held_out=True)
     return IdentificationDocument.model_validate(
         {
             "components": found.components,
-            "total_mass_kg": (total_mass(before), total_mass(found.model)),
+            "total_mass_kg": (sum_mass(before), sum_mass(found.model)),
             "trials": {fit.trial: fit for fit in found.fits},
             "held_out_ratio": None if np.isnan(ratio) else ratio,
             "combinations": found.combinations,

@@ -9,8 +9,8 @@ from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, PLAIN_
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
-    feet_of,
-    movement_forces,
+    find_feet,
+    gather_movement_forces,
 )
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as scaling
@@ -19,7 +19,7 @@ from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.inertia import apply_inertia_table
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
@@ -62,21 +62,21 @@ def prepare(
     """Give the forces of a subject's recordings to its feet, scale its model, and track the markers."""
     session, known = loaded.session, loaded.session.subject
     with loaded.blamed():
-        read = movement_forces(known, loaded.plates)
+        read = gather_movement_forces(known, loaded.plates)
         if known.height_m is None:
             raise SubjectInvalid(
                 "residuals are reported as shares of body weight times height, and no height is given",
                 field="subject.height_m",
                 remedy="Give the person's stature in m",
             )
-        feet_of(session.model)
+        find_feet(session.model)
         forces, unusable = assign_forces(loaded, read, lambda _: chosen.cutoff_hz)
         start = scale_model(loaded, chosen.start, settings, progress=progress)
         massive = with_inertia(start.model, known, chosen.inertia, scaled=start.calibration is not None)
         trials = [trial for trial in session.dynamic if trial.name in forces]
         motions = {t.name: start.motions.get(t.name) or inverse_kinematics(start.model, t) for t in trials}
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
-    left_out = [f"{few(list(without))}: no forces, so no dynamics"] if without else []
+    left_out = [f"{list_few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
         loaded,
         start.method,

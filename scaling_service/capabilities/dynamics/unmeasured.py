@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.dynamics.weight import BLOCK_S, blocks_of, quantiles
+from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import default_coordinates, parameter_values
+from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.multibody.tree import pose_links
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import NOBODY, FootContacts
 
@@ -90,19 +90,19 @@ def find_unmeasured(
     borne = np.where(known, dynamics.external[:, 1], 0.0)
     needed = np.where(known, dynamics.external[:, 1] + dynamics.residual[:, 1], 0.0)
     weight = -GRAVITY[1] * dynamics.mass
-    base = _usual_share(borne, needed, known, times)
+    base = _find_usual_share(borne, needed, known, times)
     lack = needed / weight - borne / (base * weight)
     flying = known & (borne < FALLING * weight) & (needed < FALLING * weight)
     found = [
         Unmeasured(kind="flight", start_s=float(times[a]), end_s=float(times[b - 1]), share=0.0)
-        for a, b in _stretches(flying, step, FLIGHT_S)
+        for a, b in _list_runs(flying, step, FLIGHT_S)
     ]
-    height = _pelvis_height(dynamics, model)
+    height = _measure_pelvis_height(dynamics, model)
     bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
     beside = contacts.on_floor & ~bears
-    for a, b in _stretches(known & ~flying & (lack > LACKING), step, LASTING_S):
+    for a, b in _list_runs(known & ~flying & (lack > LACKING), step, LASTING_S):
         rows = slice(a, b)
-        kind, foot = _reason(beside, bears, contacts, rows)
+        kind, foot = _find_reason(beside, bears, contacts, rows)
         if kind is None and np.nanmedian(height[rows]) < LOW:
             kind = "chair"
         elif kind is None:
@@ -128,28 +128,28 @@ def describe_unmeasured(
     return tuple(f"{trial.name} {one.sentence}" for one in find_unmeasured(dynamics, contacts, model))
 
 
-def frames_of(found: Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
+def find_unmeasured_frames(found: Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
     """Frames (n,) whose forces are not all measured; flight is measured."""
     inside = [(times >= one.start_s) & (times <= one.end_s) for one in found if one.kind != "flight"]
     return np.asarray(np.any([np.zeros(len(times), dtype=bool), *inside], axis=0))
 
 
-def _usual_share(borne: Array, needed: Array, known: NDArray[np.bool_], times: Array) -> float:
+def _find_usual_share(borne: Array, needed: Array, known: NDArray[np.bool_], times: Array) -> float:
     """What the plates bear of what is needed where nothing is missing: as the best of the blocks of time."""
-    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in blocks_of(known, times, BLOCK_S)])
+    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in split_into_blocks(known, times, BLOCK_S)])
     sums = sums[sums[:, 1] > 0.0] if len(sums) else sums.reshape(0, 2)
-    best = quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
+    best = compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
     return float(np.clip(best, *_BASE))
 
 
-def _stretches(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterator[tuple[int, int]]:
+def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterator[tuple[int, int]]:
     """Runs of flags that last, brief gaps closed."""
     reach = max(1, round(FLIGHT_S / step)) if step else 1
     closed = ndimage.binary_closing(np.pad(flags, reach), np.ones(reach + 1))[reach:-reach]
-    yield from ((a, b) for a, b in runs(closed).tolist() if (b - a) * step >= least_s)
+    yield from ((a, b) for a, b in find_runs(closed).tolist() if (b - a) * step >= least_s)
 
 
-def _reason(
+def _find_reason(
     beside: NDArray[np.bool_], bears: NDArray[np.bool_], contacts: FootContacts, rows: slice
 ) -> tuple[Kind | Literal["beside"] | None, str]:
     """Whether and which foot stands where no plate measures, and whether that is more than a walk's end."""
@@ -162,12 +162,12 @@ def _reason(
     return None, ""
 
 
-def _pelvis_height(dynamics: InverseDynamics, model: BodyModel) -> Array:
+def _measure_pelvis_height(dynamics: InverseDynamics, model: BodyModel) -> Array:
     """Height of the root above the lowest joint, over that in the default pose, (n,)."""
-    mechanism, p = mechanism_of(model), parameter_values(model)
+    mechanism, p = compile_mechanism(model), list_parameter_values(model)
 
     def height(q: Array) -> Array:
-        up = forward(mechanism.tree, q, p).origins[:, 1]
+        up = pose_links(mechanism.tree, q, p).origins[:, 1]
         return np.asarray(up[0] - up.min(axis=0))
 
-    return np.asarray(height(dynamics.motion.rates.q) / height(default_coordinates(model, 1).T))
+    return np.asarray(height(dynamics.motion.rates.q) / height(repeat_default_pose(model, 1).T))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.numerics.multibody.laws import Array
 
 BLOCK_S = 0.5  # chosen: about a step; what the model misses of the acceleration alternates within one
@@ -86,7 +86,7 @@ class Weight:
                 f"weighs {self.declared_kg:.1f} kg: check subject.mass_kg, shoes and what the person carried."
             )
         if self.disagree:
-            each = few([f"{kg:.1f} kg in {name}" for name, kg in self.by_trial.items()])
+            each = list_few([f"{kg:.1f} kg in {name}" for name, kg in self.by_trial.items()])
             said.append(f"Recordings disagree about the weight: the plates bear {each}.")
         return tuple(said)
 
@@ -117,11 +117,11 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
         return None
     every = np.concatenate(list(sums.values()))
     ratio, weight = every[:, 0] / every[:, 1], every[:, 1]
-    low, middle, high = quantiles(ratio, weight, (0.16, 0.5, 0.84))
+    low, middle, high = compute_quantiles(ratio, weight, (0.16, 0.5, 0.84))
     spread = (high - low) / 2.0  # a standard deviation, of normal blocks
     counting = weight.sum() ** 2 / (weight**2).sum()
     standing = spread * np.sqrt(np.pi / 2.0 / counting)  # of a median, near a normal distribution
-    each = {name: quantiles(t[:, 0] / t[:, 1], t[:, 1], (0.5,))[0] for name, t in sums.items()}
+    each = {name: compute_quantiles(t[:, 0] / t[:, 1], t[:, 1], (0.5,))[0] for name, t in sums.items()}
     shares = np.array([table[:, 1].sum() for table in sums.values()]) / weight.sum()
     among = float(shares**2 @ np.square(np.array(list(each.values())) - middle))
     sd = float(np.sqrt(standing**2 + among + PLATES_SHARE**2))
@@ -140,20 +140,20 @@ def weigh_motions(found: Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]
     for name, (dynamics, frames) in found.items():
         borne = dynamics.external[:, 1]
         needed = borne + dynamics.residual[:, 1]
-        spans = blocks_of(dynamics.used(frames), dynamics.motion.times, BLOCK_S)
+        spans = split_into_blocks(dynamics.used(frames), dynamics.motion.times, BLOCK_S)
         blocks[name] = [(borne[rows], needed[rows]) for rows in spans]
     first = next(iter(found.values()), None)
     return None if first is None else weigh(first[0].mass, blocks)
 
 
-def blocks_of(used: NDArray[np.bool_], times: Array, length_s: float) -> Iterator[NDArray[np.intp]]:
+def split_into_blocks(used: NDArray[np.bool_], times: Array, length_s: float) -> Iterator[NDArray[np.intp]]:
     """The frames that are used (n,), by blocks of time."""
     number = np.floor((times - times[0]) / length_s)
     for k in np.unique(number[used]):
         yield np.flatnonzero(used & (number == k))
 
 
-def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
+def compute_quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
     """Weighted quantiles."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])

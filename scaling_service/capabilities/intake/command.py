@@ -14,7 +14,7 @@ from rich.table import Table
 from scaling_service.capabilities.shared.flags import Only, Out, with_flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.intake.document import ProofDocument
@@ -51,7 +51,7 @@ def _show(found: ProofDocument) -> None:
         why = file.problem.problem if file.problem is not None else file.why
         files.add_row(*(escape(text) for text in (file.name, file.kind, file.role or "–", why)))
     console.print(files)
-    for line in (*_person(found), *_marker_set(found)):
+    for line in (*_describe_person(found), *_describe_marker_set(found)):
         console.print(escape(line))
     renamed = [m for m in found.markers if m.label not in (None, m.marker)]
     if renamed:
@@ -60,10 +60,10 @@ def _show(found: ProofDocument) -> None:
             shown = (marker.marker, marker.label or "", f"{marker.confidence:.2f}", marker.why)
             markers.add_row(*(escape(text) for text in shown))
         console.print(markers)
-    for line in _labels(found):
+    for line in _describe_labels(found):
         console.print(escape(line))
     if any(recording.plates for recording in found.recordings):
-        console.print(_plates(found))
+        console.print(_tabulate_plates(found))
     for text in () if found.axes is None else found.axes.why:
         console.print(escape(text))
     of_files = [file.problem for file in found.files if file.problem is not None]
@@ -81,7 +81,7 @@ def _show(found: ProofDocument) -> None:
     console.print(f"{escape(found.headline)}.")
 
 
-def _person(found: ProofDocument) -> Iterator[str]:
+def _describe_person(found: ProofDocument) -> Iterator[str]:
     """Model and sizes."""
     yield f"Model: {found.model}{'' if found.model_why is None else f' ({found.model_why})'}"
     if found.sizes is not None:
@@ -89,10 +89,10 @@ def _person(found: ProofDocument) -> Iterator[str]:
         sizes = [f"{name} {value:g} {unit}" for name, value, unit in whole if value is not None]
         sizes += [f"{name.replace('_', ' ')} {value:g} mm" for name, value in found.sizes.sizes_mm.items()]
         if sizes:
-            yield f"Sizes: {', '.join(sizes)} (from {few(found.sizes.source)})"
+            yield f"Sizes: {', '.join(sizes)} (from {list_few(found.sizes.source)})"
 
 
-def _marker_set(found: ProofDocument) -> Iterator[str]:
+def _describe_marker_set(found: ProofDocument) -> Iterator[str]:
     """The marker set, what it lacks, and what that means."""
     known = found.marker_set
     if known is None:
@@ -101,12 +101,12 @@ def _marker_set(found: ProofDocument) -> Iterator[str]:
         yield (
             f"Marker set: {' with '.join([known.title, *known.additions])}; "
             f"{known.share:.0%} of its labels are there"
-            f"{f', not {few(known.lacks)}' if known.lacks else ''}"
+            f"{f', not {list_few(known.lacks)}' if known.lacks else ''}"
         )
     yield from (f"  {text}" for text in found.consequences)
 
 
-def _labels(found: ProofDocument) -> Iterator[str]:
+def _describe_labels(found: ProofDocument) -> Iterator[str]:
     """How many markers are called as in the model, which have no label, tracking markers, labels not used."""
     from scaling_service.model.anatomy.markers import strip_prefix
 
@@ -127,10 +127,10 @@ def _labels(found: ProofDocument) -> Iterator[str]:
     if unused:
         yield f"Labels that are not used: {', '.join(unused)}"
     if computed:
-        yield f"Points that software computed, not used: {few(sorted(computed))}"
+        yield f"Points that software computed, not used: {list_few(sorted(computed))}"
 
 
-def _plates(found: ProofDocument) -> Table:
+def _tabulate_plates(found: ProofDocument) -> Table:
     table = Table(
         "recording",
         "plate",
@@ -149,7 +149,7 @@ def _plates(found: ProofDocument) -> Table:
                 "–" if plate.kind is None else str(plate.kind),
                 "–" if plate.centre_m is None else f"{plate.centre_m[0]:.2f}, {plate.centre_m[2]:.2f}",
                 "–" if plate.peak_N is None else f"{plate.peak_N:.0f}",
-                few(plate.loaded_by) or "nobody",
+                list_few(plate.loaded_by) or "nobody",
                 "–" if plate.offset_N is None else f"{plate.offset_N:.1f}",
             )
             table.add_row(*map(escape, row))

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
-from scaling_service.capabilities.subject.loading import agreed_axes
+from scaling_service.capabilities.subject.loading import agree_on_axes
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -20,12 +20,12 @@ from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.recording import READERS, Recording, read_recording
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, decide
-from scaling_service.recording.plates import ground_forces
+from scaling_service.recording.plates import compute_ground_forces
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
@@ -52,7 +52,7 @@ class RecordingFile:
         return np.stack([plate.corners for plate in known]) if known else None
 
 
-def problem_of(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
+def make_problem(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
     return ProblemEntry(
@@ -66,16 +66,16 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
     trial = repair_markers(read_recording(file))
-    seen = RecordingFile(file.name, trial, _axes(trial, up, forward))
+    seen = RecordingFile(file.name, trial, _decide_axes(trial, up, forward))
     if trial.plates is None:
         return seen
     try:
-        return replace(seen, forces=ground_forces(trial.plates))
+        return replace(seen, forces=compute_ground_forces(trial.plates))
     except InputError as error:
-        return replace(seen, problems=(problem_of(error, "warning", file.name),))
+        return replace(seen, problems=(make_problem(error, "warning", file.name),))
 
 
-def session_axes(
+def decide_session_axes(
     seen: Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
 ) -> Orientation:
     """One decision for all recordings, as scaling takes it.
@@ -86,11 +86,11 @@ def session_axes(
     decided = {Path(first.file): first.axes}
     for item in seen:
         if item is not first:
-            decided[Path(item.file)] = _axes(item.trial, up or first.axes.up, forward)
-    return agreed_axes(decided, None if static is None else Path(static))
+            decided[Path(item.file)] = _decide_axes(item.trial, up or first.axes.up, forward)
+    return agree_on_axes(decided, None if static is None else Path(static))
 
 
-def axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEntry:
+def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEntry:
     """A decision as it travels."""
     why = [r.detail for r in axes.repairs if r.what in ("up_axis", "forward_axis", "unit")]
     return AxesEntry(
@@ -103,12 +103,12 @@ def axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEn
     )
 
 
-def _axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
-    roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
-    return decide(trial, roles=_unambiguous(roles), up=up, forward=forward)
+def _decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+    roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
+    return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward)
 
 
-def _unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
+def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
     """Labels whose role no other label has: of two persons nobody knows whose it is."""
     every = list(roles.values())
     return {label: role for label, role in roles.items() if every.count(role) == 1}
@@ -169,20 +169,20 @@ def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> Input
     try:
         return replace(guess, content=read())
     except InputError as error:
-        return replace(guess, problem=problem_of(error, file=file.name))
+        return replace(guess, problem=make_problem(error, file=file.name))
 
 
-def _table(file: Path) -> InputFile:
+def _read_table(file: Path) -> InputFile:
     """MOT and STO hold forces or motion."""
     try:
         return InputFile(file.name, "forces", "it has columns of ground forces", content=read_forces(file))
     except InputError as error:
         if error.field == "columns":
             return InputFile(file.name, "other", "a table without ground forces, such as a motion")
-        return InputFile(file.name, "forces", "a table, by its suffix", problem_of(error, file=file.name))
+        return InputFile(file.name, "forces", "a table, by its suffix", make_problem(error, file=file.name))
 
 
-def _mesh(file: Path) -> InputFile:
+def _read_mesh(file: Path) -> InputFile:
     def unit() -> str:
         extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
         return "mm" if extent >= _LONGEST_M else "m"
@@ -190,16 +190,16 @@ def _mesh(file: Path) -> InputFile:
     return _try_reading(InputFile(file.name, "mesh", "a surface, by its suffix"), file, unit)
 
 
-def _csv(file: Path) -> InputFile:
-    text = _beginning(file).partition("\n")[0].lower()
+def _read_csv(file: Path) -> InputFile:
+    text = _read_beginning(file).partition("\n")[0].lower()
     if "marker" not in text or "segment" not in text:
         return InputFile(file.name, "other", "a table without the columns marker and segment")
     guess = InputFile(file.name, "image_markers", "it has the columns of image markers")
     return _try_reading(guess, file, lambda: ", ".join(read_image_markers(file)))
 
 
-def _xml(file: Path) -> InputFile:
-    text = _beginning(file)
+def _read_xml(file: Path) -> InputFile:
+    text = _read_beginning(file)
     for place, pattern in _SETUPS:
         if pattern.search(text):
             if place is None:
@@ -209,8 +209,8 @@ def _xml(file: Path) -> InputFile:
     return InputFile(file.name, "other", "XML that is not used here")
 
 
-def _osim(file: Path) -> InputFile:
-    if "<OpenSimDocument" not in _beginning(file):
+def _read_osim(file: Path) -> InputFile:
+    if "<OpenSimDocument" not in _read_beginning(file):
         problem = ProblemEntry(
             severity="error",
             file=file.name,
@@ -221,7 +221,7 @@ def _osim(file: Path) -> InputFile:
     return InputFile(file.name, "model", "a model of OpenSim")
 
 
-def _document(file: Path) -> InputFile:
+def _read_subject(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
     def read() -> Mapping[str, Any]:
@@ -231,7 +231,7 @@ def _document(file: Path) -> InputFile:
         check_document(content)
         return dict(content)
 
-    beginning = _beginning(file)
+    beginning = _read_beginning(file)
     if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
         return InputFile(file.name, "model", "a model of this program")
     if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
@@ -257,14 +257,14 @@ def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) ->
     return {**document, **{key: mapped(key, document[key]) for key in named}}
 
 
-def _beginning(file: Path) -> str:
+def _read_beginning(file: Path) -> str:
     with file.open("rb") as stream:
         return stream.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
 
 
 _READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
-    {".mot": _table, ".sto": _table, ".csv": _csv, ".xml": _xml, ".osim": _osim}
-    | dict.fromkeys(_MESHES, _mesh)
-    | dict.fromkeys((".yaml", ".yml", ".json"), _document)
+    {".mot": _read_table, ".sto": _read_table, ".csv": _read_csv, ".xml": _read_xml, ".osim": _read_osim}
+    | dict.fromkeys(_MESHES, _read_mesh)
+    | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
 )
 """Suffix to what tells more."""

@@ -16,14 +16,18 @@ from scaling_service.capabilities.intake.document import (
     MarkerSetProof,
     SizesProof,
 )
-from scaling_service.model.anatomy.marker_sets import plane_marker, recognise, tracking_segments
-from scaling_service.model.anatomy.markers import canonical, likeness, looks_computed, meaning, strip_prefix
+from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
+from scaling_service.model.anatomy.markers import (
+    describe_likeness,
+    find_canonical,
+    is_computed,
+    look_up_meaning,
+    strip_prefix,
+)
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
-from scaling_service.model.poses import neutral_markers
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.poses import pose_neutral_markers
 from scaling_service.model.trial import Array, Trial, is_unlabelled
-from scaling_service.numerics.least_squares.masks import ever
-from scaling_service.numerics.least_squares.masks import seen as seen_in
 from scaling_service.numerics.multibody.rigid import fit_rigid
 
 CONFIDENCE: Mapping[str, float] = {
@@ -77,7 +81,7 @@ def propose_markers(
             taken[marker] = choice
     used = {choice.label for choice in taken.values()}
     unused = [label for label in labels if label not in used]
-    entries = [_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
+    entries = [_make_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
     return entries, unused
 
 
@@ -90,7 +94,7 @@ def _by_name(
             yield _Choice(label, 1.0, "as the subject's document says", "document")
         elif laboratory.get(label, laboratory.get(plain)) == marker:
             yield _Choice(label, 0.99, "as the laboratory's map says", "laboratory")
-        elif (reason := likeness(label, marker)) is not None:
+        elif (reason := describe_likeness(label, marker)) is not None:
             yield _Choice(label, CONFIDENCE[reason], reason or "the same name", "name")
 
 
@@ -122,12 +126,12 @@ def _by_place(
     """
     used = {choice.label for choice in taken.values()}
     seen = {
-        label: _middle(standing, label)
+        label: _find_middle(standing, label)
         for label in standing.labels
-        if label in used or (meaning(label) is None and not looks_computed(label))
+        if label in used or (look_up_meaning(label) is None and not is_computed(label))
     }
     seen = {label: at for label, at in seen.items() if np.isfinite(at).all()}
-    model_at = neutral_markers(model)
+    model_at = pose_neutral_markers(model)
     known = [m for m, choice in taken.items() if choice.label in seen]
     if len(known) < FEWEST_KNOWN:
         return {}
@@ -148,7 +152,7 @@ def _by_place(
     return found
 
 
-def _middle(trial: Trial, label: str) -> Array:
+def _find_middle(trial: Trial, label: str) -> Array:
     trajectory = trial.position(label)
     known = trajectory[np.isfinite(trajectory).all(axis=1)]
     return np.asarray(np.median(known, axis=0)) if len(known) else np.full(3, np.nan)
@@ -159,16 +163,16 @@ def _place_like(
 ) -> dict[str, Array]:
     """Markers of the standing model, sized and placed so that the known ones lie as measured."""
     local = np.stack([model_at[name] for name in known])
-    size = _extent(measured) / _extent(local)
+    size = _measure_extent(measured) / _measure_extent(local)
     R, t = fit_rigid(size * local, measured)
     return {name: R @ (size * model_at[name]) + t for name in names}
 
 
-def _extent(points: Array) -> float:
+def _measure_extent(points: Array) -> float:
     return float(np.linalg.norm(points - points.mean(axis=0)))
 
 
-def _entry(
+def _make_entry(
     model: BodyModel,
     name: str,
     choice: _Choice | None,
@@ -204,7 +208,7 @@ _SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG
 """Words in labels of tracking markers that no marker set knows, and where those sit."""
 
 
-def extra_markers(
+def assign_extra_markers(
     markers: Sequence[MarkerProof], unused: Sequence[str], trials: Mapping[str, Trial], model: BodyModel
 ) -> list[ExtraMarker]:
     """The segment of each further label: as its set or name says, else the one it keeps its distances to.
@@ -212,15 +216,15 @@ def extra_markers(
     ``markers``: with the labels that were proposed. ``unused``: labels that no marker took; points that
     software computed are left out. ``trials``: name to recording, m.
     """
-    known = tracking_segments(unused, model)
+    known = assign_tracking_segments(unused, model)
     carried: dict[str, list[str]] = {}
     for entry in markers:
         if entry.label is not None:
             carried.setdefault(entry.segment, []).append(entry.label)
     return [
-        _extra_entry(label, known.get(label), carried, trials)
+        _make_extra_entry(label, known.get(label), carried, trials)
         for label in unused
-        if not looks_computed(label) and not is_unlabelled(label)
+        if not is_computed(label) and not is_unlabelled(label)
     ]
 
 
@@ -236,9 +240,10 @@ def with_extra_markers(
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:
         return dict(proposed)
-    standing = _labels_seen([static])
-    moving = _labels_seen([t for file, t in trials.items() if t is not static and _is_named(file, proposed)])
-    known = tracking_segments([label for label in unused if label in standing & moving], model)
+    standing = set(static.shown_labels)
+    others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
+    moving = {label for trial in others for label in trial.shown_labels}
+    known = assign_tracking_segments([label for label in unused if label in standing & moving], model)
     found = {strip_prefix(label): segment for label, segment in known.items()}
     return {**proposed, **({"extra_markers": found} if found else {})}
 
@@ -247,12 +252,7 @@ def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
     return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
-def _labels_seen(trials: Sequence[Trial]) -> set[str]:
-    """The labels that are seen in some frame of any of these recordings."""
-    return {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen_in(t.markers)))}
-
-
-def _extra_entry(
+def _make_extra_entry(
     label: str, known: str | None, carried: Mapping[str, Sequence[str]], trials: Mapping[str, Trial]
 ) -> ExtraMarker:
     spreads = {name: _spread_mm(label, others, trials) for name, others in carried.items()}
@@ -305,7 +305,7 @@ _JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", 
 """Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
 
 
-def marker_set_proof(labels: Sequence[str]) -> MarkerSetProof | None:
+def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
     """The set that all labels together are closest to."""
     found = recognise(labels)
     if found is None:
@@ -319,12 +319,12 @@ def marker_set_proof(labels: Sequence[str]) -> MarkerSetProof | None:
     )
 
 
-def consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[str]:
+def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[str]:
     """What landmarks that are missing mean for scaling.
 
     ``labels``: of all recordings.
     """
-    there = {canonical(label) for label in labels}
+    there = {find_canonical(label) for label in labels}
     if "SACR" in there and not {"RPSIS", "LPSIS"} <= there:
         yield (
             "SACR instead of two PSIS markers: it stands for the point half-way between them; "
@@ -351,7 +351,8 @@ def _of_one_side(
     known = [f"{width}_{side.lower()}" for side in sides]
     measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
     planes = [
-        plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l") for s in sides
+        find_plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l")
+        for s in sides
     ]
     text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
     text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
@@ -378,9 +379,11 @@ def choose_model(movements: Sequence[Sequence[str]], forces: bool) -> tuple[str,
     ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
     whether there are ground forces.
     """
-    known = [{canonical(label) or strip_prefix(label).upper() for label in labels} for labels in movements]
+    known = [
+        {find_canonical(label) or strip_prefix(label).upper() for label in labels} for labels in movements
+    ]
     common = set.intersection(*known) if known else set()
-    whole = [m.name for m in builtin(WHOLE).markers if m.weight > 0.0]
+    whole = [m.name for m in load_builtin(WHOLE).markers if m.weight > 0.0]
     share = sum(name in common for name in whole) / len(whole)
     if share >= LARGELY:
         return WHOLE, f"{share:.0%} of its markers are in every movement"

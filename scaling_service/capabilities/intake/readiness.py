@@ -15,12 +15,12 @@ from scaling_service.capabilities.intake.document import (
     SizesProof,
 )
 from scaling_service.capabilities.intake.markers import WHOLE
-from scaling_service.capabilities.kinetics.forces import FEWEST, feet_of
+from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
 from scaling_service.core.errors import ModelRefused
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
-from scaling_service.model.inertia import total_mass
+from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
+from scaling_service.model.inertia import sum_mass
 
 
 def judge_readiness(
@@ -61,13 +61,14 @@ def judge_readiness(
         name="held-out movement",
         there=bool(held_out),
         required=False,
-        text=few(held_out) or "without one, nothing says how well a model follows what it was not fitted to",
+        text=list_few(held_out)
+        or "without one, nothing says how well a model follows what it was not fitted to",
         give="evaluation",
     )
     movement = Need(
         name="movement",
         there=bool(moving),
-        text=few(moving) or "a recording in which the person moves",
+        text=list_few(moving) or "a recording in which the person moves",
         give="recordings",
     )
     bones = (proposed or {}).get("bones")
@@ -75,7 +76,7 @@ def judge_readiness(
         name="bones",
         there=bool(bones),
         required=False,
-        text=few([name for name in bones if name != "units"])
+        text=list_few([name for name in bones if name != "units"])
         if bones
         else "with them, two more methods rest on images",
         give="bones",
@@ -83,10 +84,10 @@ def judge_readiness(
     forces = Need(
         name="forces",
         there=bool(pushed),
-        text=f"with {few(pushed)}" if pushed else "no movement has force plates or a file of forces",
+        text=f"with {list_few(pushed)}" if pushed else "no movement has force plates or a file of forces",
         give="forces",
     )
-    feet, whole = _feet(model, markers), _whole_body(model, sizes.mass_kg)
+    feet, whole = _check_feet(model, markers), _check_whole_body(model, sizes.mass_kg)
     height = _measure(
         "height", sizes.height_m, "m", "residuals are reported as shares of body weight times height"
     )
@@ -94,16 +95,16 @@ def judge_readiness(
     both = Need(
         name="fitted movement with forces",
         there=any(file in trials.get("calibration", ()) for file in pushed),
-        text=few([file for file in pushed if file in trials.get("calibration", ())])
+        text=list_few([file for file in pushed if file in trials.get("calibration", ())])
         or "no movement that is fitted (calibration) has forces",
         give="forces",
     )
     persons = (feet, whole, height, mass)
     return [
-        _entry("comparisons", "Compare scaling methods", usable, standing, unseen, imaged),
-        _entry("discoveries", "Find the missing effect", usable, movement, unseen),
-        _entry("dynamics", "Check the forces", usable, forces, *persons),
-        _entry("consistent-motions", "Motion that agrees with the forces", usable, both, *persons),
+        _make_entry("comparisons", "Compare scaling methods", usable, standing, unseen, imaged),
+        _make_entry("discoveries", "Find the missing effect", usable, movement, unseen),
+        _make_entry("dynamics", "Check the forces", usable, forces, *persons),
+        _make_entry("consistent-motions", "Motion that agrees with the forces", usable, both, *persons),
     ]
 
 
@@ -122,7 +123,7 @@ def _count(number: int, one: str) -> str:
     return f"{number} {one}{'' if number == 1 else 's'}"
 
 
-def _entry(route: str, title: str, *needs: Need) -> Readiness:
+def _make_entry(route: str, title: str, *needs: Need) -> Readiness:
     ready = all(need.there or not need.required for need in needs)
     return Readiness(analysis=route, title=title, ready=ready, needs=list(needs))
 
@@ -134,20 +135,20 @@ def _measure(
     return Need(name=name, there=value is not None, required=required, text=text, give=name)
 
 
-def _feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Need:
+def _check_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Need:
     """That the model has feet, and each shows the markers that tell which plate it stands on."""
     try:
-        bare = list(_bare_feet(model, markers))
+        bare = list(_list_bare_feet(model, markers))
     except ModelRefused as error:
         return Need(name="feet", there=False, text=error.problem, give="model")
-    text = f"{few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
+    text = f"{list_few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
     return Need(name="feet", there=not bare, text=text, give="model")
 
 
-def _whole_body(model: BodyModel, mass_kg: float | None) -> Need:
+def _check_whole_body(model: BodyModel, mass_kg: float | None) -> Need:
     """That the model has about a person's mass: the plates bear the whole person."""
-    person = generic_person(model.name).mass_kg if model.name in BUILTIN_NAMES else mass_kg
-    share = total_mass(model) / person if person else 1.0
+    person = load_generic_person(model.name).mass_kg if model.name in BUILTIN_NAMES else mass_kg
+    share = sum_mass(model) / person if person else 1.0
     there = share * FAR_OFF >= 1.0
     text = "the model has a person's mass"
     if not there:
@@ -156,7 +157,7 @@ def _whole_body(model: BodyModel, mass_kg: float | None) -> Need:
     return Need(name="whole body", there=there, text=text, give="model")
 
 
-def _bare_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Iterator[str]:
-    for foot, segments in feet_of(model).items():
+def _list_bare_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Iterator[str]:
+    for foot, segments in find_feet(model).items():
         if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST:
             yield foot

@@ -8,9 +8,9 @@ from typing import Any
 
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
 from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
-from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, words
+from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, split_into_words
 from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, merge
@@ -35,7 +35,7 @@ _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
 
 
-def static_of(roles: Mapping[str, tuple[str, str]]) -> str | None:
+def choose_static(roles: Mapping[str, tuple[str, str]]) -> str | None:
     """The file of standing."""
     return next((file for file, (role, _) in roles.items() if role == "trials.static"), None)
 
@@ -49,7 +49,7 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
     """
     recordings = [f.content for f in found if isinstance(f.content, RecordingFile)]
     still = rank_standing(recordings)
-    roles: Roles = {s.file: ("trials.static", _best_of(still)) for s in still[:1]}
+    roles: Roles = {s.file: ("trials.static", _explain_choice(still)) for s in still[:1]}
     quiet = {s.file for s in still}
     moves = {item.file: _by_name(item.file) for item in recordings if item.file not in quiet}
     roles |= {file: (f"trials.{role or 'calibration'}", why) for file, (role, why) in moves.items()}
@@ -65,22 +65,22 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
     return roles
 
 
-def _best_of(still: Sequence[Standing]) -> str:
+def _explain_choice(still: Sequence[Standing]) -> str:
     """Why the first of those that stand still was taken."""
     best, *others = still
     alike = [s.file for s in others if s.merit == best.merit]
     worse = [s.file for s in others if s.file not in alike]
-    parts = [best.why, *([f"better than {few(worse)}"] if worse else [])]
-    return "; ".join([*parts, *([f"{few(alike)} would do as well"] if alike else [])])
+    parts = [best.why, *([f"better than {list_few(worse)}"] if worse else [])]
+    return "; ".join([*parts, *([f"{list_few(alike)} would do as well"] if alike else [])])
 
 
 def _by_name(name: str) -> tuple[str | None, str]:
     """What a movement's name says that it is for."""
     for role, pattern in (("evaluation", _EVALUATED), ("calibration", _MOVING)):
-        for word in words(name):
+        for word in split_into_words(name):
             if pattern.match(word):
                 return role, f"its name says {word}"
-    still = next((word for word in words(name) if STANDING.match(word)), None)
+    still = next((word for word in split_into_words(name) if STANDING.match(word)), None)
     return None, f"its name says {still}, but nobody stands still" if still else "a movement of no known name"
 
 
@@ -90,14 +90,14 @@ def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str
     A file that covers a recording's time comes before one that does not; then names count by what they have
     in common. Where two fit equally well, nobody is proposed.
     """
-    static = static_of(roles)
+    static = choose_static(roles)
     bare = [
         item
         for item in (f.content for f in found if isinstance(f.content, RecordingFile))
         if item.forces is None and item.file in roles and item.file != static
     ]
     scores = {
-        (f.name, item.file): (_covers(f.content, item), _alike(f.name, item.file))
+        (f.name, item.file): (_is_covered(f.content, item), _measure_likeness(f.name, item.file))
         for f in found
         if isinstance(f.content, GroundForces)
         for item in bare
@@ -121,7 +121,7 @@ def assign_forces(found: Sequence[InputFile], roles: Mapping[str, tuple[str, str
     return taken
 
 
-def _covers(forces: GroundForces, item: RecordingFile) -> bool:
+def _is_covered(forces: GroundForces, item: RecordingFile) -> bool:
     """Whether forces last as long as a recording, both from about the same time."""
     times = item.trial.times
     late = forces.times[0] - times[0]
@@ -129,13 +129,13 @@ def _covers(forces: GroundForces, item: RecordingFile) -> bool:
     return bool(max(late, early) <= TIMES_S and min(late, early) >= -LONGER_S)
 
 
-def _alike(one: str, other: str) -> float:
+def _measure_likeness(one: str, other: str) -> float:
     """Shared parts of two names over all their parts."""
-    a, b = _parts(one), _parts(other)
+    a, b = _split_name(one), _split_name(other)
     return len(a & b) / len(a | b)
 
 
-def _parts(name: str) -> set[str]:
+def _split_name(name: str) -> set[str]:
     return set(re.findall(r"[a-z]+|\d+", name.rpartition(".")[0].lower()))
 
 
@@ -144,7 +144,9 @@ def assign_bones(found: Sequence[InputFile]) -> Roles:
 
     So is a talus without its tibia, beside which alone its trochlea can be told.
     """
-    claims = [(f.name, bone) for f in found if f.kind == "mesh" and f.usable and (bone := bone_of(f.name))]
+    claims = [
+        (f.name, bone) for f in found if f.kind == "mesh" and f.usable and (bone := recognise_bone(f.name))
+    ]
     bones = [bone for _, bone in claims]
     return {
         name: (f"bones.{bone}", "its name says so")
@@ -153,13 +155,13 @@ def assign_bones(found: Sequence[InputFile]) -> Roles:
     }
 
 
-def bone_of(name: str) -> str | None:
+def recognise_bone(name: str) -> str | None:
     """The bone that a file's name tells.
 
     Examples
     --------
-    >>> bone_of("S01_Femur_right.stl"), bone_of("pelvis_no_sacrum.stl"), bone_of("patella_r.stl")
-    ('femur_r', 'pelvis', None)
+    >>> [recognise_bone(name) for name in ("S01_Femur_right.stl", "pelvis_no_sacrum.stl", "patella_r.stl")]
+    ['femur_r', 'pelvis', None]
     """
     stem = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.rpartition(".")[0]).lower().replace("_", " ")
     bone = next((bone for bone, pattern in _BONES if pattern.search(stem)), None)
@@ -195,12 +197,13 @@ _TRIALS = ("static", "calibration", "evaluation")
 _LISTS = ("trials.calibration", "trials.evaluation")
 
 
-def named_in(document: Mapping[str, Any]) -> dict[str, str]:
+def list_named_files(document: Mapping[str, Any]) -> dict[str, str]:
     """Place to the file that stands there, in a document that need not be whole.
 
     Examples
     --------
-    >>> named_in({"trials": {"static": "a.trc", "calibration": ["b.trc"]}, "forces": {"b.trc": "b.mot"}})
+    >>> trials = {"static": "a.trc", "calibration": ["b.trc"]}
+    >>> list_named_files({"trials": trials, "forces": {"b.trc": "b.mot"}})
     {'trials.static': 'a.trc', 'trials.calibration.0': 'b.trc', 'forces.b.trc': 'b.mot'}
     """
     found: dict[str, str] = {}
@@ -211,7 +214,7 @@ def named_in(document: Mapping[str, Any]) -> dict[str, str]:
 def assign_roles(found: Sequence[InputFile], document: Mapping[str, Any]) -> Roles:
     """Places of files: as the document has them, else as proposed; parts that it has are left as they are."""
     roles: Roles = {}
-    for place, file in named_in(document).items():
+    for place, file in list_named_files(document).items():
         part = place.rpartition(".")[0] if place.startswith(_LISTS) else place
         roles.setdefault(file, (part, "the document names it"))
     if not document.get("trials"):
@@ -245,7 +248,7 @@ def propose_subject(
     usable = {f.name for f in found if f.usable}
     places: dict[str, list[str]] = {}
     for file, (role, _) in roles.items():
-        if file in usable or file in named_in(document).values():
+        if file in usable or file in list_named_files(document).values():
             places.setdefault(role, []).append(file)
     if not content.get("trials"):
         trials = {
@@ -265,7 +268,7 @@ def propose_subject(
             role.partition(".")[2]: files[0] for role, files in places.items() if role.startswith(f"{part}.")
         }
         if given and not content.get(part):
-            content[part] = given | ({"units": _unit(found, given.values())} if part == "bones" else {})
+            content[part] = given | ({"units": _find_unit(found, given.values())} if part == "bones" else {})
     if markers:
         content["markers"] = dict(markers)
     return content
@@ -276,7 +279,7 @@ def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
     return {key: document[key] for key in SubjectDocument.model_fields if key in document}
 
 
-def _unit(found: Sequence[InputFile], files: Any) -> str:
+def _find_unit(found: Sequence[InputFile], files: Any) -> str:
     units = [str(f.content) for f in found if f.name in set(files)]
     return max(units, key=units.count, default="mm")
 
@@ -284,7 +287,7 @@ def _unit(found: Sequence[InputFile], files: Any) -> str:
 _DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
-def sizes_proof(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:
+def check_sizes(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:
     """Sizes as the document states them, else as the files do.
 
     ``known``: the subject's document, which need not be whole. ``stated``: file to the sizes in it.
@@ -297,15 +300,15 @@ def sizes_proof(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -
     )
     found = own.or_else(merge(stated.values()))
     return SizesProof(
-        height_m=_rounded(found.height_m),
-        mass_kg=_rounded(found.mass_kg),
+        height_m=_round_size(found.height_m),
+        mass_kg=_round_size(found.mass_kg),
         sex=person.get("sex"),
         sizes_mm={name: round(1e3 * length, 1) for name, length in found.lengths_m.items()},
         source=[*(["the document"] if own else []), *(file for file, sizes in stated.items() if sizes)],
     )
 
 
-def _rounded(value: float | None) -> float | None:
+def _round_size(value: float | None) -> float | None:
     return None if value is None else round(value, _DECIMALS)
 
 
@@ -324,7 +327,7 @@ def with_sizes(proposed: Mapping[str, Any], sizes: SizesProof) -> dict[str, Any]
     return whole | ({"sizes": by_hand | dict(proposed.get("sizes") or {})} if by_hand else {})
 
 
-def unknown_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
+def ask_for_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
     """One question for all of height, mass and sex that is not known."""
     values = {"height_m": sizes.height_m, "mass_kg": sizes.mass_kg, "sex": sizes.sex}
     missing = [name for name, value in values.items() if value is None]
@@ -343,11 +346,11 @@ def unknown_person(sizes: SizesProof) -> Iterator[ProblemEntry]:
         yield ProblemEntry(
             severity="warning",
             field="subject",
-            problem=f"{_listed([words[name] for name in missing])} of the person {are} not known, "
+            problem=f"{_list_in_words([words[name] for name in missing])} of the person {are} not known, "
             "which inertia and all that rests on it need",
             remedy=f"Write `subject: {{{given}}}` with the person's own values",
         )
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_in_words(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
@@ -26,51 +25,49 @@ from scaling_service.capabilities.intake.document import (
 from scaling_service.capabilities.intake.files import (
     InputFile,
     RecordingFile,
-    axes_entry,
+    decide_session_axes,
     look_into,
+    make_axes_entry,
+    make_problem,
     map_files,
-    problem_of,
-    session_axes,
 )
 from scaling_service.capabilities.intake.markers import (
+    assign_extra_markers,
+    check_marker_set,
     choose_model,
-    consequences,
-    extra_markers,
-    marker_set_proof,
+    describe_consequences,
     propose_markers,
     with_extra_markers,
 )
 from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
 from scaling_service.capabilities.intake.roles import (
+    ask_for_person,
     assign_roles,
-    named_in,
+    check_sizes,
+    choose_static,
+    list_named_files,
     order_keys,
     propose_subject,
-    sizes_proof,
-    static_of,
-    unknown_person,
     with_sizes,
 )
-from scaling_service.capabilities.intake.tables import Ground, recording_proof
+from scaling_service.capabilities.intake.tables import Ground, check_recording
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
-from scaling_service.capabilities.subject.reading import relabellings, subject_from_document
+from scaling_service.capabilities.subject.reading import list_relabellings, make_subject
 from scaling_service.core.errors import FileUnreadable, InputError
-from scaling_service.core.progress import Progress, silent
-from scaling_service.core.text import few
+from scaling_service.core.progress import Progress, show_nothing
+from scaling_service.core.text import list_few
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, Trial
-from scaling_service.numerics.least_squares.masks import ever
-from scaling_service.numerics.least_squares.masks import seen as seen_in
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.orientation import check_axes
 
@@ -157,7 +154,7 @@ def prove(
         result.
     """
     check_axes(settings.up, settings.forward)
-    report = progress or silent
+    report = progress or show_nothing
     names = sorted(p.name for p in folder.iterdir() if p.is_file() and p.name not in skip)
     found: list[InputFile] = []
     for k, name in enumerate(names):
@@ -165,7 +162,7 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     look = _Look(folder, document, found, settings)
     known, trials = look.known, look.trials
-    sizes = sizes_proof(known, look.stated_sizes())
+    sizes = check_sizes(known, look.stated_sizes())
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
@@ -173,11 +170,11 @@ def prove(
     model = look.read_model(usual)
     standing = trials.get(look.static or "") or next(iter(trials.values()), None)
     markers, unused = propose_markers(model, trials, standing, known.get("markers") or {}, labels or {})
-    proposed = propose_subject(known, found, look.roles, usual, _explicit(markers, known))
+    proposed = propose_subject(known, found, look.roles, usual, _list_explicit_markers(markers, known))
     if proposed is not None:
         proposed = order_keys(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
-    look.problems += [*look.compared(), *unknown_person(sizes)]
+    look.problems += [*look.compared(), *ask_for_person(sizes)]
     reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
     look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
     files = [look.role(item) for item in found]
@@ -192,12 +189,12 @@ def prove(
         axes=look.axes,
         files=files,
         recordings=look.recordings,
-        marker_set=marker_set_proof(every),
-        consequences=list(consequences(every, sizes)),
+        marker_set=check_marker_set(every),
+        consequences=list(describe_consequences(every, sizes)),
         sizes=sizes,
         markers=markers,
         unused_labels=unused,
-        extra_markers=extra_markers(markers, unused, trials, model),
+        extra_markers=assign_extra_markers(markers, unused, trials, model),
         readiness=readiness,
         headline=sum_up(look.problems, readiness),
         proposal=proposed,
@@ -205,7 +202,7 @@ def prove(
     )
 
 
-def _explicit(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
+def _list_explicit_markers(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
     """What must stand under ``markers:`` because scaling would not find it by the names."""
     named = dict(known.get("markers") or {})
     sure = {m.marker: m.label for m in markers if m.label is not None and m.source == "laboratory"}
@@ -219,9 +216,9 @@ class _Look:
         self, folder: Path, document: Mapping[str, Any], found: Sequence[InputFile], settings: Settings
     ) -> None:
         self.folder, self.found, self.settings = folder, found, settings
-        self.known = _known(found, document)
+        self.known = _read_known(found, document)
         self.roles = assign_roles(found, self.known)
-        self.static = static_of(self.roles)
+        self.static = choose_static(self.roles)
         self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
         self.problems: list[ProblemEntry] = []
         self.seen = [self._corrected(item) for item in self.raw]
@@ -237,16 +234,16 @@ class _Look:
             wanted = TypeAdapter(list[Correction]).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
-            return replace(item, trial=relabel(item.trial, relabellings(wanted)))
+            return replace(item, trial=relabel(item.trial, list_relabellings(wanted)))
         except InputError as error:
-            self.problems.append(problem_of(error, file=item.file))
+            self.problems.append(make_problem(error, file=item.file))
         except ValidationError:
             pass  # reported with all else that is wrong with the document
         return item
 
     def _missing(self) -> Iterator[ProblemEntry]:
         names = [item.name for item in self.found]
-        for place, file in named_in(self.known).items():
+        for place, file in list_named_files(self.known).items():
             if file not in names:
                 yield ProblemEntry(
                     severity="error",
@@ -264,7 +261,7 @@ class _Look:
         if unread:
             yield ProblemEntry(
                 severity="warning",
-                problem=f"folders inside it are not looked at: {few(unread)}",
+                problem=f"folders inside it are not looked at: {list_few(unread)}",
                 remedy="Put their files beside the others if they belong to this person",
             )
 
@@ -291,13 +288,13 @@ class _Look:
             )
             return
         given = self.settings.up, self.settings.forward
-        axes = session_axes(self.seen, self.static, *given)
-        self.axes = axes_entry(axes, *given)
+        axes = decide_session_axes(self.seen, self.static, *given)
+        self.axes = make_axes_entry(axes, *given)
         for item in self.seen:
             try:
-                entry, trial = recording_proof(item, axes, self._ground(item), given, files)
+                entry, trial = check_recording(item, axes, self._ground(item), given, files)
             except InputError as error:
-                self.problems.append(problem_of(error, file=item.file))
+                self.problems.append(make_problem(error, file=item.file))
             else:
                 self.recordings.append(entry)
                 self.trials[item.file] = trial
@@ -312,10 +309,7 @@ class _Look:
     def usual_model(self) -> tuple[str, str]:
         """The built-in model for these recordings, and why."""
         moving = [t for file, t in self.trials.items() if file != self.static and file in self.roles]
-        shown = [
-            [trial.labels[k] for k in np.flatnonzero(ever(seen_in(trial.markers)))]
-            for trial in moving or self.trials.values()
-        ]
+        shown = [trial.shown_labels for trial in moving or self.trials.values()]
         return choose_model(shown, any(recording.plates for recording in self.recordings))
 
     def read_model(self, usual: str) -> BodyModel:
@@ -329,8 +323,8 @@ class _Look:
                 self.folder / wanted if is_file else wanted, self.folder / more if more else None
             )
         except InputError as error:
-            self.problems.append(problem_of(error, file=wanted))
-            return builtin(usual)
+            self.problems.append(make_problem(error, file=wanted))
+            return load_builtin(usual)
 
     def compared(self) -> Iterator[ProblemEntry]:
         """What the recordings, compared with each other and with their forces, give cause to correct."""
@@ -349,21 +343,22 @@ class _Look:
             return
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
-            subject = subject_from_document(check_document(proposed), folder=self.folder)
+            subject = make_subject(check_document(proposed), folder=self.folder)
             session = load(subject, self.settings, read).session
             yield from (
-                warnings.with_offer(warnings.warning_entry(text), self.trials) for text in session.warnings
+                warnings.with_offer(warnings.make_warning_entry(text), self.trials)
+                for text in session.warnings
             )
             if session.scale_setup is None and session.images is None:
                 require_landmarks(session)
             calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds
         except InputError as error:
-            yield problem_of(error)
+            yield make_problem(error)
 
     def role(self, item: InputFile) -> FileRole:
         """A file and its place in the document."""
         role, why = self.roles.get(item.name, (None, item.why))
-        named = item.name in named_in(self.known).values()
+        named = item.name in list_named_files(self.known).values()
         if item.kind == "forces" and role is None and item.usable:
             why = f"{why}, but no movement without plates of its own has its name or time"
         if item.kind == "recording" and role is None and item.usable and not self.known.get("trials"):
@@ -372,7 +367,7 @@ class _Look:
         return FileRole(name=item.name, kind=item.kind, role=role, named=named, why=why, problem=item.problem)
 
 
-def _known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
+def _read_known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
     """The document; while it names no recordings, with what a subject file among the files says."""
     file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
     if file is None or document.get("trials"):

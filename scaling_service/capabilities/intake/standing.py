@@ -11,11 +11,11 @@ import numpy as np
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.markers import guess_segment
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.markers import canonical, looks_computed, meaning
+from scaling_service.model.anatomy.markers import find_canonical, is_computed, look_up_meaning
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.masks import find_shown
 from scaling_service.recording.exchanged import measure_shape
-from scaling_service.recording.plausibility import unit_factor
+from scaling_service.recording.plausibility import find_unit_factor
 
 STILL_M = 0.02
 """Chosen: markers of pelvis and legs of somebody who stands sway less than this (standard deviation; 1 to 10
@@ -74,12 +74,12 @@ class Standing:
         return f"{still}, {self.landmarks} landmarks are seen"
 
 
-def words(name: str) -> list[str]:
+def split_into_words(name: str) -> list[str]:
     """The words of a file's name, in small letters: cut at signs, digits and capitals.
 
     Examples
     --------
-    >>> words("S01_staticTrial2.c3d")
+    >>> split_into_words("S01_staticTrial2.c3d")
     ['s', 'static', 'trial']
     """
     stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.rpartition(".")[0])
@@ -89,7 +89,7 @@ def words(name: str) -> list[str]:
 def in_metres(seen_: RecordingFile) -> Trial:
     """The recording with its unit corrected; as stated where that cannot be told."""
     try:
-        factor, _ = unit_factor(seen_.trial)
+        factor, _ = find_unit_factor(seen_.trial)
     except InputError:
         return seen_.trial
     return seen_.trial if factor == 1.0 else seen_.trial.with_markers(seen_.trial.markers * factor)
@@ -105,9 +105,9 @@ def sort_by_segment(labels: Sequence[str]) -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     for label in labels:
-        meant = meaning(label)
+        meant = look_up_meaning(label)
         segment = guess_segment(label) if meant is None else meant.segment
-        if segment is None or looks_computed(label):
+        if segment is None or is_computed(label):
             continue
         if meant is not None and meant.side and segment not in ("pelvis", "torso", "head"):
             segment = f"{segment}_{meant.side}"
@@ -127,8 +127,8 @@ def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
             count_landmarks(trial),
             trial.n_frames,
             compare_pelvis(trial, moving),
-            stands_upright(trial),
-            any(STANDING.match(word) for word in words(file)),
+            is_upright(trial),
+            any(STANDING.match(word) for word in split_into_words(file)),
         )
         for file, trial in trials.items()
     ]
@@ -142,7 +142,7 @@ def measure_sway(trial: Trial) -> float:
     """
     clusters = sort_by_segment(trial.labels)
     legs = {label for segment, on in clusters.items() if segment.startswith(_BELOW) for label in on}
-    shown = ever(seen(trial.markers))
+    shown = find_shown(trial.markers)
     if trial.n_frames < 2 or not shown.any():
         return 0.0
     spread = np.full(len(trial.labels), np.nan)
@@ -154,11 +154,10 @@ def measure_sway(trial: Trial) -> float:
 
 def count_landmarks(trial: Trial) -> int:
     """How many landmarks are seen in some frame."""
-    shown = ever(seen(trial.markers))
-    return len({canonical(trial.labels[k]) for k in np.flatnonzero(shown)} - {None})
+    return len({find_canonical(label) for label in trial.shown_labels} - {None})
 
 
-def stands_upright(trial: Trial) -> bool:
+def is_upright(trial: Trial) -> bool:
     """Whether no leg is bent as in sitting, from the ASIS over the outer knee to the outer ankle."""
     shape = measure_shape([_by_landmark(trial)], {side: [side + name for name in _LEG] for side in "RL"})
     for side in "RL":
@@ -173,19 +172,19 @@ def stands_upright(trial: Trial) -> bool:
 
 def compare_pelvis(trial: Trial, others: Sequence[Trial]) -> float:
     """The median of the pelvis' distances in one recording over those in others; 1 where none is known."""
-    own, theirs = _pelvis([trial]), _pelvis(others)
+    own, theirs = _list_pelvis_distances([trial]), _list_pelvis_distances(others)
     ratios = [own[pair] / theirs[pair] for pair in own if theirs.get(pair, 0.0) > 0.0]
     return float(np.median(ratios)) if ratios else 1.0
 
 
-def _pelvis(trials: Sequence[Trial]) -> dict[tuple[str, str], float]:
+def _list_pelvis_distances(trials: Sequence[Trial]) -> dict[tuple[str, str], float]:
     """Usual distances between the pelvis' landmarks, by landmark."""
     return measure_shape(map(_by_landmark, trials), {"pelvis": ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")})
 
 
 def _by_landmark(trial: Trial) -> Trial:
     """The labels whose landmark no other label has, renamed to it."""
-    marks = [canonical(label) for label in trial.labels]
+    marks = [find_canonical(label) for label in trial.labels]
     return trial.relabelled(
         {
             label: m

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
-from scaling_service.capabilities.intake.files import RecordingFile, axes_entry, problem_of
+from scaling_service.capabilities.intake.files import RecordingFile, make_axes_entry, make_problem
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.errors import InputError
 from scaling_service.documents.base import ArrayEntry, PlateEntry
-from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
-from scaling_service.model.anatomy.markers import looks_computed
+from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
+from scaling_service.model.anatomy.markers import is_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.orientation import Orientation, apply
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
@@ -36,7 +36,7 @@ class Ground:
     forces: GroundForces
 
 
-def recording_proof(
+def check_recording(
     item: RecordingFile,
     axes: Orientation,
     ground: Ground | None,
@@ -63,7 +63,7 @@ def recording_proof(
         rate_hz=trial.rate_hz,
         frames=trial.n_frames,
         start_s=float(trial.times[0]),
-        axes=axes_entry(item.axes, *given),
+        axes=make_axes_entry(item.axes, *given),
         walked_m=round(distance, 3),
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
@@ -88,7 +88,7 @@ def _turn(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None
     try:
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
-        return None, [problem_of(error, "warning", ground.source)]
+        return None, [make_problem(error, "warning", ground.source)]
 
 
 def _of_forces(
@@ -97,12 +97,12 @@ def _of_forces(
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     ground = forces.changed(
         times=trial.times,
-        force=at_frames(forces.times, forces.force, trial.times),
-        moment=at_frames(forces.times, forces.moment, trial.times),
+        force=sample_at(forces.times, forces.force, trial.times),
+        moment=sample_at(forces.times, forces.moment, trial.times),
         read=None,
     )
     own = item.corners if len(item.plates) == len(forces.plates) else None
-    entries = plates_of(forces, None if own is None else axes.rotate(own))
+    entries = list_plates(forces, None if own is None else axes.rotate(own))
     kinds = () if own is None else tuple(plate.kind for plate in item.plates)
     return (
         files.write(f"{item.file}.force", ground.force, "N"),
@@ -112,15 +112,15 @@ def _of_forces(
 
 
 def _label(trial: Trial, column: int) -> LabelEntry:
-    shown = seen(trial.markers[:, column])
-    gaps = [(int(first), int(stop) - 1) for first, stop in runs(~shown)]
+    shown = find_seen(trial.markers[:, column])
+    gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
     return LabelEntry(
         label=trial.labels[column],
         seen=round(float(shown.mean()), 4),
         gaps=gaps,
         longest_gap_s=round(longest / trial.rate_hz, 4),
-        computed=looks_computed(trial.labels[column]),
+        computed=is_computed(trial.labels[column]),
     )
 
 
@@ -131,7 +131,7 @@ def measure_walk(trial: Trial, axes: Orientation) -> float:
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:
     """How far the markers' middle went over the floor, m, and which way."""
-    rows = np.flatnonzero(seen(trial.markers).any(axis=1))
+    rows = np.flatnonzero(find_seen(trial.markers).any(axis=1))
     if len(rows) < 2:
         return 0.0, None
     first, last = (np.nanmedian(trial.markers[row], axis=0) for row in (rows[0], rows[-1]))
@@ -171,34 +171,35 @@ def describe_plates(
     ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
     types of the plates; empty for forces of tables.
     """
-    feet = _feet(trial)
+    feet = _locate_feet(trial)
     centre, pressing = forces.centre_of_pressure(), forces.pressing
     described = []
     for k, entry in enumerate(entries):
         place = forces.surfaces[k] if entry.corners_m is None else np.mean(entry.corners_m, axis=0)
-        away = {side: _distance(foot, centre[:, k]) for side, foot in feet.items()}
+        away = {side: _measure_distance(foot, centre[:, k]) for side, foot in feet.items()}
         nearest = np.min(list(away.values()), axis=0) if away else np.array([])
         stands = {side: (distance < NEAR_M) & (distance == nearest) for side, distance in away.items()}
         near = [distance < NEAR_M for distance in away.values()]
         if entry.corners_m is not None:
             low, high = (f(np.asarray(entry.corners_m)[:, [0, 2]], axis=0) for f in (np.min, np.max))
-            near += [_over(foot, low, high) for foot in feet.values()]
+            near += [_is_over_plate(foot, low, high) for foot in feet.values()]
             stands = {
-                side: stands[side] | _rests(foot, low, high, trial.rate_hz) for side, foot in feet.items()
+                side: stands[side] | _is_at_rest(foot, low, high, trial.rate_hz)
+                for side, foot in feet.items()
             }
-        offset = _offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
+        offset = _measure_offset(pressing[:, k], ~np.any(near, axis=0)) if feet else None
         loaded = pressing[:, k] > CONTACT_N + abs(offset or 0.0)
         changes = {
             "kind": kinds[k] if k < len(kinds) else None,
             "centre_m": [round(float(v), 3) for v in place],
-            "loaded_by": _loads(loaded, stands, trial) if feet else [],
+            "loaded_by": _describe_loads(loaded, stands, trial) if feet else [],
             "offset_N": offset,
         }
         described.append(entry.model_copy(update=changes))
     return described
 
 
-def _feet(trial: Trial) -> dict[str, Array]:
+def _locate_feet(trial: Trial) -> dict[str, Array]:
     """Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's."""
     clusters = sort_by_segment(trial.labels)
     found = {}
@@ -210,34 +211,36 @@ def _feet(trial: Trial) -> dict[str, Array]:
     return found
 
 
-def _distance(foot: Array, centre: Array) -> Array:
+def _measure_distance(foot: Array, centre: Array) -> Array:
     """From the pressure to the nearest marker of a foot over the floor, m; infinite where there is none."""
     away = np.linalg.norm(foot - centre[:, None, [0, 2]], axis=2)
     return np.asarray(np.where(np.isfinite(away), away, np.inf).min(axis=1))
 
 
-def _over(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
+def _is_over_plate(foot: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     """Frames in which a marker of a foot is over a plate, between its ends along x and z, or beside it."""
     with np.errstate(invalid="ignore"):
         beside = np.asarray(((foot > low - BESIDE_M) & (foot < high + BESIDE_M)).all(axis=2))
     return np.asarray(beside.any(axis=1))
 
 
-def _rests(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:
+def _is_at_rest(foot: Array, low: Array, high: Array, rate_hz: float) -> NDArray[np.bool_]:
     """Frames in which the middle of a foot is over a plate and hardly moves."""
-    known = seen(foot)
+    known = find_seen(foot)
     middle = np.where(known[..., None], foot, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
-    over = ever(known.T) & ((middle > low) & (middle < high)).all(axis=1)
+    over = known.any(axis=1) & ((middle > low) & (middle < high)).all(axis=1)
     if len(middle) < 2:
         return np.asarray(over)
     speed = np.linalg.norm(np.gradient(middle, axis=0), axis=1) * rate_hz
     return np.asarray(over & (speed < RESTS_M_S))
 
 
-def _loads(loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial) -> list[str]:
+def _describe_loads(
+    loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], trial: Trial
+) -> list[str]:
     """Each contact with who makes it."""
     contacts = []
-    for start, stop in runs(loaded):
+    for start, stop in find_runs(loaded):
         if stop - start < BRIEF_S * trial.rate_hz:
             continue
         who = [_FEET[side] for side, on in stands.items() if on[start:stop].mean() > _BOTH] or ["nobody"]
@@ -245,7 +248,7 @@ def _loads(loaded: NDArray[np.bool_], stands: Mapping[str, NDArray[np.bool_]], t
     return contacts
 
 
-def _offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:
+def _measure_offset(pressing: Array, alone: NDArray[np.bool_]) -> float | None:
     """The steady reading while no foot is near, N; None where there is no such time or it is not steady."""
     rows = alone & np.isfinite(pressing)
     if rows.sum() < _FEWEST:

@@ -13,13 +13,13 @@ from scaling_service.capabilities.intake.document import (
     Severity,
 )
 from scaling_service.capabilities.intake.files import RecordingFile
-from scaling_service.capabilities.intake.roles import static_of
+from scaling_service.capabilities.intake.roles import choose_static
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis, sort_by_segment
 from scaling_service.capabilities.intake.tables import OFFSET_N
-from scaling_service.core.text import few
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.exchanged import Exchange, find_exchanges, find_turned_limbs, measure_shape
 from scaling_service.recording.plausibility import find_unlabelled
 
@@ -32,10 +32,10 @@ def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
     trials and left it out.
     """
-    static = static_of(roles)
+    static = choose_static(roles)
     moving = {file: trial for file, trial in trials.items() if file != static and file in roles}
     if static is None and moving and wanted:
-        yield _warning(
+        yield _make_warning(
             "nobody stands still in any recording: segments are measured on the movements, where skin "
             "slides, and tracking markers cannot be placed",
             "Record a few seconds of standing with all markers, or name such a recording",
@@ -46,7 +46,7 @@ def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -
     ratio = compare_pelvis(trials[static], list(moving.values()))
     if abs(ratio - 1.0) > ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"
-        yield _warning(
+        yield _make_warning(
             f"the pelvis is {abs(ratio - 1.0):.0%} {size} than in the movements: it was recorded on another "
             "day or with other markers, or is another person",
             "Use a static trial of the same session; without one, leave `trials.static` out, so that the "
@@ -63,7 +63,7 @@ def check_units(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
             remedy = "Export it again with the right unit; the markers are used as corrected"
             if item.forces is not None:
                 remedy += ", but its force plates cannot be placed until then"
-            yield _warning(repair.detail, remedy, file=item.file, field="Units")
+            yield _make_warning(repair.detail, remedy, file=item.file, field="Units")
 
 
 def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
@@ -72,10 +72,10 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
         found = sorted(find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames))
         filling = [f"{n.label} fills {n.filled} frames of {n.fills}" for n in found if n.fills is not None]
         if found:
-            names = few([n.label for n in found])
+            names = list_few([n.label for n in found])
             count = "a trajectory has" if len(found) == 1 else f"{len(found)} trajectories have"
-            yield _warning(
-                f"{count} no label: {names}{f'; {few(filling)}' if filling else ''}",
+            yield _make_warning(
+                f"{count} no label: {names}{f'; {list_few(filling)}' if filling else ''}",
                 "Label them in the recording where they fill gaps; else nothing is to be done",
                 file=item.file,
             )
@@ -100,8 +100,8 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
             if rivals and item.labels in reported:
                 continue
             reported.add(item.labels)
-            where = f", or in {few(rivals)}" if rivals else ""
-            yield _warning(
+            where = f", or in {list_few(rivals)}" if rivals else ""
+            yield _make_warning(
                 f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
                 f"{item.end_s:.2f} s{where}: distances on their segment differ by "
                 f"{1e3 * item.difference_m:.0f} mm from those in the other recordings, by "
@@ -110,7 +110,7 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
                 "good markers would be blamed",
                 file=file,
                 corrections=[
-                    _correction(name, one)
+                    _make_correction(name, one)
                     for name, others in {file: [item], **{n: wrong[n] for n in rivals}}.items()
                     for one in others
                     if one.labels == item.labels
@@ -118,7 +118,7 @@ def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
             )
 
 
-def _correction(file: str, wrong: Exchange) -> CorrectionEntry:
+def _make_correction(file: str, wrong: Exchange) -> CorrectionEntry:
     labels = dict(zip(wrong.labels, wrong.true, strict=True))
     return CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
@@ -132,13 +132,13 @@ def with_offer(problem: ProblemEntry, trials: Mapping[str, Trial]) -> ProblemEnt
         return problem
     offers = []
     for file, trial in trials.items():
-        roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+        roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         if trial.name != exchanged[0] or len(set(roles.values())) < len(roles):
             continue
         for (a, b), wrong in find_turned_limbs(trial, roles):
             if frozenset((roles[a], roles[b])) != exchanged[1]:
                 continue
-            for first, stop in runs(wrong).tolist():
+            for first, stop in find_runs(wrong).tolist():
                 start, end = float(trial.times[first]), float(trial.times[stop - 1])
                 if f" from {start:.2f} s " in problem.problem or " throughout" in problem.problem:
                     offers.append(
@@ -158,7 +158,7 @@ def exchange_in(problem: ProblemEntry) -> tuple[str, frozenset[str]] | None:
     if found is None:
         return None
     trial = found["trial"] or str(problem.file).rpartition(".")[0]
-    return trial, frozenset(canonical(label) or label for label in found["labels"].split(" and "))
+    return trial, frozenset(find_canonical(label) or label for label in found["labels"].split(" and "))
 
 
 def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
@@ -171,10 +171,10 @@ def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
                 offsets.setdefault(plate.name, {})[file] = plate.offset_N
     for name, found in offsets.items():
         low, high = (f"{value:.0f}" for value in (min(found.values()), max(found.values())))
-        yield _warning(
+        yield _make_warning(
             f"{name} reads {low if low == high else f'{low} to {high}'} N while no foot is near it",
             "Zero the plate before recording, or subtract this offset: else it loads the person",
-            file=few(list(found)),
+            file=list_few(list(found)),
         )
 
 
@@ -183,7 +183,7 @@ def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
     for recording in recordings:
         for repair in recording.repairs:
             if repair.what in _REPAIRS:
-                yield _warning(
+                yield _make_warning(
                     f"{repair.where}: {repair.detail} ({repair.frames} frames)",
                     _REPAIRS[repair.what],
                     file=recording.forces_from,
@@ -208,7 +208,7 @@ def check_times(
         first, last = recording.start_s, recording.start_s + (recording.frames - 1) / recording.rate_hz
         begins, ends = spans[source]
         if begins > first + _LATE_S or ends < last - _LATE_S:
-            yield _warning(
+            yield _make_warning(
                 f"it covers {begins:.2f} to {ends:.2f} s, but {recording.file} lasts from {first:.2f} to "
                 f"{last:.2f} s",
                 "Check that it belongs to this recording; frames without forces are left out of dynamics",
@@ -229,15 +229,15 @@ def check_unused_forces(
     bare = [r.file for r in recordings if used_as.get(r.file) in moving and r.force is None]
     unused = [f.name for f in files if f.kind == "forces" and f.role is None and f.problem is None]
     for name in unused if bare else ():
-        yield _warning(
-            f"nothing says which recording these forces belong to, and there are none for {few(bare)}",
+        yield _make_warning(
+            f"nothing says which recording these forces belong to, and there are none for {list_few(bare)}",
             "Choose the recording that was made with them",
             file=name,
             field="forces",
         )
 
 
-def _warning(
+def _make_warning(
     problem: str,
     remedy: str,
     file: str | None = None,
@@ -293,12 +293,12 @@ _NO_REMEDY = "Nothing is to be done"
 _OTHER = "Look whether it matters to you; scaling takes it as described here"
 
 
-def warning_entry(text: str) -> ProblemEntry:
+def make_warning_entry(text: str) -> ProblemEntry:
     """A warning of loading as a problem with its remedy.
 
     Examples
     --------
-    >>> warning_entry("no recording shows RFH of the model: not used").remedy[:42]
+    >>> make_warning_entry("no recording shows RFH of the model: not used").remedy[:42]
     'If they were recorded under other names, m'
     """
     remedy = next((advice for ending, advice in _REMEDIES.items() if re.search(ending, text)), _OTHER)

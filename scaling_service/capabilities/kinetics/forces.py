@@ -17,11 +17,10 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Array, Repair, Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
-from scaling_service.recording.plates import ground_forces, orient_forces, synchronise
-from scaling_service.recording.plates_feet import FootContacts, assign_plates, foot_loads
+from scaling_service.recording.plates import compute_ground_forces, orient_forces, synchronise
+from scaling_service.recording.plates_feet import FootContacts, assign_foot_loads, assign_plates
 
 LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
@@ -64,10 +63,10 @@ def read_trial_forces(
     if plates is None:
         return None
     with _blamed_on(recording):
-        return recording, ground_forces(plates)
+        return recording, compute_ground_forces(plates)
 
 
-def trial_forces(
+def prepare_forces(
     source: Path,
     forces: GroundForces,
     trial: Trial,
@@ -93,7 +92,7 @@ def trial_forces(
                 remedy="Give forces in N, of a person who stands on the plates",
             )
         contacts = assign_plates(ground, feet)
-        loads = foot_loads(ground, contacts, {foot: foot for foot in feet})
+        loads = assign_foot_loads(ground, contacts, {foot: foot for foot in feet})
     return TrialForces(source, ground, contacts, loads)
 
 
@@ -152,7 +151,7 @@ def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> Ground
     return repair_forces(orient_forces(axes, forces))
 
 
-def feet_of(model: BodyModel) -> dict[str, tuple[str, ...]]:
+def find_feet(model: BodyModel) -> dict[str, tuple[str, ...]]:
     """The segments that bear loads, each with those that stand on the floor with it; two feet at least."""
     feet = {
         name: tuple(
@@ -177,16 +176,15 @@ def feet_of(model: BodyModel) -> dict[str, tuple[str, ...]]:
     return feet
 
 
-def foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) -> dict[str, Array]:
+def find_foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) -> dict[str, Array]:
     """Markers on each foot, (n_frames, n_markers, 3), m; enough to tell which plate it stands on.
 
     ``extra`` are further labels of the recordings, and the segment that each sits on.
     """
-    shown = {name for name, once in zip(trial.labels, ever(seen(trial.markers)), strict=True) if once}
     sits = {m.name: m.segment for m in model.markers} | dict(extra)
     found = {}
-    for foot, segments in feet_of(model).items():
-        labels = [label for label in trial.labels if label in shown and sits.get(label) in segments]
+    for foot, segments in find_feet(model).items():
+        labels = [label for label in trial.shown_labels if sits.get(label) in segments]
         if len(labels) < FEWEST:
             raise TrialUnusable(
                 f"foot '{foot}' shows {' and '.join(labels) or 'no marker'}; heel and toe at least are "
@@ -206,7 +204,7 @@ ReadForces = dict[Path, tuple[Path, GroundForces]]
 """Recording to the file that its forces came from, and these as they stand."""
 
 
-def movement_forces(subject: Subject, plates: Plates) -> ReadForces:
+def gather_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
     """The forces of those movements that have some; refused where none has."""
     read = read_movement_forces(subject, plates)
     if not read:
@@ -242,8 +240,8 @@ def assign_forces(
     for path, (source, forces) in read.items():
         trial = trials[path.stem]
         try:
-            feet = foot_markers(session.model, trial, session.subject.extra_markers)
-            found[path.stem] = trial_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
+            feet = find_foot_markers(session.model, trial, session.subject.extra_markers)
+            found[path.stem] = prepare_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
         except TrialUnusable as error:
             unusable[path.stem] = error
     if unusable and not found:

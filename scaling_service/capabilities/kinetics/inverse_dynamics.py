@@ -14,16 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import parameter_values
+from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import mechanism_of, total_mass
+from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics import wrench
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import forward, positions
-from scaling_service.numerics.signals.filters import butterworth, runs
-from scaling_service.numerics.signals.splines import spline_rates
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.filters import filter_butterworth, find_runs
+from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import FootContacts
 
@@ -86,11 +86,11 @@ class InverseDynamics:
         """Frames whose residual is known, of those given, (n,); TrialUnusable where there is none."""
         used = self.known if frames is None else self.known & frames
         if not used.any():
-            raise no_frame(self.trial)
+            raise report_no_frame(self.trial)
         return used
 
 
-def no_frame(trial: str) -> TrialUnusable:
+def report_no_frame(trial: str) -> TrialUnusable:
     """Tells that nothing of a recording can be judged."""
     return TrialUnusable(
         "no frame has both a motion and all its forces",
@@ -134,8 +134,8 @@ def rated_motion(
                 field="cutoff_hz",
                 remedy=f"Choose one between 0 and {0.5 * rate:g} Hz",
             )
-        values = butterworth(values, rate_hz=rate, cutoff_hz=cutoff_hz, order=order).values
-    qdot, qddot = spline_rates(clock, values)
+        values = filter_butterworth(values, rate_hz=rate, cutoff_hz=cutoff_hz, order=order).values
+    qdot, qddot = differentiate_spline(clock, values)
     return RatedMotion(clock, values, qdot, qddot)
 
 
@@ -153,17 +153,17 @@ def inverse_dynamics(
     nothing touches the body. Refuses loads on another clock or on a segment that the model does not have.
     """
     rated = rated_motion(model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order)
-    return dynamics_of(model, rated, loads, trial=motion.trial)
+    return compute_dynamics(model, rated, loads, trial=motion.trial)
 
 
-def dynamics_of(
+def compute_dynamics(
     model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None = None, *, trial: str = ""
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion whose rates are known; errors as above."""
-    mechanism, p = mechanism_of(model), parameter_values(model)
+    mechanism, p = compile_mechanism(model), list_parameter_values(model)
     rates = rated.rates
-    found = wrench.inverse_dynamics(mechanism, rates, p, _kernel_loads(model, rated, loads, trial))
-    centres = positions(mechanism.tree, forward(mechanism.tree, rates.q, p))
+    found = wrench.compute_inverse_dynamics(mechanism, rates, p, _convert_loads(model, rated, loads, trial))
+    centres = place_tree_markers(mechanism.tree, pose_links(mechanism.tree, rates.q, p))
     masses = mechanism.inertias.mass
     centre = np.einsum("k,kan->na", masses / masses.sum(), centres)
     external = loads.total if loads is not None else np.zeros((len(rated.times), 6))
@@ -176,7 +176,7 @@ def dynamics_of(
         np.ascontiguousarray(found.root.T),
         centre,
         external,
-        total_mass(model),
+        sum_mass(model),
     )
 
 
@@ -197,12 +197,12 @@ def _unwrap(model: BodyModel, q: Array) -> Array:
     """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
     for column, coordinate in enumerate(model.coordinates):
         if coordinate.kind == "rotation":
-            for start, stop in runs(np.isfinite(q[:, column])).tolist():
+            for start, stop in find_runs(np.isfinite(q[:, column])).tolist():
                 q[start:stop, column] = np.unwrap(q[start:stop, column])
     return q
 
 
-def _kernel_loads(
+def _convert_loads(
     model: BodyModel, rated: RatedMotion, loads: SegmentLoads | None, trial: str
 ) -> wrench.Loads | None:
     if loads is None:
@@ -221,13 +221,15 @@ def _kernel_loads(
     return wrench.Loads(rows, np.ascontiguousarray(np.moveaxis(both, 0, -1)))
 
 
-def judged_frames(dynamics: InverseDynamics, contacts: FootContacts, cutoff_hz: float) -> NDArray[np.bool_]:
+def find_judged_frames(
+    dynamics: InverseDynamics, contacts: FootContacts, cutoff_hz: float
+) -> NDArray[np.bool_]:
     """Frames with motion and all forces, away from the ends of what is known, shape (n,)."""
     known = dynamics.known
     edge = EDGE_PERIODS / cutoff_hz - 1e-9
     times = dynamics.motion.times
     inner = np.zeros_like(known)
-    for start, stop in runs(known).tolist():
+    for start, stop in find_runs(known).tolist():
         span = times[start:stop]
         inner[start:stop] = (span - span[0] >= edge) & (span[-1] - span >= edge)
     return inner & contacts.supported
@@ -294,7 +296,7 @@ class Residuals:
     gates: tuple[Gate, ...]
 
 
-def residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Array:
+def compute_residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Array:
     """Muller's indicator dr of residual wrenches.
 
     ``residual`` (..., n, 6), N and N m: several samples may lead, frames with a NaN are left out. Returns
@@ -303,14 +305,14 @@ def residual_indicator(residual: Array, mass_kg: float, height_m: float) -> Arra
     Examples
     --------
     >>> import numpy as np
-    >>> residual_indicator(np.full((3, 6), 9.80665), 50.0, 2.0).round(12).tolist()
+    >>> compute_residual_indicator(np.full((3, 6), 9.80665), 50.0, 2.0).round(12).tolist()
     [0.02, 0.02, 0.02, 0.01, 0.01, 0.01]
     """
-    indicator: Array = _rms(residual) / indicator_scale(mass_kg, height_m)
+    indicator: Array = _compute_rms(residual) / scale_indicator(mass_kg, height_m)
     return indicator
 
 
-def indicator_scale(mass_kg: float, height_m: float) -> Array:
+def scale_indicator(mass_kg: float, height_m: float) -> Array:
     """Body weight, and body weight times stature, (6,), N and N m; refuses what cannot be a person's."""
     if not mass_kg > 0:
         raise InputError(f"a mass of {mass_kg:g} kg is none", field="subject.mass_kg", remedy="Give it in kg")
@@ -335,13 +337,13 @@ def evaluate_residuals(
         dynamics.trial,
         int(used.sum()),
         int(len(used) - used.sum()),
-        _rms(residual),
-        residual_indicator(residual, dynamics.mass, height_m),
-        _gates(dynamics, used),
+        _compute_rms(residual),
+        compute_residual_indicator(residual, dynamics.mass, height_m),
+        _list_gates(dynamics, used),
     )
 
 
-def _rms(residual: Array) -> Array:
+def _compute_rms(residual: Array) -> Array:
     known = np.asarray(np.all(np.isfinite(residual), axis=-1))
     squares = np.where(known[..., None], residual, 0.0) ** 2
     count = known.sum(axis=-1)[..., None]
@@ -350,7 +352,7 @@ def _rms(residual: Array) -> Array:
     return rms
 
 
-def _gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gate, ...]:
+def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gate, ...]:
     """Hicks's gates, peak against peak and RMS against RMS (our reading), and OpenSim's plain limits."""
     force, moment, external = (
         np.linalg.norm(x[used], axis=1)

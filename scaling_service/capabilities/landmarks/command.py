@@ -10,8 +10,8 @@ import typer
 from scaling_service.capabilities.shared.flags import Out
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
     list_files,
+    make_console,
     print_table,
     running,
     say,
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
 
 
-def _bone(name: str, words: str) -> typer.models.OptionInfo:
+def _make_bone_option(name: str, words: str) -> typer.models.OptionInfo:
     option: typer.models.OptionInfo = typer.Option(
         f"--{name}", metavar="MESH", help=words, show_default=False
     )
@@ -34,13 +34,17 @@ _MeshFile = Path | None
 
 def landmarks(
     out: Out,
-    pelvis: Annotated[_MeshFile, _bone("pelvis", "Both hip bones, sacrum in or out.")] = None,
-    femur_r: Annotated[_MeshFile, _bone("femur_r", "Right femur.")] = None,
-    tibia_r: Annotated[_MeshFile, _bone("tibia_r", "Right tibia, with its fibula if imaged.")] = None,
-    talus_r: Annotated[_MeshFile, _bone("talus_r", "Right talus, for the ankle's axis.")] = None,
-    femur_l: Annotated[_MeshFile, _bone("femur_l", "Left femur.")] = None,
-    tibia_l: Annotated[_MeshFile, _bone("tibia_l", "Left tibia, with its fibula if imaged.")] = None,
-    talus_l: Annotated[_MeshFile, _bone("talus_l", "Left talus.")] = None,
+    pelvis: Annotated[_MeshFile, _make_bone_option("pelvis", "Both hip bones, sacrum in or out.")] = None,
+    femur_r: Annotated[_MeshFile, _make_bone_option("femur_r", "Right femur.")] = None,
+    tibia_r: Annotated[
+        _MeshFile, _make_bone_option("tibia_r", "Right tibia, with its fibula if imaged.")
+    ] = None,
+    talus_r: Annotated[_MeshFile, _make_bone_option("talus_r", "Right talus, for the ankle's axis.")] = None,
+    femur_l: Annotated[_MeshFile, _make_bone_option("femur_l", "Left femur.")] = None,
+    tibia_l: Annotated[
+        _MeshFile, _make_bone_option("tibia_l", "Left tibia, with its fibula if imaged.")
+    ] = None,
+    talus_l: Annotated[_MeshFile, _make_bone_option("talus_l", "Left talus.")] = None,
     units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
 ) -> None:
     """Find joint centres, axes and bony landmarks on surfaces of bones (STL, PLY, OBJ, VTP).
@@ -73,7 +77,7 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
                 rows.append(Row(f"  {field.removesuffix('_mm')}", [f"{x:.1f}" for x in value]))
         notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
         notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
-    console = console_of_results()
+    console = make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
     print_table(console, Table(caption, ["", "x", "y", "z"], rows))
     say(console, "Note", "yellow", notes)

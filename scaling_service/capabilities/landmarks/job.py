@@ -14,7 +14,7 @@ from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfO
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT, plain_name
+from scaling_service.documents.names import DOCUMENT, require_plain_name
 
 
 class LandmarksRequest(OfOneSubject):
@@ -53,7 +53,9 @@ class LandmarksRequest(OfOneSubject):
                 remedy="Name uploaded meshes under `bones` in the request or in the subject's document",
             )
         return {
-            self.subject: {f"bones.{bone}": plain_name(file, f"bones.{bone}") for bone, file in found.items()}
+            self.subject: {
+                f"bones.{bone}": require_plain_name(file, f"bones.{bone}") for bone, file in found.items()
+            }
         }
 
 

@@ -14,7 +14,7 @@ from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRe
 from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
-from scaling_service.core.progress import Progress, silent
+from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.writing import all_or_nothing, code_version, write_json
 from scaling_service.files.mesh import Mesh, read_mesh
 
@@ -25,7 +25,7 @@ _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path], *, units: str = DETECT, progress: Progress = silent
+    bones: Mapping[str, Path], *, units: str = DETECT, progress: Progress = show_nothing
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
@@ -88,8 +88,8 @@ def _digest(path: Path) -> str:
 
 def _describe(bone: BoneLandmarks) -> dict[str, Any]:
     """One bone's part of the document; points are named as found, with their unit."""
-    fits = _fits(bone)
-    fields: dict[str, Any] = {f"{name}_mm": _mm(point) for name, point in bone.points.items()}
+    fits = _list_fits(bone)
+    fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
     fields |= _ADDED[bone.bone](bone)
     return fields | {
         "side": bone.side,
@@ -103,10 +103,10 @@ def _describe(bone: BoneLandmarks) -> dict[str, Any]:
     }
 
 
-def _fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
+def _list_fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
     found = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
     for name, tube in bone.cylinders.items():
-        found[name] = _fit("cylinder", tube, tube.point, _unit(tube.axis))
+        found[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     return found
 
 
@@ -115,7 +115,7 @@ def _fit(
 ) -> ShapeFit:
     return ShapeFit(
         shape=shape,
-        centre_mm=_mm(centre),
+        centre_mm=_to_mm(centre),
         radius_mm=round(found.radius * _MM, 4),
         axis=axis,
         rms_mm=round(found.quality.rms * _MM, 4),
@@ -124,42 +124,42 @@ def _fit(
     )
 
 
-def _femur(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe_femur(bone: BoneLandmarks) -> dict[str, Any]:
     knee, tube, head = bone.axes.get("knee"), bone.cylinders.get("condyles"), bone.spheres.get("head")
     apart = None
     if knee is not None and tube is not None:
         apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ tube.axis, -1.0, 1.0)))), 3)
     return {
         "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
-        "knee_axis": None if knee is None else _unit(knee),
-        "knee_axis_cylinder": None if tube is None else _unit(tube.axis),
+        "knee_axis": None if knee is None else _to_unit(knee),
+        "knee_axis_cylinder": None if tube is None else _to_unit(tube.axis),
         "knee_axes_apart_deg": apart,
     }
 
 
-def _tibia(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe_tibia(bone: BoneLandmarks) -> dict[str, Any]:
     talus = "ankle" in bone.axes
     source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
     return {
-        "plateau_axis": _unit(bone.axes["plateau"]),
+        "plateau_axis": _to_unit(bone.axes["plateau"]),
         "ankle_centre_from": source,
-        "ankle_axis": _unit(bone.axes["ankle"]) if talus else None,
+        "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
     }
 
 
 _ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
-    "femur": _femur,
-    "tibia": _tibia,
-    "talus": lambda bone: {f"{joint}_axis": _unit(axis) for joint, axis in bone.axes.items()},
-    "pelvis": lambda bone: {"asis_axis": _unit(bone.axes["asis"])},
+    "femur": _describe_femur,
+    "tibia": _describe_tibia,
+    "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
+    "pelvis": lambda bone: {"asis_axis": _to_unit(bone.axes["asis"])},
 }
 
 
-def _mm(point: Array) -> Vector:
+def _to_mm(point: Array) -> Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _unit(direction: Array) -> Vector:
+def _to_unit(direction: Array) -> Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.motion.uncertainty import (
     Mask,
     SkinField,
-    distinct_patterns,
-    frame_blocks,
+    compute_marker_rates,
+    find_distinct_patterns,
+    find_lost,
     is_pin,
-    loses,
-    marker_rates,
-    rigid_modes,
+    list_rigid_modes,
+    split_frames,
 )
 from scaling_service.model.body import BodyModel, Expectation
-from scaling_service.model.compile import piecewise
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.model.compile import to_piecewise
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree, forward, positions
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.inverse_kinematics import Task
@@ -66,7 +66,7 @@ class BoneMotion:
     combined: Array | None = None  # (n_frames, n_combined), as in CoordinateSd
 
 
-def knows_bones(model: BodyModel) -> bool:
+def has_bone_knowledge(model: BodyModel) -> bool:
     """Whether a model holds more of bones than plain inverse kinematics uses."""
     return bool(model.expectations) or any(m.skin_sd is not None for m in model.markers)
 
@@ -77,13 +77,13 @@ def estimate_bones(
     """The most probable motion given markers, skin and the model's expectations.
 
     Frames that end less probable than they began keep their start. ``rates``: of coordinates, as
-    :func:`.uncertainty.coordinate_sd` takes them.
+    :func:`.uncertainty.estimate_coordinate_sd` takes them.
     """
     normal = _Normal.of(posed, fields)
     q, free = posed.q.copy(), np.flatnonzero(posed.task.free)
     sd, combined = np.zeros(q.shape), list[Array]()
     unknown = posed.held & posed.task.free
-    for rows in frame_blocks(len(q)):
+    for rows in split_frames(len(q)):
         q[rows] = _solve(normal, q[rows], rows)
         covariance = np.linalg.inv(normal.at(q[rows], rows).curvature)
         sd[rows, free] = np.sqrt(np.einsum("nii->ni", covariance))
@@ -91,7 +91,7 @@ def estimate_bones(
             change = rates(q[rows])
             moved = change[:, :, free]
             square = np.einsum("nkf,nfg,nkg->nk", moved, covariance, moved, optimize=True)
-            combined.append(np.where(loses(change, unknown[rows]), np.nan, np.sqrt(square)))
+            combined.append(np.where(find_lost(change, unknown[rows]), np.nan, np.sqrt(square)))
     sd[unknown] = np.nan
     return BoneMotion(q, sd, np.concatenate(combined) if combined else None)
 
@@ -105,7 +105,7 @@ def learn_skin_sizes(recordings: Sequence[Posed], fields: Sequence[Sequence[Skin
     """
     learnt: dict[str, float] = {}
     for posed, own in zip(recordings, fields, strict=True):
-        shown = revealed_share(posed, own)
+        shown = compute_revealed_share(posed, own)
         for field, share in zip(own, shown, strict=True):
             if is_revealed(share):
                 names = [posed.task.markers[k] for k in field.markers]
@@ -116,9 +116,9 @@ def learn_skin_sizes(recordings: Sequence[Posed], fields: Sequence[Sequence[Skin
         squares, counts = dict.fromkeys(learnt, 0.0), dict.fromkeys(learnt, 0)
         for k, (posed, own) in enumerate(zip(recordings, fields, strict=True)):
             sized = [resize(field, posed.task.markers, learnt) for field in own]
-            moved, square = _skin_squares(posed, sized)
+            moved, square = _expect_skin_squares(posed, sized)
             recordings = [*recordings[:k], Posed(posed.task, moved, posed.held), *recordings[k + 1 :]]
-            known = seen(posed.task.measured)
+            known = find_seen(posed.task.measured)
             for m, name in enumerate(posed.task.markers):
                 if name in learnt:
                     squares[name] += float(square[known[:, m], m].sum())
@@ -132,7 +132,7 @@ def is_revealed(share: float) -> bool:
     return share >= _REVEALED
 
 
-def revealed_share(posed: Posed, fields: Sequence[SkinField]) -> list[float]:
+def compute_revealed_share(posed: Posed, fields: Sequence[SkinField]) -> list[float]:
     """Of what each field's cluster does as a whole, the share of variance that the recording takes away.
 
     None where no pin is in any bone: sizes of neighbours' skin are then as much of a guess.
@@ -144,14 +144,14 @@ def revealed_share(posed: Posed, fields: Sequence[SkinField]) -> list[float]:
     at = _Normal.of(few, fields).at(few.q, slice(None))
     count = len(posed.task.markers)
     rates = at.rates.reshape(len(rows), -1, count, 3)
-    places = _places(few.task.tree, few.q, few.task.p)
+    places = _evaluate_places(few.task.tree, few.q, few.task.p)
     shares = []
     for field in fields:
         lost = []
         for frame, (where, rate, curvature) in enumerate(zip(places, rates, at.curvature, strict=True)):
-            if not seen(few.task.measured[frame, field.markers]).all():
+            if not find_seen(few.task.measured[frame, field.markers]).all():
                 continue
-            ways = np.linalg.pinv(rigid_modes(where[field.markers]))
+            ways = np.linalg.pinv(list_rigid_modes(where[field.markers]))
             prior = ways @ np.kron(field.covariance, np.eye(3)) @ ways.T
             moved = ways @ rate[:, field.markers].reshape(len(rate), -1).T
             after = moved @ np.linalg.solve(curvature, moved.T)
@@ -168,11 +168,11 @@ def resize(field: SkinField, markers: Sequence[str], sizes: Mapping[str, float])
     return SkinField(field.markers, field.covariance * np.outer(now / before, now / before))
 
 
-def _skin_squares(posed: Posed, fields: Sequence[SkinField]) -> tuple[Array, Array]:
+def _expect_skin_squares(posed: Posed, fields: Sequence[SkinField]) -> tuple[Array, Array]:
     """The motion, and every marker's expected squared displacement over the bone, (n, n_markers), m2."""
     normal = _Normal.of(posed, fields)
     q, square = posed.q.copy(), np.zeros(posed.task.measured.shape[:2])
-    for rows in frame_blocks(len(q)):
+    for rows in split_frames(len(q)):
         q[rows] = _solve(normal, q[rows], rows)
         at = normal.at(q[rows], rows)
         spread = np.matmul(np.linalg.inv(at.curvature), at.rates)
@@ -204,11 +204,11 @@ class _Normal:
     def of(cls, posed: Posed, fields: Sequence[SkinField]) -> _Normal:
         """By patterns of markers that are seen together."""
         task = posed.task
-        shown = seen(task.measured)
+        shown = find_seen(task.measured)
         covariance = _NOISE_M**2 * np.eye(len(task.markers))
         for field in fields:
             covariance[np.ix_(field.markers, field.markers)] += field.covariance
-        first, which = distinct_patterns(shown)
+        first, which = find_distinct_patterns(shown)
         white = np.zeros((len(first), *covariance.shape))
         for k, frame in enumerate(first):
             some = np.flatnonzero(shown[frame])
@@ -221,13 +221,13 @@ class _Normal:
     def residuals(self, q: Array, rows: slice) -> Array:
         """Measured minus model, zero where not seen, (n, m, 3), m."""
         task = self.posed.task
-        return np.nan_to_num(task.measured[rows] - _places(task.tree, q, task.p))
+        return np.nan_to_num(task.measured[rows] - _evaluate_places(task.tree, q, task.p))
 
     def at(self, q: Array, rows: slice) -> _Linearised:
         """Linearised about a motion of some frames."""
         task, held = self.posed.task, self.posed.held[rows]
         free = np.flatnonzero(task.free)
-        rates = marker_rates(task.tree, q, task.p, free)
+        rates = compute_marker_rates(task.tree, q, task.p, free)
         rates *= ~held[:, free, None]
         n, count, _ = rates.shape
         white = self.white[self.which[rows]]
@@ -271,7 +271,7 @@ class _Expected:
                 continue
             column = self.columns[term.coordinate]
             x = q[:, column]
-            value, slope = (x, 1.0) if term.shape is None else piecewise(term.shape).evaluate(x)
+            value, slope = (x, 1.0) if term.shape is None else to_piecewise(term.shape).evaluate(x)
             off -= term.gain * value
             slopes[:, column] -= term.gain * slope
         return off / self.expectation.sd, slopes / self.expectation.sd
@@ -291,5 +291,5 @@ def _solve(normal: _Normal, start: Array, rows: slice) -> Array:
     return np.asarray(np.where((at.cost <= first.cost)[:, None], q, start))
 
 
-def _places(tree: Tree, q: Array, p: Array) -> Array:
-    return np.moveaxis(positions(tree, forward(tree, np.ascontiguousarray(q.T), p)), -1, 0)
+def _evaluate_places(tree: Tree, q: Array, p: Array) -> Array:
+    return np.moveaxis(place_tree_markers(tree, pose_links(tree, np.ascontiguousarray(q.T), p)), -1, 0)

@@ -8,15 +8,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scaling_service.model.anatomy.frames import ANGLES, KNEE, SIDES, Side, conventional_angles, heel_level
-from scaling_service.model.anatomy.lengths import joint_centres, segment_of
-from scaling_service.model.anatomy.markers import canonical, strip_prefix
+from scaling_service.model.anatomy.frames import (
+    ANGLES,
+    KNEE,
+    SIDES,
+    Side,
+    compute_conventional_angles,
+    level_heel,
+)
+from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
+from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.poses import marker_position, model_values, neutral_frames, placed_markers
+from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.poses import evaluate_marker, list_model_values, place_markers, pose_neutral_frames
 from scaling_service.model.results import Array, Motion
-from scaling_service.numerics.multibody.tree import forward, jacobian, positions
-from scaling_service.numerics.statistics.waveforms import NODES, normalised_cycles
+from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
+from scaling_service.numerics.statistics.waveforms import NODES, normalise_cycles
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
@@ -34,7 +41,7 @@ _Place = tuple[str, Array]
 """Segment, and a position in ground where all turns of the model are zero, (3,), m."""
 
 
-def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
+def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     """The landmarks of ``Points`` that a model has.
 
     Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
@@ -47,7 +54,7 @@ def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     Returns landmark to a marker at its place on a segment; without those that the model does not have.
     """
     straight = {c.name: 0.0 for c in model.coordinates if c.kind == "rotation"}
-    frames, values = neutral_frames(model, straight), model_values(model)
+    frames, values = pose_neutral_frames(model, straight), list_model_values(model)
 
     def place(segment: str, local: Array) -> _Place:
         rotation, origin = frames[segment]
@@ -55,20 +62,20 @@ def clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
 
     places = {
         f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
-        for name, (segment, at) in joint_centres(model).items()
+        for name, (segment, at) in find_joint_centres(model).items()
         if name[:-2] in _CENTRES
     }
     for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
         found = next((m for m in model.markers if _is_landmark(m.name, name)), None)
         if found is not None:
-            places[name] = place(found.segment, marker_position(found, values))
+            places[name] = place(found.segment, evaluate_marker(found, values))
     for letter in "RL":
-        places |= _beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
-        places |= _beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
-        places |= _knee_axis(places, letter, segment_of(model, "tibia", letter.lower()))
-        places |= _foot_line(places, letter)
+        places |= _place_beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
+        places |= _place_beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
+        places |= _place_knee_axis(places, letter, find_segment(model, "tibia", letter.lower()))
+        places |= _place_foot_line(places, letter)
     return {
-        name: Marker.at(name, segment, _local(frames[segment], point))
+        name: Marker.at(name, segment, _to_local(frames[segment], point))
         for name, (segment, point) in places.items()
     }
 
@@ -83,7 +90,7 @@ def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
         if name in motion.estimated:
             q[:, k] = motion.column(name)
     names = tuple(placed)
-    where = placed_markers(model.with_markers(tuple(placed.values())), names, q)
+    where = place_markers(model.with_markers(tuple(placed.values())), names, q)
     return {name: where[:, k] for k, name in enumerate(names)}
 
 
@@ -96,12 +103,12 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
     front = {name: m for m in model.markers for name in ("RASIS", "LASIS") if _is_landmark(m.name, name)}
     if len(front) < 2:
         return True
-    values, pelvis = model_values(model), front["RASIS"].segment
-    right, left = (marker_position(front[name], values) for name in ("RASIS", "LASIS"))
+    values, pelvis = list_model_values(model), front["RASIS"].segment
+    right, left = (evaluate_marker(front[name], values) for name in ("RASIS", "LASIS"))
     across = (right - left) / np.linalg.norm(right - left)
     seen = {name for k, name in enumerate(motion.markers) if np.isfinite(motion.residuals[:, k]).any()}
     off = [
-        float(np.linalg.norm(np.cross(marker_position(m, values) - left, across)))
+        float(np.linalg.norm(np.cross(evaluate_marker(m, values) - left, across)))
         for m in model.markers
         if m.segment == pelvis and m.name in seen
     ]
@@ -109,7 +116,7 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
 
 
 def _is_landmark(label: str, landmark: str) -> bool:
-    if canonical(label) == landmark:
+    if find_canonical(label) == landmark:
         return True
     plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
     return plain == landmark or (
@@ -117,13 +124,13 @@ def _is_landmark(label: str, landmark: str) -> bool:
     )
 
 
-def _local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
+def _to_local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
     rotation, origin = frame
     x, y, z = (float(v) for v in rotation.T @ (point - origin))
     return x, y, z
 
 
-def _beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
+def _place_beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
     """The lateral landmark beside the joint's centre, in the direction from the medial one."""
     if not {centre, lateral, medial} <= places.keys() or places[lateral][0] != places[medial][0]:
         return {}
@@ -131,7 +138,7 @@ def _beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str
     return {lateral: (segment, places[centre][1] + (outside - places[medial][1]) / 2.0)}
 
 
-def _knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
+def _place_knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> dict[str, _Place]:
     """Beside the ankle as the lateral epicondyle is beside the knee, on the shank."""
     knee, lateral, ankle = (f"{letter}{name}" for name in ("KJC", "LFE", "AJC"))
     if shank is None or not {knee, lateral, ankle} <= places.keys():
@@ -139,7 +146,7 @@ def _knee_axis(places: Mapping[str, _Place], letter: str, shank: str | None) -> 
     return {f"{letter}KAX": (shank, places[ankle][1] + places[lateral][1] - places[knee][1])}
 
 
-def _foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
+def _place_foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
     """The heel at the toe's height; the toe between the metatarsal heads where it has no own marker."""
     heel, toe, inner, outer = (f"{letter}{name}" for name in ("HEE", "TOE", "MT1", "MT5"))
     found = dict(places)
@@ -148,7 +155,7 @@ def _foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Place]:
     if not {heel, toe} <= found.keys():
         return {}
     ends = {name: found[name][1][None] for name in (heel, toe)}
-    return {toe: found[toe], heel: (found[heel][0], heel_level(ends, "r" if letter == "R" else "l")[0])}
+    return {toe: found[toe], heel: (found[heel][0], level_heel(ends, "r" if letter == "R" else "l")[0])}
 
 
 _AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
@@ -208,33 +215,34 @@ class ClinicalCycles:
     values: Mapping[str, Array]
 
 
-def clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
+def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
-    Joint centres and landmarks are the model's own and move with its segments (:func:`clinical_landmarks`).
+    Joint centres and landmarks are the model's own and move with its segments (see
+    :func:`find_clinical_landmarks`).
 
     ``model``: built-in or from OpenSim, y up.
     ``motion``: coordinates that the recording does not determine make what hangs on them NaN.
 
     Examples
     --------
-    >>> from scaling_service.model.builtin import builtin
-    >>> model = builtin("lower_limb_14dof")
+    >>> from scaling_service.model.builtin import load_builtin
+    >>> model = load_builtin("lower_limb_14dof")
     >>> still = np.zeros((1, len(model.coordinates)))
     >>> names = model.coordinate_names
     >>> motion = Motion("still", np.zeros(1), names, still, (), np.empty((1, 0, 3)), names)
-    >>> angles = clinical_angles(model, motion)
+    >>> angles = compute_clinical_angles(model, motion)
     >>> round(float(angles.values["r"]["knee_flexion"][0]), 6) + 0.0, angles.left_out
     (0.0, ('ankle and foot: the model has no heel and toe',))
     """
-    points = track_landmarks(model, motion, clinical_landmarks(model))
-    sides = {side: conventional_angles(points, side) for side in SIDES}
+    points = track_landmarks(model, motion, find_clinical_landmarks(model))
+    sides = {side: compute_conventional_angles(points, side) for side in SIDES}
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
-    heading = _heading(pelvis[np.isfinite(pelvis).all(axis=1)])
+    heading = _find_heading(pelvis[np.isfinite(pelvis).all(axis=1)])
     free = {side: _drop_locked(angles) for side, angles in sides.items()}
-    values = {side: _against(angles, side, heading) for side, angles in free.items()}
-    left_out = tuple(_left_out(sides, values))
+    values = {side: _measure_against(angles, side, heading) for side, angles in free.items()}
+    left_out = tuple(_list_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
     return ClinicalAngles(motion.trial, motion.times, values, pelvis, heading, left_out, doubtful)
 
@@ -243,25 +251,25 @@ AngleRates = Callable[[Array], Array]
 """Of coordinates (n_frames, n_coordinates) how angles change, (n_frames, n_angles, n_coordinates)."""
 
 
-def clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
+def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
     """Side and name of every conventional angle of a model, and how they change with its coordinates.
 
     The landmarks' rates are exact; the angles of landmarks are differenced along each.
     """
-    placed = clinical_landmarks(model)
+    placed = find_clinical_landmarks(model)
     names = tuple(placed)
     carrier = model.with_markers(tuple(placed.values()))
-    tree, p = compile_model(carrier, names), parameter_values(carrier)
+    tree, p = compile_model(carrier, names), list_parameter_values(carrier)
 
     def angles(where: Array) -> dict[tuple[Side, str], Array]:
         points = {name: where[k].T for k, name in enumerate(names)}
-        return {(s, a): v for s in SIDES for a, v in conventional_angles(points, s).items()}
+        return {(s, a): v for s in SIDES for a, v in compute_conventional_angles(points, s).items()}
 
     def rates(q: Array) -> Array:
         n, count = q.shape
-        poses = forward(tree, np.ascontiguousarray(q.T), p)
-        where = positions(tree, poses)
-        change = _STEP * jacobian(tree, poses, where, np.arange(count))
+        poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+        where = place_tree_markers(tree, poses)
+        change = _STEP * compute_jacobian(tree, poses, where, np.arange(count))
         moved = where[None, None] + np.stack([change, -change])  # (2, n_coordinates, n_landmarks, 3, n)
         ends = np.stack(list(angles(np.moveaxis(moved, (2, 3), (0, 1)).reshape(len(names), 3, -1)).values()))
         rise = np.subtract(*ends.reshape(-1, 2, count, n).swapaxes(0, 1))
@@ -270,7 +278,7 @@ def clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], Angl
     return tuple(angles(np.zeros((len(names), 3, 0)))), rates
 
 
-def clinical_cycles(
+def cut_clinical_cycles(
     recordings: Iterable[tuple[ClinicalAngles, Sequence[Cycle]]], side: Side
 ) -> ClinicalCycles | None:
     """Cut the angles of one side at its gait cycles, each on the nodes 0, 1, … 100 %.
@@ -309,13 +317,13 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     if not within:
         return {}
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
-    turned = _against(within, side, _heading(way, angles.heading) - angles.heading)
+    turned = _measure_against(within, side, _find_heading(way, angles.heading) - angles.heading)
     smooth = np.unwrap(np.column_stack(list(turned.values())), axis=0)
-    curves = normalised_cycles(times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=NODES)
+    curves = normalise_cycles(times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=NODES)
     return dict(zip(turned, curves[0], strict=True))
 
 
-def _against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:
+def _measure_against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[str, Array]:
     """The same angles, those against the walking direction counted from ``heading`` further, rad."""
     own = heading if side == "r" else -heading
     return {
@@ -324,7 +332,7 @@ def _against(angles: Mapping[str, Array], side: Side, heading: float) -> dict[st
     }
 
 
-def _heading(way: Array, otherwise: float = 0.0) -> float:
+def _find_heading(way: Array, otherwise: float = 0.0) -> float:
     """Where a way over the floor leads, (n, 3), m, from its first to its last point."""
     gone = way[-1] - way[0] if len(way) else np.zeros(3)
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
@@ -332,17 +340,17 @@ def _heading(way: Array, otherwise: float = 0.0) -> float:
 
 def _drop_locked(angles: Mapping[str, Array]) -> dict[str, Array]:
     """Without turns that the model's knee cannot make: they say nothing of the person."""
-    bends = "knee_flexion" in angles and _range(angles["knee_flexion"]) > 100.0 * _LOCKED
-    locked = [name for name in KNEE[1:] if bends and _range(angles[name]) < _LOCKED]
+    bends = "knee_flexion" in angles and _measure_range(angles["knee_flexion"]) > 100.0 * _LOCKED
+    locked = [name for name in KNEE[1:] if bends and _measure_range(angles[name]) < _LOCKED]
     return {name: value for name, value in angles.items() if name not in locked}
 
 
-def _range(angle: Array) -> float:
+def _measure_range(angle: Array) -> float:
     known = angle[np.isfinite(angle)]
     return float(np.ptp(known)) if len(known) else 0.0
 
 
-def _left_out(
+def _list_left_out(
     sides: Mapping[Side, Mapping[str, Array]], values: Mapping[Side, Mapping[str, Array]]
 ) -> Iterable[str]:
     """What the model does not have or locks, and what the recording does not determine."""

@@ -11,14 +11,14 @@ from rich.markup import escape
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.shared.flags import Out, with_flags
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
+    describe_understood,
     list_files,
+    make_console,
     print_table,
     running,
     say,
-    understood,
 )
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
@@ -65,14 +65,14 @@ def ik(
 
 def show(document: MotionDocument, out: Path) -> None:
     """The table of trials, the warnings, and what was written."""
-    console = console_of_results()
+    console = make_console()
     console.print(f"Model [bold]{escape(document.model)}[/bold]", highlight=False, soft_wrap=True)
-    for line in understood(document):
+    for line in describe_understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
     rows = []
     for name, trial in document.trials.items():
         error = trial.kinematic_error_mm
-        lost = few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
+        lost = list_few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
         numbers = [f"{value:.1f}" for value in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]

@@ -14,22 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from scaling_service.capabilities.motion.start import first_guess
-from scaling_service.capabilities.motion.uncertainty import determined
+from scaling_service.capabilities.motion.start import guess_start
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
     compile_model,
-    coordinate_bounds,
-    coordinate_ranges,
-    default_coordinates,
     free_coordinates,
-    parameter_values,
+    list_coordinate_bounds,
+    list_coordinate_ranges,
+    list_parameter_values,
+    repeat_default_pose,
 )
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
@@ -39,7 +38,7 @@ from scaling_service.numerics.multibody.sweep import (
     is_articulated,
     solve_motion,
 )
-from scaling_service.numerics.multibody.tree import Tree, forward, positions
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -86,7 +85,7 @@ class Task:
 
         Raises TrialUnusable: no marker of the model is seen in the trial.
         """
-        chosen = _usable(model, trial, weights or {})
+        chosen = _list_usable(model, trial, weights or {})
         if not chosen:
             raise TrialUnusable(
                 f"none of the markers of model '{model.name}' is seen in trial '{trial.name}'",
@@ -104,8 +103,8 @@ class Task:
             trial.selected(names).markers,
             np.array([chosen[name] for name in names]),
             free_coordinates(model),
-            coordinate_bounds(model) if bounded else open_ended,
-            parameter_values(model),
+            list_coordinate_bounds(model) if bounded else open_ended,
+            list_parameter_values(model),
             loss,
         )
 
@@ -118,10 +117,9 @@ class Task:
         return replace(self, measured=self.measured[rows])
 
 
-def _usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
-    shown = ever(seen(trial.markers))
-    present = {label for label, once in zip(trial.labels, shown, strict=True) if once}
-    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in present}
+def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
+    shown = trial.shown_labels
+    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in shown}
     return {name: weight for name, weight in found.items() if weight > 0.0}
 
 
@@ -178,7 +176,7 @@ def inverse_kinematics(
     ((278, 14), (278, 14, 3))
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
-    return motion_of(task, trial, solve_task(task, trial.times, start, progress))
+    return make_motion(task, trial, solve_task(task, trial.times, start, progress))
 
 
 def solve_task(
@@ -192,16 +190,16 @@ def solve_task(
     n = len(times)
     if start is not None:
         return _solve(task, slice(None), start, progress)
-    neutral = default_coordinates(task.model, 1)[0]
-    stride = _stride(times)
+    neutral = repeat_default_pose(task.model, 1)[0]
+    stride = _choose_stride(times)
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
-    guess = first_guess(task.tree, task.measured[rows], neutral, task.p, task.free)
-    within = replace(task, bounds=coordinate_ranges(task.model))
+    guess = guess_start(task.tree, task.measured[rows], neutral, task.p, task.free)
+    within = replace(task, bounds=list_coordinate_ranges(task.model))
     if stride == 1:
         rough = _solve(within, rows, guess, settings=_ROUGH)
     else:
         rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
-        kept = _not_alone(rough.converged)
+        kept = _find_not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
@@ -209,7 +207,7 @@ def solve_task(
     return free_trapped(fine, lambda some, near: _solve(task, some, near))
 
 
-def _stride(times: Array) -> int:
+def _choose_stride(times: Array) -> int:
     if len(times) < _SHORT:
         return 1
     step = float(np.median(np.diff(times)))
@@ -239,7 +237,7 @@ def _solve(
     return _solve_densely(task, rows, start)
 
 
-def _not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """All frames but those that did not converge while both of their neighbours did."""
     kept = np.ones(len(converged), dtype=bool)
     kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
@@ -265,7 +263,7 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     )
     found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
     gap = measured - np.moveaxis(
-        positions(task.tree, forward(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
+        place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
     )
     cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
     steps = np.full(len(measured), found.steps)
@@ -294,7 +292,7 @@ def free_trapped(
     limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
     tried = np.zeros((2, len(cost)), dtype=bool)
     while True:
-        rows, sources = _frontier(cost, limit, tried)
+        rows, sources = _find_frontier(cost, limit, tried)
         if not len(rows):
             return MotionSolution(q, cost, steps, found.converged)
         again = solve(rows, q[sources])
@@ -306,7 +304,7 @@ def free_trapped(
         tried[1, np.maximum(rows - 1, 0)] = False
 
 
-def _frontier(
+def _find_frontier(
     cost: Array, limit: float, tried: NDArray[np.bool_]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Outstanding frames beside a better one that they were not yet started from, and that one."""
@@ -322,14 +320,16 @@ def _frontier(
     return every[:0], every[:0]
 
 
-def motion_of(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
+def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
     """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
     residual = np.empty(task.measured.shape)
     for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        placed = positions(task.tree, forward(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p))
+        placed = place_tree_markers(
+            task.tree, pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
+        )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
-    known = determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
-    sometimes = ever(known)
+    known = find_determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
+    sometimes = np.asarray(known.any(axis=0))
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names
     return Motion(

@@ -13,7 +13,7 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT, plain_name
+from scaling_service.documents.names import DOCUMENT, require_plain_name
 from scaling_service.documents.reading import check_document, read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
 
@@ -47,7 +47,7 @@ class MotionRequest(OfOneSubject, MotionOptions):
         marker_set = self.marker_set(document)
         if marker_set is not None:
             named["marker_set"] = marker_set
-        return {self.subject: {field: plain_name(name, field) for field, name in named.items()}}
+        return {self.subject: {field: require_plain_name(name, field) for field, name in named.items()}}
 
     def chosen_model(self, document: SubjectDocument) -> str:
         """The model asked for, else the subject's."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 
@@ -77,28 +77,28 @@ def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
     """
     distances = motion.distances
     seen = np.isfinite(distances)
-    anatomical = np.array([_on_bone(name, model) for name in motion.markers], dtype=bool)
+    anatomical = np.array([_is_on_bone(name, model) for name in motion.markers], dtype=bool)
     counted = seen.any(axis=1)
     by_frame = np.nanmean(distances[counted], axis=1)
     return KinematicError(
-        mean=_mean(distances),
+        mean=_average_known(distances),
         sd=float(np.std(by_frame)) if counted.any() else float("nan"),
-        rms=float(np.sqrt(_mean(distances**2))),
+        rms=float(np.sqrt(_average_known(distances**2))),
         max=float(np.max(distances[seen], initial=0.0)) if seen.any() else float("nan"),
         per_marker={
-            name: _mean(distances[:, k]) for k, name in enumerate(motion.markers) if seen[:, k].any()
+            name: _average_known(distances[:, k]) for k, name in enumerate(motion.markers) if seen[:, k].any()
         },
-        anatomical_mean=_mean(distances[:, anatomical]),
-        tracking_mean=_mean(distances[:, ~anatomical]),
+        anatomical_mean=_average_known(distances[:, anatomical]),
+        tracking_mean=_average_known(distances[:, ~anatomical]),
         n_frames=int(counted.sum()),
     )
 
 
-def _on_bone(name: str, model: BodyModel) -> bool:
+def _is_on_bone(name: str, model: BodyModel) -> bool:
     """Whether a marker sits on a bony landmark; few OpenSim models say so, but the name may."""
-    return model.marker(name).anatomical or canonical(name) is not None
+    return model.marker(name).anatomical or find_canonical(name) is not None
 
 
-def _mean(values: Array) -> float:
+def _average_known(values: Array) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else float("nan")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scaling_service.capabilities.shared.flags import pairs
+from scaling_service.capabilities.shared.flags import make_pairs_reader
 from scaling_service.core.options import Flag, Options
 
 
@@ -34,7 +34,7 @@ class MotionOptions(Options):
             name="--marker",
             metavar="MARKER=LABEL",
             kind=list[str] | None,
-            read=pairs("--marker"),
+            read=make_pairs_reader("--marker"),
             help="A model marker and its label, where known aliases differ; may be given again.",
         ),
     ] = Field(

@@ -13,24 +13,28 @@ import numpy as np
 from scaling_service.capabilities.motion.bones import (
     Posed,
     estimate_bones,
-    knows_bones,
+    has_bone_knowledge,
     learn_skin_sizes,
     resize,
 )
 from scaling_service.capabilities.motion.clinical_angles import (
     ClinicalAngles,
-    clinical_angles,
-    clinical_rates,
+    compute_clinical_angles,
+    compute_clinical_rates,
 )
-from scaling_service.capabilities.motion.inverse_kinematics import Task, motion_of, solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import Task, make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.uncertainty import CoordinateSd, coordinate_sd, skin_fields
+from scaling_service.capabilities.motion.uncertainty import (
+    CoordinateSd,
+    estimate_coordinate_sd,
+    list_skin_fields,
+)
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import InputError
-from scaling_service.core.progress import Progress, silent
+from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
@@ -168,12 +172,12 @@ def ik(
     ['gait_1', 'gait_2']
     """
     clock = time.perf_counter()
-    report = progress or silent
+    report = progress or show_nothing
     check_axes(options.up, options.forward)
-    files = _recordings(recordings)
+    files = _list_recordings(recordings)
     places = Subject(
         subject,
-        _model(model, marker_set),
+        _name_model(model, marker_set),
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
         evaluation=files,
@@ -201,25 +205,25 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
-    motion = motion_of(task, trial, solution)
+    motion = make_motion(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
-    fields = tuple(skin_fields(task)) if skin else ()
-    names, rates = clinical_rates(model) if angles else ((), None)
+    fields = tuple(list_skin_fields(task)) if skin else ()
+    names, rates = compute_clinical_rates(model) if angles else ((), None)
     posed = Posed(task, solution.q, ~known)
-    learnt = learn_skin_sizes([posed.thinned()], [fields]) if fields and not knows_bones(model) else {}
+    learnt = learn_skin_sizes([posed.thinned()], [fields]) if fields and not has_bone_knowledge(model) else {}
     fields = tuple(resize(field, task.markers, learnt) for field in fields)
-    uncertainty = coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
-    if fields and knows_bones(model):
+    uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
+    if fields and has_bone_knowledge(model):
         bones = estimate_bones(Posed(task, solution.q, ~known | uncertainty.at_range_end), fields, rates)
-        motion = motion_of(task, trial, replace(solution, q=bones.q))
+        motion = make_motion(task, trial, replace(solution, q=bones.q))
         uncertainty = replace(uncertainty, sd=bones.sd, combined=bones.combined)
     error = kinematic_error(motion, model)
     if uncertainty.combined is None:
         return TrackedTrial(motion, uncertainty, error)
     sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
-    return TrackedTrial(motion, uncertainty, error, replace(clinical_angles(model, motion), sd=sd))
+    return TrackedTrial(motion, uncertainty, error, replace(compute_clinical_angles(model, motion), sd=sd))
 
 
 @contextmanager
@@ -235,7 +239,7 @@ def _without_subject_file() -> Iterator[None]:
         raise
 
 
-def _model(model: str | Path, marker_set: str | Path | None) -> str:
+def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
     name = str(model)
     if marker_set is not None and not name.lower().endswith(".osim"):
         raise InputError(
@@ -254,7 +258,7 @@ def _model(model: str | Path, marker_set: str | Path | None) -> str:
     return name
 
 
-def _recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
+def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
         raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D or TRC")

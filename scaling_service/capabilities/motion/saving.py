@@ -16,14 +16,14 @@ from scaling_service.capabilities.motion.document import (
     TrackedTrialDocument,
 )
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
-from scaling_service.capabilities.subject.loading import provenance
+from scaling_service.capabilities.subject.loading import record_provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
-from scaling_service.files.sto import Table, motion_table, write_sto
+from scaling_service.files.sto import Table, tabulate_motion, write_sto
 from scaling_service.files.tables import format_rows
 from scaling_service.model.anatomy.frames import ANGLES, SIDES
 from scaling_service.model.body import BodyModel, Coupler
-from scaling_service.model.compile import law_slopes, law_values
-from scaling_service.model.poses import segment_poses
+from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
+from scaling_service.model.poses import pose_segments
 from scaling_service.model.results import Array, Motion
 from scaling_service.recording.settings import ProcessingSettings
 
@@ -36,7 +36,7 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file is in
     degrees. Coordinates that a frame does not determine are NaN, and are written so.
     """
-    followed = [law_values(coupler.law, _leading(coupler, motion)) for coupler in model.couplers]
+    followed = [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
     _write(path, motion, motion.q, followed, model)
 
 
@@ -47,7 +47,7 @@ def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> 
     """
     followed = []
     for coupler in model.couplers:
-        slopes = law_slopes(coupler.law, _leading(coupler, motion))
+        slopes = differentiate_law_at(coupler.law, _express_leading(coupler, motion))
         followed.append(np.abs(slopes) * sd[:, motion.coordinates.index(coupler.independent)])
     _write(path, motion, sd, followed, model)
 
@@ -57,22 +57,22 @@ def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array],
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
     kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
     write_sto(
-        path, motion_table(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+        path, tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
     )
 
 
-def _leading(coupler: Coupler, motion: Motion) -> Array:
+def _express_leading(coupler: Coupler, motion: Motion) -> Array:
     """The coordinate that a dependent one follows, (n_frames,)."""
     return motion.q[:, motion.coordinates.index(coupler.independent)]
 
 
-def poses_table(motion: Motion, model: BodyModel) -> Table:
+def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
     """Where every segment is, in the columns of OpenSim's BodyKinematics.
 
     Origin in ground (m), and body-fixed X-Y-Z angles (deg); NaN where a coordinate that carries the segment
     is not determined.
     """
-    poses = segment_poses(model, motion.q)
+    poses = pose_segments(model, motion.q)
     lost = np.asarray(np.isnan(poses).any(axis=2))
     turns = np.where(lost[..., None], Rotation.identity().as_quat(), poses[..., 3:])
     turned = Rotation.from_quat(turns.reshape(-1, 4))
@@ -153,46 +153,48 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
             if trial.angles is not None:
                 write_clinical_angles(scratch, trial.angles)
             if tracked.options.poses:
-                write_sto(scratch / f"{name}_poses.sto", poses_table(trial.motion, model))
-        document = _document(tracked, sorted(path.name for path in scratch.iterdir()))
+                write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
+        document = _make_document(tracked, sorted(path.name for path in scratch.iterdir()))
         write_json(scratch / FILE_NAME, document)
     return document
 
 
-def _document(tracked: Tracked, files: list[str]) -> MotionDocument:
+def _make_document(tracked: Tracked, files: list[str]) -> MotionDocument:
     loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
     processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
     settings = options.resolved() | {"processing": processing}
     return MotionDocument(
-        **provenance(loaded, session.evaluation, settings),
+        **record_provenance(loaded, session.evaluation, settings),
         model=Path(session.subject.model).name,
         axes=loaded.axes,
         units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
         locked=[c.name for c in session.model.coordinates if c.locked],
-        trials={name: trial_document(trial, session.model) for name, trial in tracked.trials.items()},
+        trials={name: make_trial_document(trial, session.model) for name, trial in tracked.trials.items()},
         warnings=list(session.warnings),
         files=files,
         wall_s=round(tracked.wall_s, 3),
     )
 
 
-def trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
+def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
     locked = {c.name for c in model.coordinates if c.locked}
     error = tracked.error
     return TrackedTrialDocument(
         kinematic_error_mm=KinematicErrorDocument(
-            mean=_mm(error.mean),
-            rms=_mm(error.rms),
-            max=_mm(error.max),
-            per_marker={name: _mm(value) for name, value in error.per_marker.items()},
+            mean=_to_mm(error.mean),
+            rms=_to_mm(error.rms),
+            max=_to_mm(error.max),
+            per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
         ),
         not_determined=[n for n in motion.coordinates if n not in locked and n not in motion.estimated],
-        frames_not_determined=_counts(motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()),
-        frames_at_range_end=_counts(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
+        frames_not_determined=_count_undetermined(
+            motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
+        ),
+        frames_at_range_end=_count_undetermined(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
         marker_noise_mm={
-            name: _mm(sd)
+            name: _to_mm(sd)
             for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
             if np.isfinite(sd)
         },
@@ -200,9 +202,9 @@ def trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocum
     )
 
 
-def _counts(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
+def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
     return {name: count for name, count in zip(names, counts, strict=True) if count}
 
 
-def _mm(metres: float) -> float:
+def _to_mm(metres: float) -> float:
     return round(1e3 * metres, 4)

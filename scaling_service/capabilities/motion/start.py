@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import Tree, forward, positions
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
-def first_guess(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
+def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
     """Coordinates with the root link where its markers are, in every frame.
 
     The root is the first link with free translations and rotations; it is placed by a rigid fit of
@@ -30,11 +30,11 @@ def first_guess(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     root = _free_root(tree, free)
     if root is None:
         return q
-    rotation, position = _root_pose(tree, measured, neutral, p, root)
-    known = seen(position)
+    rotation, position = _place_root(tree, measured, neutral, p, root)
+    known = find_seen(position)
     if not known.any():
         return q
-    angles = _turns(tree, root, rotation[known])
+    angles = _solve_root_turns(tree, root, rotation[known])
     for coordinate, values in angles.items():
         q[known, coordinate] = values
     q[known] = _translate(tree, root, q[known], position[known], p)
@@ -49,21 +49,21 @@ def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
     return None
 
 
-def _root_pose(tree: Tree, measured: Array, neutral: Array, p: Array, root: int) -> tuple[Array, Array]:
+def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int) -> tuple[Array, Array]:
     """Rotation (n, 3, 3) and origin (n, 3) of the root link; NaN where it cannot be placed."""
-    poses = forward(tree, neutral[:, None], p)
-    placed = positions(tree, poses)[:, :, 0]
+    poses = pose_links(tree, neutral[:, None], p)
+    placed = place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
     local = (placed - origin) @ axes.T
     own = tree.marker_rows[root]
     rotation, position = fit_rigid(local[own], measured[:, own])
-    lost = ~seen(position)
+    lost = ~find_seen(position)
     if lost.any():
         rotation[lost], position[lost] = fit_rigid(local, measured[lost])
     return rotation, position
 
 
-def _turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
+def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
     """Angles of the root's turns that give these rotations; none if the turns are not three in a row."""
     axes, coordinates, offsets, gains = [], [], [], []
     prefix = np.eye(3)
@@ -87,7 +87,7 @@ def _turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
 
 def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
     """The root's translations set so that its origin lies at ``position``."""
-    poses = forward(tree, np.ascontiguousarray(q.T), p)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
     shifts = [
         e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]

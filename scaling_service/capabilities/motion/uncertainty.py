@@ -24,11 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from scaling_service.model.reference import read_reference, reference_folder
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.numerics.least_squares.masks import find_seen, find_shown
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import Tree, forward, frame_by_frame, jacobian, positions
+from scaling_service.numerics.multibody.tree import (
+    Tree,
+    compute_jacobian,
+    order_by_frame,
+    place_tree_markers,
+    pose_links,
+)
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.inverse_kinematics import Task
@@ -51,7 +57,7 @@ class SkinField:
     covariance: Array
 
 
-def skin_fields(task: Task) -> Iterator[SkinField]:
+def list_skin_fields(task: Task) -> Iterator[SkinField]:
     """The field over every segment whose markers sit on skin.
 
     The standard deviation of a displacement along one axis is a mean, by logarithms, of the published one and
@@ -67,12 +73,12 @@ def skin_fields(task: Task) -> Iterator[SkinField]:
         if len(rows):
             places = np.array([task.model.marker(task.markers[k]).nominal for k in rows])
             alike = np.exp(
-                -np.linalg.norm(places[:, None] - places, axis=2) / _published()["length_mm"] * 1e3
+                -np.linalg.norm(places[:, None] - places, axis=2) / _read_published()["length_mm"] * 1e3
             )
-            sd = published_sd(segment)
-            recorded = _recorded_sd(places, task.measured[:, rows], alike)
+            sd = look_up_published_sd(segment)
+            recorded = _estimate_recorded_sd(places, task.measured[:, rows], alike)
             if recorded is not None:
-                share = _published()["recorded_share"]
+                share = _read_published()["recorded_share"]
                 sd = float(sd ** (1.0 - share) * max(recorded, _DEFORMATION_M) ** share)
             own = [task.model.marker(task.markers[k]).skin_sd for k in rows]
             sds = np.array([sd if size is None else max(size, _DEFORMATION_M) for size in own])
@@ -90,27 +96,27 @@ def is_pin(marker: str) -> bool:
     return _PIN in marker.lower().split("_")
 
 
-def published_sd(segment: str) -> float:
+def look_up_published_sd(segment: str) -> float:
     """Standard deviation of the skin's displacement along one axis, m, over a segment of this name.
 
     Examples
     --------
-    >>> published_sd("femur_r")
+    >>> look_up_published_sd("femur_r")
     0.012
     """
-    table = _published()
+    table = _read_published()
     name = segment.lower()
     found = next((row for row in table["segments"] if name.startswith(tuple(row["names"]))), table["other"])
     return float(found["largest_mm"]) / float(table["largest_over_sd"]) * 1e-3
 
 
 @cache
-def _published() -> Mapping[str, Any]:
-    table: Mapping[str, Any] = read_reference(reference_folder() / "skin_motion.yaml")
+def _read_published() -> Mapping[str, Any]:
+    table: Mapping[str, Any] = read_reference(find_reference_folder() / "skin_motion.yaml")
     return table
 
 
-def _recorded_sd(places: Array, measured: Array, alike: Array) -> float | None:
+def _estimate_recorded_sd(places: Array, measured: Array, alike: Array) -> float | None:
     """The standard deviation that explains the deformation of a cluster, m; None where nothing shows it.
 
     ``places`` (m, 3), ``measured`` (n, m, 3), ``alike`` (m, m): correlation of displacements.
@@ -123,13 +129,13 @@ def _recorded_sd(places: Array, measured: Array, alike: Array) -> float | None:
     if count < 3 or not known.any():
         return None
     left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
-    rigid = rigid_modes(places)
+    rigid = list_rigid_modes(places)
     free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
     expected = float(np.trace(free @ np.kron(alike, np.eye(3))))
     return float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected))
 
 
-def rigid_modes(places: Array) -> Array:
+def list_rigid_modes(places: Array) -> Array:
     """How points (m, 3) move with the shifts and small turns of a rigid body, (3 m, 6)."""
     turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
     return np.concatenate([np.tile(np.eye(3), (len(places), 1)), turns.reshape(-1, 3)], axis=1)
@@ -162,7 +168,7 @@ class CoordinateSd:
     combined: Array | None = None
 
 
-def coordinate_sd(
+def estimate_coordinate_sd(
     task: Task,
     q: Array,
     residuals: Array,
@@ -180,23 +186,23 @@ def coordinate_sd(
     lower, upper = task.bounds
     at_end = ((q <= lower) | (q >= upper)) & task.free
     held = at_end | ~known
-    variance = _marker_variances(task, q, residuals, held)
+    variance = _list_marker_variances(task, q, residuals, held)
     sd, combined = np.zeros(q.shape), list[Array]()
-    for rows in frame_blocks(len(q)):
+    for rows in split_frames(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
         sd[rows, task.free] = _spread(follow, variance, fields, task.weights)
         if rates is not None:
             change = rates(q[rows])
             found = _spread(change[:, :, task.free] @ follow, variance, fields, task.weights)
-            combined.append(np.where(loses(change, held[rows] & task.free), np.nan, found))
+            combined.append(np.where(find_lost(change, held[rows] & task.free), np.nan, found))
     sd[held & task.free] = np.nan
-    shown = seen(residuals).any(axis=0)
+    shown = find_shown(residuals)
     noise = np.where(shown, np.sqrt(variance), np.nan)
     return CoordinateSd(sd, noise, at_end, np.concatenate(combined) if combined else None)
 
 
-def loses(change: Array, unknown: Mask) -> Mask:
+def find_lost(change: Array, unknown: Mask) -> Mask:
     """Which combinations, by their rates (n, k, n_coordinates), depend on an unknown coordinate, (n, k)."""
     return np.asarray(((np.abs(change) > _NO_RATE) & unknown[:, None]).any(axis=2))
 
@@ -205,11 +211,11 @@ def _spread(follow: Array, variance: Array, fields: Sequence[SkinField], weights
     """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers)."""
     square = np.square(follow) @ np.repeat(weights * variance, 3)
     for field in fields:
-        square += _alike(follow, field, weights)
+        square += _compute_segment_variance(follow, field, weights)
     return np.asarray(np.sqrt(square))
 
 
-def _alike(follow: Array, field: SkinField, weights: Array) -> Array:
+def _compute_segment_variance(follow: Array, field: SkinField, weights: Array) -> Array:
     """Variance of the coordinates from the skin of one segment, (n, n_free).
 
     ``follow`` (n, n_free, 3 n_markers): coordinates against displacements times root weights.
@@ -228,7 +234,7 @@ class _Linearised:
     curvature: Array
 
 
-def frame_blocks(count: int) -> Iterator[slice]:
+def split_frames(count: int) -> Iterator[slice]:
     """All frames, in blocks that are linearised together."""
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
@@ -236,8 +242,8 @@ def frame_blocks(count: int) -> Iterator[slice]:
 def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
-    heavy = np.repeat(np.where(seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = marker_rates(task.tree, q, task.p, free)
+    heavy = np.repeat(np.where(find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = compute_marker_rates(task.tree, q, task.p, free)
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
@@ -246,14 +252,14 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     return _Linearised(rates, curvature)
 
 
-def marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
     """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
-    poses = forward(tree, np.ascontiguousarray(q.T), p)
-    rates = jacobian(tree, poses, positions(tree, poses), variables)
-    return frame_by_frame(rates)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
+    return order_by_frame(rates)
 
 
-def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
+def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
     """Variance of one coordinate of each marker, (n_markers,), m2.
 
     A fit of full freedom ``M = 1 - J^T H^-1 J`` leaves ``E|r_m|^2 = sum_k |M_mk|^2 v_k``: the residual of a
@@ -264,8 +270,8 @@ def _marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Arr
     rows = np.unique(np.linspace(0, len(q) - 1, min(len(q), _MOST_FRAMES)).round().astype(np.intp))
     count = len(task.weights)
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
-    for some in (rows[part] for part in frame_blocks(len(rows))):
-        shown = seen(residuals[some])
+    for some in (rows[part] for part in split_frames(len(rows))):
+        shown = find_seen(residuals[some])
         spread = _linearise(task, q[some], residuals[some], held[some])
         hat = np.matmul(
             spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
@@ -286,7 +292,7 @@ _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direct
 _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
 
 
-def determined(
+def find_determined(
     tree: Tree, measured: Array, weights: Array, q: Array, p: Array, free: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
@@ -297,15 +303,15 @@ def determined(
     ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
     ``free`` (n_coordinates,): the others are known and count as determined.
     """
-    shown = seen(measured)
-    first, which = distinct_patterns(shown)
+    shown = find_seen(measured)
+    first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
     return verdict[which]
 
 
-def distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The first frame of every pattern (n_frames, n_markers), and the pattern of every frame."""
     packed = np.ascontiguousarray(np.packbits(shown, axis=1))  # one item a frame sorts far faster than rows
     items = packed.view(np.dtype((np.void, packed.shape[1])))[:, 0]
@@ -316,8 +322,10 @@ def distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArr
 def _judge(
     tree: Tree, patterns: NDArray[np.bool_], weights: Array, q: Array, p: Array, variables: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    poses = forward(tree, np.ascontiguousarray(q.T), p)
-    rates = np.moveaxis(jacobian(tree, poses, positions(tree, poses), variables), (0, 3), (3, 0))
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = np.moveaxis(
+        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+    )
     share = patterns * (weights > 0.0)
     rates = (rates * share[:, :, None, None]).reshape(len(q), -1, len(variables))
     curvature = np.matmul(rates.transpose(0, 2, 1), rates)

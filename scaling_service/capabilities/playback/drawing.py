@@ -11,14 +11,14 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
-from scaling_service.model.anatomy.lengths import joint_centres, segment_of
-from scaling_service.model.body import BodyModel, Marker, Segment, Vector, vector
-from scaling_service.model.compile import compile_model, parameter_values
-from scaling_service.model.poses import follow, marker_position, model_values, neutral_frames
+from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
+from scaling_service.model.body import BodyModel, Marker, Segment, Vector, to_vector
+from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.poses import evaluate_marker, follow, list_model_values, pose_neutral_frames
 from scaling_service.model.results import Array, Calibration
 from scaling_service.model.trial import Bone
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.report.methods import words
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.report.methods import spell_name
 from scaling_service.report.scene import Body, Pair, Scene
 
 _AXIS_HALF_M = 0.07
@@ -32,11 +32,11 @@ class Drawing:
         self._model = model
         self._points: list[Marker] = []
         self.markers: dict[str, int] = {}
-        centres = joint_centres(model)
+        centres = find_joint_centres(model)
         self.centres = {name: self._add(segment, at) for name, (segment, at) in centres.items()}
         origins = {s.name: self._add(s.name, (0.0, 0.0, 0.0)) for s in model.segments}
         carried = {segment for segment, _ in centres.values()} | {m.segment for m in model.markers}
-        drawn = _drawn(model, carried)
+        drawn = _find_drawn(model, carried)
         self.sticks: list[Pair] = [
             (origins[s.parent], origins[s.name])
             for s in model.segments
@@ -51,7 +51,7 @@ class Drawing:
             self.sticks.append((self.centres["hip_r"], self.centres["hip_l"]))
         self.axes: list[Pair] = [
             (self._add(segment, ends[0]), self._add(segment, ends[1]))
-            for segment, ends in knee_axes(model).items()
+            for segment, ends in find_knee_axes(model).items()
         ]
 
     def _add(self, segment: str, at: Vector) -> int:
@@ -91,7 +91,7 @@ def draw_body(
         name,
         colour,
         drawing.positions(q),
-        centres=[(k, words(centre)) for centre, k in drawing.centres.items()],
+        centres=[(k, spell_name(centre)) for centre, k in drawing.centres.items()],
         sticks=drawing.sticks,
         axes=drawing.axes,
         markers=[(k, marker, labels.index(marker)) for marker, k in drawing.markers.items()],
@@ -100,7 +100,7 @@ def draw_body(
     )
 
 
-def _drawn(model: BodyModel, carried: set[str]) -> set[str]:
+def _find_drawn(model: BodyModel, carried: set[str]) -> set[str]:
     """Segments that carry a marker or a joint centre, or lead to one that does."""
     found: set[str] = set()
     for segment in reversed(model.segments):
@@ -109,23 +109,23 @@ def _drawn(model: BodyModel, carried: set[str]) -> set[str]:
     return found
 
 
-def knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
+def find_knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
     """Thigh to both ends of its knee's axis in its frame, m, with the knee straight; hinges only."""
     found = {}
     for side in ("r", "l", ""):
-        thigh, shank = (segment_of(model, role, side) for role in ("femur", "tibia"))
+        thigh, shank = (find_segment(model, role, side) for role in ("femur", "tibia"))
         if thigh is not None and shank is not None and model.segment(shank).parent == thigh:
-            axis = _first_axis(model, model.segment(shank))
+            axis = _find_first_axis(model, model.segment(shank))
             if axis is not None:
                 centre, direction = axis
                 ends = (centre - _AXIS_HALF_M * direction, centre + _AXIS_HALF_M * direction)
-                found[thigh] = (vector(ends[0]), vector(ends[1]))
+                found[thigh] = (to_vector(ends[0]), to_vector(ends[1]))
     return found
 
 
-def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | None:
+def _find_first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | None:
     """Where, and along which direction, the first driven turn of a joint acts in the parent's frame."""
-    values = model_values(model)
+    values = list_model_values(model)
     for k, joint in enumerate(segment.joints):
         if joint.kind == "rotation" and joint.law.coordinates:
             rotation, origin = follow(segment.joints[:k], values)
@@ -136,12 +136,12 @@ def _first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | Non
 def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
     """Points of segments in ground, (n_frames, n_points, 3), m."""
     carrier = model.with_markers(points)
-    return marker_positions(compile_model(carrier), q, parameter_values(carrier))
+    return pose_markers(compile_model(carrier), q, list_parameter_values(carrier))
 
 
 def follow_person(scene: Scene) -> Scene:
     """Seen from a point that goes along: the measured markers' centre stays above one place of the floor."""
-    centre = _filled(
+    centre = _fill_gaps(
         np.array(
             [
                 np.nanmean(frame, axis=0) if np.isfinite(frame).any() else [np.nan] * 3
@@ -162,7 +162,7 @@ def follow_person(scene: Scene) -> Scene:
     )
 
 
-def _filled(path: Array) -> Array:
+def _fill_gaps(path: Array) -> Array:
     """Frames that show nothing take the nearest known values, linearly between."""
     known = np.isfinite(path).all(axis=1)
     rows = np.arange(len(path))
@@ -194,7 +194,7 @@ def build_surfaces(
     for name in model.segment_names:
         if name in bones:
             found[name], shapes[name] = _smooth(bones[name]), "image"
-        elif (simple := simple_shape(_points(model, name))) is not None:
+        elif (simple := make_simple_shape(_list_points(model, name))) is not None:
             found[name], shapes[name] = simple, "simple"
         else:
             shapes[name] = "none"
@@ -216,14 +216,14 @@ def _smooth(bone: Bone) -> trimesh.Trimesh:
     return mesh
 
 
-def _points(model: BodyModel, segment: str) -> Array:
+def _list_points(model: BodyModel, segment: str) -> Array:
     """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
-    joints = np.stack([np.zeros(3), *_joints(model, segment)])
+    joints = np.stack([np.zeros(3), *_list_joints(model, segment)])
     ends = find_ends(joints)
     if ends is not None:
         return ends
-    values = model_values(model)
-    markers = [marker_position(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0]
+    values = list_model_values(model)
+    markers = [evaluate_marker(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0]
     return np.stack([*joints, *markers])
 
 
@@ -242,15 +242,15 @@ def find_ends(joints: Array) -> Array | None:
     return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
 
 
-def _joints(model: BodyModel, segment: str) -> Iterator[Array]:
-    frames = neutral_frames(model)
+def _list_joints(model: BodyModel, segment: str) -> Iterator[Array]:
+    frames = pose_neutral_frames(model)
     R, origin = frames[segment]
     for child in model.children(segment):
         yield (frames[child.name][1] - origin) @ R
-    yield from (np.array(at) for where, at in joint_centres(model).values() if where == segment)
+    yield from (np.array(at) for where, at in find_joint_centres(model).values() if where == segment)
 
 
-def simple_shape(points: Array) -> trimesh.Trimesh | None:
+def make_simple_shape(points: Array) -> trimesh.Trimesh | None:
     """A smooth shape around points, (n, 3), m; None where they have no extent.
 
     Two points give a rod with round ends, more give their hull, as if wrapped around balls.

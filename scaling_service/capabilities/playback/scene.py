@@ -22,14 +22,20 @@ from scaling_service.capabilities.playback.document import (
     SceneTrial,
     SegmentEntry,
 )
-from scaling_service.capabilities.playback.drawing import build_surfaces, knee_axes, to_glb
+from scaling_service.capabilities.playback.drawing import build_surfaces, find_knee_axes, to_glb
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
-from scaling_service.files.table_files import ArrayFiles, at_frames, plates_of
-from scaling_service.model.anatomy.lengths import joint_centres
+from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
+from scaling_service.model.anatomy.lengths import find_joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.poses import glides, marker_position, model_values, placed_markers, segment_poses
+from scaling_service.model.poses import (
+    evaluate_marker,
+    is_gliding,
+    list_model_values,
+    place_markers,
+    pose_segments,
+)
 from scaling_service.model.trial import Array, Bone, Trial
 
 FOLDER = "scene"
@@ -99,18 +105,18 @@ def write_scene(
     files = ArrayFiles(outputs, FOLDER)
     document = SceneDocument(
         subject=subject,
-        bodies=[_body(body, outputs) for body in bodies],
-        trials=[_trial(item, files) for item in recorded],
+        bodies=[_make_body(body, outputs) for body in bodies],
+        trials=[_make_trial(item, files) for item in recorded],
         gait=gait,
     )
     write_json(outputs / FILE_NAME, document)
     return document
 
 
-def _body(body: Body, outputs: Path) -> BodyEntry:
-    model, values = body.model, model_values(body.model)
+def _make_body(body: Body, outputs: Path) -> BodyEntry:
+    model, values = body.model, list_model_values(body.model)
     found, shapes = build_surfaces(model, body.bones)
-    name = f"{FOLDER}/{_plain(body.name)}.glb"
+    name = f"{FOLDER}/{_make_plain_name(body.name)}.glb"
     (outputs / name).parent.mkdir(parents=True, exist_ok=True)
     (outputs / name).write_bytes(to_glb(found))
     return BodyEntry(
@@ -121,7 +127,7 @@ def _body(body: Body, outputs: Path) -> BodyEntry:
             BodyMarker(
                 name=m.name,
                 segment=m.segment,
-                xyz_m=_point(marker_position(m, values)),
+                xyz_m=_point(evaluate_marker(m, values)),
                 anatomical=m.anatomical,
             )
             for m in model.markers
@@ -129,13 +135,13 @@ def _body(body: Body, outputs: Path) -> BodyEntry:
         ],
         centres=[
             PlacedEntry(name=centre, segment=segment, xyz_m=_point(np.array(at)))
-            for centre, (segment, at) in joint_centres(model).items()
+            for centre, (segment, at) in find_joint_centres(model).items()
         ],
-        axes=[AxisEntry(segment=segment, ends_m=ends) for segment, ends in knee_axes(model).items()],
+        axes=[AxisEntry(segment=segment, ends_m=ends) for segment, ends in find_knee_axes(model).items()],
     )
 
 
-def _trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
+def _make_trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
     trial = item.trial
     labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
     return SceneTrial(
@@ -146,21 +152,21 @@ def _trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
         start_s=float(trial.times[0]),
         labels=list(labels),
         measured=files.write(f"{trial.name}.measured", trial.selected(labels).markers, "m"),
-        motions={played.body: _motion(played, labels, trial.name, files) for played in item.played},
-        plates=plates_of(item.forces, item.corners),
+        motions={played.body: _make_motion(played, labels, trial.name, files) for played in item.played},
+        plates=list_plates(item.forces, item.corners),
         force=_of_plates(item, files, "N"),
         centre_of_pressure=_of_plates(item, files, "m"),
     )
 
 
-def _motion(played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles) -> MotionEntry:
+def _make_motion(played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles) -> MotionEntry:
     model = played.model
-    stem = f"{trial}.{_plain(played.body)}"
+    stem = f"{trial}.{_make_plain_name(played.body)}"
     errors = np.full((len(played.q), len(labels)), np.nan)
     errors[:, [labels.index(name) for name in played.markers]] = _MM * played.distances
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
     return MotionEntry(
-        poses=files.write(f"{stem}.poses", segment_poses(model, played.q), "m, quaternion x y z w"),
+        poses=files.write(f"{stem}.poses", pose_segments(model, played.q), "m, quaternion x y z w"),
         errors=files.write(f"{stem}.errors", errors, "mm", first_look="largest"),
         coordinates=[
             CoordinateEntry(
@@ -171,8 +177,8 @@ def _motion(played: Played, labels: tuple[str, ...], trial: str, files: ArrayFil
             for c in model.coordinates
         ],
         angles=files.write(f"{stem}.angles", np.where(turns, np.degrees(played.q), played.q), "deg or m"),
-        placed=files.write(f"{stem}.placed", placed_markers(model, labels, played.q), "m")
-        if glides(model, labels)
+        placed=files.write(f"{stem}.placed", place_markers(model, labels, played.q), "m")
+        if is_gliding(model, labels)
         else None,
     )
 
@@ -182,7 +188,7 @@ def _of_plates(item: Recorded, files: ArrayFiles, unit: str) -> ArrayEntry | Non
     if forces is None:
         return None
     name, values = ("force", forces.force) if unit == "N" else ("pressure", forces.centre_of_pressure())
-    return files.write(f"{trial.name}.{name}", at_frames(forces.times, values, trial.times), unit)
+    return files.write(f"{trial.name}.{name}", sample_at(forces.times, values, trial.times), unit)
 
 
 def _point(values: Array) -> Point:
@@ -190,6 +196,6 @@ def _point(values: Array) -> Point:
     return (x, y, z)
 
 
-def _plain(name: str) -> str:
+def _make_plain_name(name: str) -> str:
     """A body's name as part of a file's."""
     return name.replace(" ", "_")

@@ -13,8 +13,8 @@ import yaml
 from scaling_service.capabilities.motion.clinical_angles import (
     ClinicalAngles,
     ClinicalCycles,
-    clinical_angles,
-    clinical_cycles,
+    compute_clinical_angles,
+    cut_clinical_cycles,
 )
 from scaling_service.capabilities.motion.saving import (
     format_numbers,
@@ -28,7 +28,7 @@ from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, Clin
 from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, Side
 from scaling_service.model.body import BodyModel
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.reference import find_reference_folder
 from scaling_service.model.results import Array, Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.waveforms import NODES
@@ -91,9 +91,9 @@ class GaitProfile:
 
 
 @cache
-def schwartz2008() -> Reference:
+def read_schwartz2008() -> Reference:
     """Walking at free speed of children and adolescents (Schwartz et al. 2008, J Biomech 41:1639)."""
-    text = (reference_folder() / "gait_bands_schwartz2008.yaml").read_text(encoding="utf-8")
+    text = (find_reference_folder() / "gait_bands_schwartz2008.yaml").read_text(encoding="utf-8")
     document = yaml.safe_load(text)
     bands = {
         name: Band(np.radians(curve["mean"]), np.radians(curve["sd"]))
@@ -102,7 +102,7 @@ def schwartz2008() -> Reference:
     return Reference(document["source"], document["population"], bands)
 
 
-def gait_variable_score(cycles: Array, mean: Array) -> float:
+def compute_gait_variable_score(cycles: Array, mean: Array) -> float:
     """RMS difference from a reference's mean over the cycle, averaged over cycles.
 
     ``cycles`` ((n_cycles, n_nodes), rad): cycles with NaN do not count.
@@ -113,7 +113,7 @@ def gait_variable_score(cycles: Array, mean: Array) -> float:
 
     Examples
     --------
-    >>> round(gait_variable_score(np.full((2, 101), 0.3), np.full(51, 0.2)), 9)
+    >>> round(compute_gait_variable_score(np.full((2, 101), 0.3), np.full(51, 0.2)), 9)
     0.1
     """
     step, rest = divmod(cycles.shape[1] - 1, len(mean) - 1)
@@ -129,7 +129,7 @@ def gait_variable_score(cycles: Array, mean: Array) -> float:
     return float(np.sqrt(np.mean((whole[:, ::step] - mean) ** 2, axis=1)).mean())
 
 
-def gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Reference) -> GaitProfile:
+def compute_gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Reference) -> GaitProfile:
     """Scores of both sides.
 
     ``curves``: side to angle to its cycles, (n_cycles, n_nodes), rad. Sides, angles and cycles may be
@@ -137,7 +137,7 @@ def gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Referenc
     """
     scores = {
         side: {
-            name: gait_variable_score(angles[name], reference.bands[name].mean)
+            name: compute_gait_variable_score(angles[name], reference.bands[name].mean)
             for name in VARIABLES
             if name in angles and np.isfinite(angles[name]).all(axis=1).any()
         }
@@ -147,16 +147,16 @@ def gait_profile(curves: Mapping[Side, Mapping[str, Array]], reference: Referenc
     both = None
     if "r" in complete and "l" in complete:
         once = [score for name, score in complete["r"].items() if name not in PELVIS]
-        both = _rms([*once, *complete["l"].values()])
-    return GaitProfile(scores, {side: _rms(list(by.values())) for side, by in complete.items()}, both)
+        both = _compute_rms([*once, *complete["l"].values()])
+    return GaitProfile(scores, {side: _compute_rms(list(by.values())) for side, by in complete.items()}, both)
 
 
-def typical_score(reference: Reference) -> float:
+def compute_typical_score(reference: Reference) -> float:
     """RMS distance of the reference's members from its mean over the nine variables, rad."""
-    return _rms([reference.bands[name].typical for name in VARIABLES])
+    return _compute_rms([reference.bands[name].typical for name in VARIABLES])
 
 
-def _rms(scores: list[float]) -> float:
+def _compute_rms(scores: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(scores))))
 
 
@@ -178,7 +178,9 @@ class ClinicalGait:
     @property
     def profile(self) -> GaitProfile:
         """Scores over these cycles, against Schwartz 2008."""
-        return gait_profile({side: found.values for side, found in self.cycles.items()}, schwartz2008())
+        return compute_gait_profile(
+            {side: found.values for side, found in self.cycles.items()}, read_schwartz2008()
+        )
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -191,13 +193,13 @@ class ClinicalGait:
         return tuple(dict.fromkeys(said for angles in self.recordings.values() for said in angles.doubtful))
 
 
-def clinical_of(scaling: Scaling, results: Results) -> ClinicalGait:
+def describe_clinical_gait(scaling: Scaling, results: Results) -> ClinicalGait:
     """What one method's model says in a gait laboratory's terms."""
     fitted = {trial.name for trial in results.session.calibration}
-    return clinical_gait(scaling.calibration.model, scaling.motions, results.session.dynamic, fitted)
+    return compute_clinical_gait(scaling.calibration.model, scaling.motions, results.session.dynamic, fitted)
 
 
-def clinical_gait(
+def compute_clinical_gait(
     model: BodyModel, motions: Mapping[str, Motion], trials: Sequence[Trial], fitted: Container[str] = ()
 ) -> ClinicalGait:
     """The conventional angles of a model over its motions, and over the gait cycles that the markers show.
@@ -207,18 +209,20 @@ def clinical_gait(
     ``fitted``: trials that the model was fitted to: their cycles count only where no other trial shows one.
     """
     followed = [trial for trial in trials if trial.name in motions]
-    recordings = {trial.name: clinical_angles(model, motions[trial.name]) for trial in followed}
+    recordings = {trial.name: compute_clinical_angles(model, motions[trial.name]) for trial in followed}
     held_out = [trial for trial in followed if trial.name not in fitted]
-    cycles = _cycles(recordings, held_out)
+    cycles = _cut_cycles(recordings, held_out)
     of_held_out = bool(cycles)
     if not cycles:
-        cycles = _cycles(recordings, [trial for trial in followed if trial.name in fitted])
-    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _reason(followed))
+        cycles = _cut_cycles(recordings, [trial for trial in followed if trial.name in fitted])
+    return ClinicalGait(recordings, cycles, of_held_out, "" if cycles else _describe_reason(followed))
 
 
-def _cycles(recordings: Mapping[str, ClinicalAngles], trials: Sequence[Trial]) -> dict[Side, ClinicalCycles]:
+def _cut_cycles(
+    recordings: Mapping[str, ClinicalAngles], trials: Sequence[Trial]
+) -> dict[Side, ClinicalCycles]:
     found = {
-        side: clinical_cycles(
+        side: cut_clinical_cycles(
             [(recordings[trial.name], find_gait_cycles(trial, side).cycles) for trial in trials], side
         )
         for side in SIDES
@@ -226,7 +230,7 @@ def _cycles(recordings: Mapping[str, ClinicalAngles], trials: Sequence[Trial]) -
     return {side: cycles for side, cycles in found.items() if cycles is not None}
 
 
-def _reason(trials: Sequence[Trial]) -> str:
+def _describe_reason(trials: Sequence[Trial]) -> str:
     reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
     said = [reason for reason in reasons if reason]
     return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
@@ -241,13 +245,13 @@ def write_clinical(folder: Path, gait: ClinicalGait) -> None:
         write_clinical_angles(folder, angles)
     if gait.cycles:
         heads = ["trial", "side", "start_s", "end_s", "cycle_pct", *(f"{name}_deg" for name in ANGLES)]
-        found = [row for cycles in gait.cycles.values() for row in _cycle_rows(cycles)]
+        found = [row for cycles in gait.cycles.values() for row in _list_cycle_rows(cycles)]
         write_numbers(folder / CYCLES_TABLE, heads, found)
 
 
-def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
+def make_clinical_document(gait: ClinicalGait) -> ClinicalDocument:
     """The same, summed up over cycles, as it stands in ``scaling.json``."""
-    profile, reference = gait.profile, schwartz2008()
+    profile, reference = gait.profile, read_schwartz2008()
     return ClinicalDocument(
         reference=reference.source,
         population=reference.population,
@@ -257,15 +261,15 @@ def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
                     ClinicalCycle(trial=trial, start_s=round(start, 4), end_s=round(end, 4))
                     for trial, start, end in cycles.cycles
                 ],
-                curves={name: _curve(values) for name, values in cycles.values.items()},
-                gvs_deg={name: _deg(score) for name, score in profile.variable_scores[side].items()},
-                gps_deg=_deg(profile.side_scores[side]) if side in profile.side_scores else None,
+                curves={name: _summarise_curve(values) for name, values in cycles.values.items()},
+                gvs_deg={name: _to_degrees(score) for name, score in profile.variable_scores[side].items()},
+                gps_deg=_to_degrees(profile.side_scores[side]) if side in profile.side_scores else None,
             )
             for side, cycles in gait.cycles.items()
         },
-        gps_deg=None if profile.score is None else _deg(profile.score),
-        reference_gvs_deg={name: _deg(reference.bands[name].typical) for name in VARIABLES},
-        reference_gps_deg=_deg(typical_score(reference)),
+        gps_deg=None if profile.score is None else _to_degrees(profile.score),
+        reference_gvs_deg={name: _to_degrees(reference.bands[name].typical) for name in VARIABLES},
+        reference_gps_deg=_to_degrees(compute_typical_score(reference)),
         held_out=gait.held_out,
         left_out=list(gait.left_out),
         doubtful=list(gait.doubtful),
@@ -273,14 +277,14 @@ def clinical_document(gait: ClinicalGait) -> ClinicalDocument:
     )
 
 
-def _curve(values: Array) -> ClinicalCurve:
+def _summarise_curve(values: Array) -> ClinicalCurve:
     """Mean and scatter of the cycles that are known, at every second node."""
     known = np.degrees(values[np.isfinite(values).all(axis=1)][:, ::2])
     sd = known.std(axis=0, ddof=1).round(3).tolist() if len(known) > 1 else None
     return ClinicalCurve(mean_deg=known.mean(axis=0).round(3).tolist(), sd_deg=sd, n_cycles=len(known))
 
 
-def _cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
+def _list_cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
     unknown = np.full((len(cycles.cycles), NODES), np.nan)
     table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in ANGLES], axis=2))
     for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):
@@ -288,5 +292,5 @@ def _cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
             yield [trial, cycles.side, f"{start:.4f}", f"{end:.4f}", str(percent), *row]
 
 
-def _deg(angle: float) -> float:
+def _to_degrees(angle: float) -> float:
     return round(float(np.degrees(angle)), 3)

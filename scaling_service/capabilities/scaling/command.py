@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
-from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, names, with_flags
-from scaling_service.capabilities.shared.names import method_names
+from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, read_names, with_flags
+from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.screen import (
-    console_of_results,
     list_files,
+    make_console,
     print_subject,
     print_tables,
     running,
@@ -30,7 +30,9 @@ def scale(
     out: Out,
     settings: Settings,
     options: ScaleOptions,
-    method: Annotated[str, typer.Option(metavar="|".join(method_names()), help="How to scale.")] = "MB_am",
+    method: Annotated[
+        str, typer.Option(metavar="|".join(list_method_names()), help="How to scale.")
+    ] = "MB_am",
 ) -> None:
     """Scale a subject's model by one method.
 
@@ -51,7 +53,7 @@ def compare(
     methods: Annotated[
         str | None,
         typer.Option(
-            metavar="M,M,…", help=f"Of {', '.join(method_names())}; all that can be done unless given."
+            metavar="M,M,…", help=f"Of {', '.join(list_method_names())}; all that can be done unless given."
         ),
     ] = None,
     report: Report = True,
@@ -65,7 +67,7 @@ def compare(
 
     scaling-service compare S01.yaml --methods MB,MB_am --up +z --out results
     """
-    chosen = None if methods is None else tuple(names(methods))
+    chosen = None if methods is None else tuple(read_names(methods))
     _compare(subject, out, chosen, settings, options, comparison=True, report=report)
 
 
@@ -93,11 +95,11 @@ COMMANDS = (scale, compare)
 
 def show(document: ComparisonDocument, out: Path) -> None:
     """Tables, warnings, verdict, and what was written, one line for each folder."""
-    from scaling_service.capabilities.scaling.report.tables import comparison_tables
+    from scaling_service.capabilities.scaling.report.tables import make_comparison_tables
 
-    console = console_of_results()
+    console = make_console()
     print_subject(console, document)
-    print_tables(console, comparison_tables(document))
+    print_tables(console, make_comparison_tables(document))
     if document.muscles is not None:
         say(console, "Muscles", "bold", document.muscles.summary)
         say(console, "Note", "yellow", document.muscles.notes)

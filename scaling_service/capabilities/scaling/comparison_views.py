@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.comparison.curves import gait_curves
-from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
+from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
+from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.comparisons import (
     AngleDifference,
     AngleEntry,
@@ -32,23 +32,23 @@ View = KinematicErrorComparison | SegmentLengthComparison | JointAngleComparison
 IMAGED = "EB"
 
 
-def kinematic_error_view(_: Results, document: ComparisonDocument) -> KinematicErrorComparison:
+def view_kinematic_error(_: Results, document: ComparisonDocument) -> KinematicErrorComparison:
     """The errors of all methods."""
     methods = document.methods
     return KinematicErrorComparison(
-        **_origin(document),
+        **_make_origin(document),
         kinematic_error_mm={name: found.kinematic_error_mm for name, found in methods.items()},
         fitted_mean_mm={name: found.fitted_mean_mm for name, found in methods.items()},
         held_out_mean_mm={name: found.held_out_mean_mm for name, found in methods.items()},
     )
 
 
-def segment_length_view(_: Results, document: ComparisonDocument) -> SegmentLengthComparison:
+def view_segment_lengths(_: Results, document: ComparisonDocument) -> SegmentLengthComparison:
     """The lengths of all methods, and how far they are from the reference's."""
     lengths = {name: found.segment_lengths_mm for name, found in document.methods.items()}
     reference = IMAGED if IMAGED in lengths else next(iter(lengths))
     return SegmentLengthComparison(
-        **_origin(document),
+        **_make_origin(document),
         segment_lengths_mm=lengths,
         joint_centres_mm={name: found.joint_centres_mm for name, found in document.methods.items()},
         reference=reference,
@@ -60,12 +60,12 @@ def segment_length_view(_: Results, document: ComparisonDocument) -> SegmentLeng
     )
 
 
-def joint_angle_view(results: Results, document: ComparisonDocument) -> JointAngleComparison:
+def view_joint_angles(results: Results, document: ComparisonDocument) -> JointAngleComparison:
     """The joint angles of all methods, in each recording and over the gait cycle."""
-    names = joint_angles(next(iter(results.scalings.values())).calibration.model)
+    names = list_joint_angles(next(iter(results.scalings.values())).calibration.model)
     trials = {
         trial.name: {
-            angle: _angle(
+            angle: _make_angle(
                 {m: np.degrees(s.motions[trial.name].column(angle)) for m, s in results.scalings.items()}
             )
             for angle in names
@@ -73,11 +73,11 @@ def joint_angle_view(results: Results, document: ComparisonDocument) -> JointAng
         for trial in results.session.dynamic
     }
     return JointAngleComparison(
-        **_origin(document), joint_angles=trials, gait=_gait(results, next(iter(results.scalings)))
+        **_make_origin(document), joint_angles=trials, gait=_make_gait(results, next(iter(results.scalings)))
     )
 
 
-def _angle(curves: Mapping[str, Array]) -> AngleEntry:
+def _make_angle(curves: Mapping[str, Array]) -> AngleEntry:
     known = {name: curve[np.isfinite(curve)] for name, curve in curves.items()}
     return AngleEntry(
         mean_deg={name: _number(curve.mean()) if curve.size else None for name, curve in known.items()},
@@ -99,8 +99,8 @@ def _pair(first: str, second: str, curves: Mapping[str, Array]) -> AngleDifferen
     )
 
 
-def _gait(results: Results, reference: str) -> GaitEntry:
-    gait = gait_curves(results, reference)
+def _make_gait(results: Results, reference: str) -> GaitEntry:
+    gait = make_gait_curves(results, reference)
     return GaitEntry(
         trials=list(gait.trials),
         held_out=gait.held_out,
@@ -110,9 +110,9 @@ def _gait(results: Results, reference: str) -> GaitEntry:
 
 
 VIEWS: Mapping[str, Callable[[Results, ComparisonDocument], View]] = {
-    "kinematic_error": kinematic_error_view,
-    "segment_lengths": segment_length_view,
-    "joint_angles": joint_angle_view,
+    "kinematic_error": view_kinematic_error,
+    "segment_lengths": view_segment_lengths,
+    "joint_angles": view_joint_angles,
 }
 """By the name of their files."""
 
@@ -122,11 +122,11 @@ def write_view(folder: Path, name: str, results: Results, document: ComparisonDo
     view = VIEWS[name](results, document)
     write_json(folder / f"{name}.json", view)
     with (folder / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
-        csv.writer(stream).writerows(_table(view))
+        csv.writer(stream).writerows(_list_table_rows(view))
     return view
 
 
-def _table(view: View) -> Iterator[Row]:
+def _list_table_rows(view: View) -> Iterator[Row]:
     """The header and the rows of a view's table."""
     match view:
         case KinematicErrorComparison():
@@ -147,7 +147,7 @@ def _table(view: View) -> Iterator[Row]:
                         yield [trial, angle, *p.methods, p.frames, p.rms_deg, p.mean_deg, p.largest_deg]
 
 
-def _origin(document: ComparisonDocument) -> dict[str, Any]:
+def _make_origin(document: ComparisonDocument) -> dict[str, Any]:
     return {name: getattr(document, name) for name in (*Provenance.model_fields, "warnings")}
 
 

@@ -16,8 +16,8 @@ from scaling_service.capabilities.scaling.comparisons import (
 )
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions, ScaleOptions
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
-from scaling_service.capabilities.shared.names import check_methods, method_names
-from scaling_service.core.progress import Progress, part_of
+from scaling_service.capabilities.shared.names import check_methods, list_method_names
+from scaling_service.core.progress import Progress, report_part
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
@@ -36,7 +36,7 @@ class ScalingRequest(OfRecordings, ComparisonOptions):
 
     methods: ChosenMethods = Field(
         default=None,
-        description=f"Of {', '.join(method_names())}; all that the recordings allow unless given.",
+        description=f"Of {', '.join(list_method_names())}; all that the recordings allow unless given.",
         examples=[["MB", "MB_am"]],
     )
 
@@ -74,7 +74,7 @@ class OptimisedRequest(OfRecordings, ScaleOptions):
         default="MB_am",
         description="What is free, and what it starts from.",
         examples=["MB_am"],
-        json_schema_extra={"enum": [name for name in method_names() if name not in ("MB", "EB")]},
+        json_schema_extra={"enum": [name for name in list_method_names() if name not in ("MB", "EB")]},
     )
 
 
@@ -124,14 +124,14 @@ def _scale(
     """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
-    from scaling_service.capabilities.scaling.scene import scene_of_results
+    from scaling_service.capabilities.scaling.scene import write_results_scene
 
-    subject, computing = inputs / request.subject / DOCUMENT, part_of(progress, 0.0, _COMPUTING)
+    subject, computing = inputs / request.subject / DOCUMENT, report_part(progress, 0.0, _COMPUTING)
     results = compare(subject, methods, request.settings, options, progress=computing)
-    writing = part_of(progress, _COMPUTING, _WRITING - _COMPUTING)
+    writing = report_part(progress, _COMPUTING, _WRITING - _COMPUTING)
     document = save(results, outputs, comparison=comparison, progress=writing)
     progress("writing what is played back", _WRITING)
-    scene_of_results(results, outputs)
+    write_results_scene(results, outputs)
     return results, document
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from scaling_service.capabilities.shared.flags import names
+from scaling_service.capabilities.shared.flags import read_names
 from scaling_service.core.options import Flag, Options
 
 
@@ -15,7 +15,7 @@ class ScaleOptions(Options):
 
     export: Annotated[
         tuple[Literal["mjcf", "biomod"], ...],
-        Flag(metavar="FORMAT,…", kind=str | None, read=names),
+        Flag(metavar="FORMAT,…", kind=str | None, read=read_names),
     ] = Field(
         default=(),
         description="Further forms of each model's skeleton, with markers and inertia: mjcf (MuJoCo), biomod "

@@ -165,10 +165,10 @@ class Results:
     @property
     def verdict(self) -> Verdict:
         """Which model to use for this person, why, and how far to trust it."""
-        from scaling_service.capabilities.scaling.comparison.evidence import evidence_of
+        from scaling_service.capabilities.scaling.comparison.evidence import gather_evidence
         from scaling_service.capabilities.scaling.comparison.verdict import judge
 
-        return judge(evidence_of(self))
+        return judge(gather_evidence(self))
 
     def __repr__(self) -> str:
         said = f"\n{self.verdict.headline}" if self.scalings else ""

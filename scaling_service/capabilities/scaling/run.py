@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
-from scaling_service.capabilities.scaling.comparison.geometry import geometry, list_doubts
+from scaling_service.capabilities.scaling.comparison.geometry import list_doubts, measure_geometry
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
@@ -20,12 +20,12 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.core.progress import Progress, part_of, silent
+from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.files.osim.models import render_osim
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, generic_person
+from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
 from scaling_service.model.results import Calibration, Motion
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def compare(
     ('method', 'trial', 'role', 'mean_mm', 'sd_mm', 'rms_mm', 'max_mm')
     """
     clock = time.perf_counter()
-    report = progress or silent
+    report = progress or show_nothing
     check_methods(methods or ())
     report("reading the recordings", 0.0)
     return run(open_subject(subject, settings), methods, settings, options, progress=report, started=clock)
@@ -144,7 +144,7 @@ def run(
     check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
-    report = progress or silent
+    report = progress or show_nothing
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with loaded.blamed():
@@ -153,16 +153,18 @@ def run(
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
             share = scaling / len(chosen)
-            part = part_of(report, _LOADING + share * k, share)
+            part = report_part(report, _LOADING + share * k, share)
             part(f"{method}: fitting", 0.0)
-            found = calibrate(session, method, settings.calibration, calibrations, _steps(part, method))
+            found = calibrate(
+                session, method, settings.calibration, calibrations, _report_steps(part, method)
+            )
             scalings[method] = _evaluate(with_mass(found, session), session, part)
             if options.muscle_points == "surface":
-                scalings[method] = _on_surfaces(scalings[method], session)
+                scalings[method] = _put_on_surfaces(scalings[method], session)
     results = Results(loaded, settings, scalings, subject_file=loaded.file, options=options)
     if options.muscles:
         with loaded.blamed():
-            results = _with_muscles(results, part_of(report, 1.0 - _MUSCLES, _MUSCLES))
+            results = _with_muscles(results, report_part(report, 1.0 - _MUSCLES, _MUSCLES))
     report("done", 1.0)
     doubtful = list_doubts(
         {method: scaling.errors for method, scaling in scalings.items()},
@@ -190,7 +192,7 @@ def _with_muscles(results: Results, progress: Progress) -> Results:
     return replace(results, scalings=scalings, muscles=found)
 
 
-def _on_surfaces(scaling: Scaling, session: Session) -> Scaling:
+def _put_on_surfaces(scaling: Scaling, session: Session) -> Scaling:
     """The scaling with muscles attached where the person's bones are, if it lies on bones."""
     calibration, source = scaling.calibration, session.subject.model
     if not source.lower().endswith(".osim"):
@@ -235,7 +237,7 @@ def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]
     return tuple(name for name in imaged if name not in left_out), (note,)
 
 
-def _steps(part: Progress, method: str) -> Callable[[int, float], None]:
+def _report_steps(part: Progress, method: str) -> Callable[[int, float], None]:
     """Steps of a fit as progress: how many are needed is not known, so each adds less."""
 
     def step(number: int, _cost: float) -> None:
@@ -255,7 +257,7 @@ def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Sca
         calibration,
         motions,
         {name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
-        geometry(calibration),
+        measure_geometry(calibration),
         time.perf_counter() - clock,
     )
 
@@ -267,18 +269,18 @@ def with_mass(calibration: Calibration, session: Session) -> Calibration:
     scale tool has it (and its set-up's mass, where the subject file gives none). A built-in model may be a
     part of a body: it takes the same share of the person's mass as of its generic person's.
     """
-    total = _total_mass(calibration.model, session)
+    total = _find_total_mass(calibration.model, session)
     if total is None:
         return calibration
-    return replace(calibration, model=scaled(calibration.model, {}, mass_kg=total))
+    return replace(calibration, model=scale_model(calibration.model, {}, mass_kg=total))
 
 
-def _total_mass(model: BodyModel, session: Session) -> float | None:
+def _find_total_mass(model: BodyModel, session: Session) -> float | None:
     subject, own = session.subject, sum(segment.mass for segment in model.segments)
     if own <= 0.0:
         return None
     if subject.mass_kg is None:
         return None if session.scale_setup is None else session.scale_setup.mass_kg
     if subject.model in BUILTIN_NAMES:
-        return subject.mass_kg * own / generic_person(subject.model).mass_kg
+        return subject.mass_kg * own / load_generic_person(subject.model).mass_kg
     return subject.mass_kg

@@ -23,21 +23,21 @@ from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
-    clinical_document,
-    clinical_of,
+    describe_clinical_gait,
+    make_clinical_document,
     write_clinical,
 )
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, evidence_of
+from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, gather_evidence
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
-from scaling_service.capabilities.scaling.muscles.writing import muscle_document, write_courses
+from scaling_service.capabilities.scaling.muscles.writing import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.run import render_scaled
-from scaling_service.capabilities.subject.loading import provenance, stated_sizes
+from scaling_service.capabilities.subject.loading import read_stated_sizes, record_provenance
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.core.progress import Progress, silent
+from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.results import (
     ComparisonDocument,
     FittedParameter,
@@ -58,7 +58,7 @@ from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_no
 from scaling_service.files.engines import ENGINES
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
@@ -113,16 +113,16 @@ def save(
     >>> list(document.methods)
     ['MB']
     """
-    tell = progress or silent
+    tell = progress or show_nothing
     with all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
             methods[method] = _write_method(scratch / method, scaling, results)
-        evidence = evidence_of(results)
+        evidence = gather_evidence(results)
         verdict = judge(evidence)
-        document = comparison_document(results, methods, truth, verdict)
-        for method, own in scaling_documents(document).items():
+        document = make_comparison_document(results, methods, truth, verdict)
+        for method, own in make_scaling_documents(document).items():
             write_json(scratch / method / "scaling.json", own)
         if comparison:
             write_json(scratch / "comparison.json", document)
@@ -141,7 +141,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
-    gait = clinical_of(scaling, results)
+    gait = describe_clinical_gait(scaling, results)
     write_clinical(folder, gait)
     if results.muscles is not None:
         write_courses(folder, results.muscles.courses[calibration.method])
@@ -159,7 +159,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
-    return method_document(scaling, results, gait, files, warnings)
+    return make_method_document(scaling, results, gait, files, warnings)
 
 
 def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
@@ -168,7 +168,7 @@ def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone
     if not local:
         return []
     (folder / BONES).mkdir()
-    frames, scene = neutral_frames(calibration.model), trimesh.Scene()
+    frames, scene = pose_neutral_frames(calibration.model), trimesh.Scene()
     for name, bone in local.items():
         mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
         mesh.merge_vertices()  # one corner where several fall together, as smooth shading asks
@@ -181,7 +181,7 @@ def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone
     return [*(f"{BONES}/{name}.stl" for name in local), SKELETON]
 
 
-def comparison_document(
+def make_comparison_document(
     results: Results, methods: dict[str, MethodResult], truth: TruthDocument | None, verdict: Verdict
 ) -> ComparisonDocument:
     """``comparison.json``."""
@@ -189,18 +189,18 @@ def comparison_document(
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     chosen = {"comparison": results.options.resolved()} if results.options != PLAIN else {}
     return ComparisonDocument(
-        **provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
-        sizes=stated_sizes(session.subject),
+        **record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
+        sizes=read_stated_sizes(session.subject),
         verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
         truth=truth,
-        muscles=None if results.muscles is None else muscle_document(results.muscles),
+        muscles=None if results.muscles is None else make_muscle_document(results.muscles),
     )
 
 
-def scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument]:
+def make_scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument]:
     """``scaling.json`` of each method; the warnings of the whole session stand before the method's own."""
     shared = {name: getattr(document, name) for name in Provenance.model_fields}
     return {
@@ -209,7 +209,7 @@ def scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument
     }
 
 
-def method_document(
+def make_method_document(
     scaling: Scaling,
     results: Results,
     gait: ClinicalGait,
@@ -223,28 +223,30 @@ def method_document(
     return MethodResult(
         method=calibration.method,
         kinematic_error_mm={
-            name: _error(error, held_out=name in results.held_out) for name, error in scaling.errors.items()
+            name: _make_error(error, held_out=name in results.held_out)
+            for name, error in scaling.errors.items()
         },
-        fitted_mean_mm=None if fitted is None else _mm(fitted.mean),
-        held_out_mean_mm=None if held_out is None else _mm(held_out.mean),
+        fitted_mean_mm=None if fitted is None else _to_mm(fitted.mean),
+        held_out_mean_mm=None if held_out is None else _to_mm(held_out.mean),
         held_out_ratio=None
         if fitted is None or held_out is None or fitted.mean <= 0.0
         else round(held_out.mean / fitted.mean, 4),
-        segment_lengths_mm={name: _mm(length) for name, length in shape.lengths.items()},
-        length_estimates=_length_estimates(calibration, shape.lengths),
-        segment_sources=_segment_sources(calibration),
+        segment_lengths_mm={name: _to_mm(length) for name, length in shape.lengths.items()},
+        length_estimates=_list_length_estimates(calibration, shape.lengths),
+        segment_sources=_list_segment_sources(calibration),
         joint_centres_mm={
-            name: JointCentre(frame=frame, xyz=_mm3(at)) for name, (frame, at) in shape.joint_centres.items()
+            name: JointCentre(frame=frame, xyz=_to_mm3(at))
+            for name, (frame, at) in shape.joint_centres.items()
         },
         person_centres={
-            name: PersonCentre(source=centre.source, sd_mm=_mm3(centre.sd))
+            name: PersonCentre(source=centre.source, sd_mm=_to_mm3(centre.sd))
             for name, centre in calibration.centres.items()
         },
         knee_axis_deg={
             side: KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
             for side, (x, y) in shape.knee_axes.items()
         },
-        marker_shift_mm={name: _mm(shift) for name, shift in shape.marker_shifts.items()},
+        marker_shift_mm={name: _to_mm(shift) for name, shift in shape.marker_shifts.items()},
         scale_factors=dict(calibration.scale_factors),
         parameters=[
             FittedParameter(
@@ -263,7 +265,7 @@ def method_document(
             calibration=round(calibration.wall_s, 4),
             inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
         ),
-        clinical=clinical_document(gait),
+        clinical=make_clinical_document(gait),
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
@@ -272,7 +274,7 @@ def method_document(
 _BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
 
 
-def _segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
+def _list_segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
     """What sized each segment; the size of one that nothing was measured of is that of persons alike."""
     fitted = {p.target for p in calibration.parameters if p.group == "length"}
     found: dict[str, SegmentSource] = {}
@@ -287,13 +289,15 @@ def _segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
     return found
 
 
-def _length_estimates(calibration: Calibration, lengths: Mapping[str, float]) -> dict[str, LengthEstimate]:
+def _list_length_estimates(
+    calibration: Calibration, lengths: Mapping[str, float]
+) -> dict[str, LengthEstimate]:
     """By name of the length; a planar model's has no side and is estimated as the right one."""
     sizes = {size.dimension: size for size in calibration.sizes.values()}
     found = {name: sizes.get(name) or sizes.get(f"{name}_r") for name in lengths}
     return {
         name: LengthEstimate(
-            sd_mm=_mm(size.sd * lengths[name]),
+            sd_mm=_to_mm(size.sd * lengths[name]),
             measured=round(size.measured, 4),
             others=round(size.others, 4),
             expected=round(size.expected, 4),
@@ -303,26 +307,26 @@ def _length_estimates(calibration: Calibration, lengths: Mapping[str, float]) ->
     }
 
 
-def _error(error: KinematicError, *, held_out: bool) -> TrialError:
+def _make_error(error: KinematicError, *, held_out: bool) -> TrialError:
     anatomical, tracking = error.anatomical_mean, error.tracking_mean
     return TrialError(
         role="evaluation" if held_out else "calibration",
-        mean=_mm(error.mean),
-        sd=_mm(error.sd),
-        rms=_mm(error.rms),
-        max=_mm(error.max),
-        anatomical_mean=None if math.isnan(anatomical) else _mm(anatomical),
-        tracking_mean=None if math.isnan(tracking) else _mm(tracking),
+        mean=_to_mm(error.mean),
+        sd=_to_mm(error.sd),
+        rms=_to_mm(error.rms),
+        max=_to_mm(error.max),
+        anatomical_mean=None if math.isnan(anatomical) else _to_mm(anatomical),
+        tracking_mean=None if math.isnan(tracking) else _to_mm(tracking),
         frames=error.n_frames,
-        per_marker={name: _mm(value) for name, value in error.per_marker.items()},
+        per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
     )
 
 
-def _mm(metres: float) -> float:
+def _to_mm(metres: float) -> float:
     """A tenth of a micrometre is beyond any measurement."""
     return round(metres * 1e3, 4)
 
 
-def _mm3(metres: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z = (_mm(v) for v in metres)
+def _to_mm3(metres: tuple[float, float, float]) -> tuple[float, float, float]:
+    x, y, z = (_to_mm(v) for v in metres)
     return (x, y, z)

@@ -15,7 +15,7 @@ from scaling_service.capabilities.playback.drawing import (
     place_points,
 )
 from scaling_service.capabilities.playback.scene import Body, Played, Recorded, write_scene
-from scaling_service.capabilities.scaling.comparison.curves import describe_test, gait_curves
+from scaling_service.capabilities.scaling.comparison.curves import describe_test, make_gait_curves
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
@@ -23,8 +23,8 @@ from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import GroundForces, PlateRecording
 from scaling_service.model.results import Array
 from scaling_service.model.trial import ImagePose, Trial
-from scaling_service.recording.plates import ground_forces, orient_forces
-from scaling_service.report.methods import styles
+from scaling_service.recording.plates import compute_ground_forces, orient_forces
+from scaling_service.report.methods import list_styles
 from scaling_service.report.scene import Scene, coarsen
 
 MOST_FRAMES = 60
@@ -33,7 +33,7 @@ MOST_FRAMES = 60
 _CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
+def make_overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     """All models in one trial, with the measured markers and bones; None where no frame shows anything.
 
     ``chosen``: the method that is seen at first, beside the first one computed.
@@ -45,12 +45,12 @@ def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     if not np.isfinite(measured).any():
         return None
     images = {} if results.session.images is None else results.session.images.bones
-    colours, shown = styles(list(results.scalings)), (chosen, next(iter(scalings)))
+    colours, shown = list_styles(list(results.scalings)), (chosen, next(iter(scalings)))
     bodies = []
     for name, scaling in scalings.items():
         calibration, motion = scaling.calibration, scaling.motions[trial.name]
         model, q = calibration.model, motion.q[rows]
-        poses = {s: _image_poses(model, s, pose, q) for s, pose in calibration.image_poses.items()}
+        poses = {s: _pose_image(model, s, pose, q) for s, pose in calibration.image_poses.items()}
         bodies.append(
             draw_body(
                 name, colours[name].colour, model, q, motion.markers, labels, poses, shown=name in shown
@@ -70,7 +70,7 @@ def overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     )
 
 
-def _image_poses(model: BodyModel, segment: str, image: ImagePose, q: Array) -> Array:
+def _pose_image(model: BodyModel, segment: str, image: ImagePose, q: Array) -> Array:
     """From the image to the laboratory with a segment: rotation by rows and origin, (n_frames, 12), m."""
     corners = tuple(Marker.at(f"point {k}", segment, at) for k, at in enumerate(_CORNERS))
     placed = place_points(model, corners, q)
@@ -80,7 +80,7 @@ def _image_poses(model: BodyModel, segment: str, image: ImagePose, q: Array) -> 
     return np.concatenate([R_ground_image.reshape(len(q), 9), origin], axis=1)
 
 
-def scene_of_results(results: Results, outputs: Path) -> SceneDocument:
+def write_results_scene(results: Results, outputs: Path) -> SceneDocument:
     """Write the models of all methods in all recordings into the folder of a job's files."""
     session = results.session
     images = {} if session.images is None else session.images.bones
@@ -93,20 +93,20 @@ def scene_of_results(results: Results, outputs: Path) -> SceneDocument:
         Recorded(
             trial,
             "evaluation" if trial.name in results.held_out else "calibration",
-            tuple(_played(name, scaling, trial) for name, scaling in results.scalings.items()),
-            *_ground(results, trial),
+            tuple(_play_recording(name, scaling, trial) for name, scaling in results.scalings.items()),
+            *_prepare_ground(results, trial),
         )
         for trial in session.dynamic
     ]
-    return write_scene(session.subject.id, bodies, recorded, _gait(results), outputs)
+    return write_scene(session.subject.id, bodies, recorded, _make_gait(results), outputs)
 
 
-def _played(name: str, scaling: Scaling, trial: Trial) -> Played:
+def _play_recording(name: str, scaling: Scaling, trial: Trial) -> Played:
     motion, model = scaling.motions[trial.name], scaling.calibration.model
     return Played(name, model, motion.q, motion.markers, motion.distances, frozenset(motion.estimated))
 
 
-def _ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:
+def _prepare_ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:
     """Forces and corners of plates in our axes; none where they cannot be used, as the file check tells."""
     subject, axes = results.session.subject, results.loaded.orientation
     paths = {path.stem: path for path in (*subject.calibration, *subject.evaluation)}
@@ -120,14 +120,14 @@ def _ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array 
         if not isinstance(plates, PlateRecording):
             return None, None
         corners = axes.rotate(np.stack([plate.corners for plate in plates.plates]))
-        return orient_forces(axes, ground_forces(plates)), corners
+        return orient_forces(axes, compute_ground_forces(plates)), corners
     except InputError:
         return None, None
 
 
-def _gait(results: Results) -> GaitScene:
+def _make_gait(results: Results) -> GaitScene:
     reference = next(iter(results.scalings))
-    found = gait_curves(results, reference)
+    found = make_gait_curves(results, reference)
     return GaitScene(
         trials=list(found.trials),
         held_out=found.held_out,

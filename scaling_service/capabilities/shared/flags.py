@@ -24,7 +24,7 @@ SubjectFile = Annotated[
 ]
 
 
-def folder(option: str) -> Callable[[str], Path]:
+def make_folder_parser(option: str) -> Callable[[str], Path]:
     """The parser of an option that names a folder; an empty text, as of an unset shell variable, is none."""
 
     def parse(text: str) -> Path:
@@ -43,7 +43,7 @@ Out = Annotated[
         metavar="DIR",
         help="Folder for the results.",
         show_default=False,
-        parser=folder("--out"),
+        parser=make_folder_parser("--out"),
     ),
 ]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
@@ -114,12 +114,12 @@ def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
     models: dict[str, tuple[Options, list[_Field]]] = {}
     shown: list[inspect.Parameter] = []
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
-        model, only = _options_of(parameter.annotation)
+        model, only = _find_options(parameter.annotation)
         if model is None:
             shown.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
             continue
         default = model() if parameter.default is inspect.Parameter.empty else parameter.default
-        fields = [f for f in _flagged(model) if only is None or f.path[-1] in only.names]
+        fields = [f for f in _list_flagged(model) if only is None or f.path[-1] in only.names]
         models[parameter.name] = (default, fields)
         shown.extend(field.signature(default) for field in fields)
 
@@ -136,7 +136,7 @@ def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def pairs(field: str) -> Callable[[list[str]], Mapping[str, str]]:
+def make_pairs_reader(field: str) -> Callable[[list[str]], Mapping[str, str]]:
     """The reader of a flag that takes ``NAME=VALUE`` and may be given again."""
 
     def read(given: list[str]) -> Mapping[str, str]:
@@ -152,29 +152,29 @@ def pairs(field: str) -> Callable[[list[str]], Mapping[str, str]]:
     return read
 
 
-def names(text: str) -> list[str]:
+def read_names(text: str) -> list[str]:
     """The reader of a flag that takes names with commas between."""
     return [name.strip() for name in text.split(",")]
 
 
-def _options_of(annotation: Any) -> tuple[type[Options] | None, Only | None]:
+def _find_options(annotation: Any) -> tuple[type[Options] | None, Only | None]:
     """The model, where the annotation is one, and which of its flags count."""
     if get_origin(annotation) is Annotated:
         kind, *extra = get_args(annotation)
-        model, _ = _options_of(kind)
+        model, _ = _find_options(kind)
         return model, next((e for e in extra if isinstance(e, Only)), None)
     if isinstance(annotation, type) and issubclass(annotation, Options):
         return annotation, None
     return None, None
 
 
-def _flagged(model: type[Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
+def _list_flagged(model: type[Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
     for name, info in model.model_fields.items():
         flag = next((m for m in info.metadata if isinstance(m, Flag)), None)
         if flag is not None:
             yield _Field((*above, name), info, flag)
         elif isinstance(info.annotation, type) and issubclass(info.annotation, Options):
-            yield from _flagged(info.annotation, (*above, name))
+            yield from _list_flagged(info.annotation, (*above, name))
 
 
 def _fill(default: Options, given: list[tuple[_Field, Any]]) -> Options:

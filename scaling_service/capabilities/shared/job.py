@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import plain_name
+from scaling_service.documents.names import require_plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier, SubjectDocument
 
@@ -74,7 +74,7 @@ class OfRecordings(OfOneSubject):
 
     def needed(self, documents: Documents) -> Needed:
         """All files that the subject's document names."""
-        return {self.subject: named_files(check_document(documents[self.subject]))}
+        return {self.subject: list_named_files(check_document(documents[self.subject]))}
 
 
 class OfForces(OfRecordings):
@@ -121,7 +121,7 @@ class Kind:
         return self.work(asked, folder / "inputs", folder / "outputs", progress)
 
 
-def named_files(document: SubjectDocument) -> dict[str, str]:
+def list_named_files(document: SubjectDocument) -> dict[str, str]:
     """Field to the file that stands there (InputError: its name is a path or has special characters)."""
     trials = document.trials
     named: dict[str, str | None] = {
@@ -135,4 +135,4 @@ def named_files(document: SubjectDocument) -> dict[str, str]:
     named |= {f"trials.evaluation.{k}": name for k, name in enumerate(trials.evaluation)}
     named |= {f"forces.{trial}": name for trial, name in document.forces.items()}
     named |= {f"bones.{b}": name for b, name in (document.bones.meshes if document.bones else {}).items()}
-    return {field: plain_name(name, field) for field, name in named.items() if name is not None}
+    return {field: require_plain_name(name, field) for field, name in named.items() if name is not None}

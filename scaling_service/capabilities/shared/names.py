@@ -36,7 +36,7 @@ _METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
 
 
 @cache
-def method_names() -> tuple[str, ...]:
+def list_method_names() -> tuple[str, ...]:
     """The built-in scaling methods, and those of other distributions (entry points)."""
     added = sorted(point.name for point in entry_points(group="scaling_service.methods"))
     return (*_METHODS, *(name for name in added if name not in _METHODS))
@@ -45,8 +45,8 @@ def method_names() -> tuple[str, ...]:
 def check_methods(methods: list[str] | None) -> list[str] | None:
     """Refuse names that no method has, and names given twice (ValueError)."""
     for method in methods or ():
-        if method not in method_names():
-            raise ValueError(f"there is no method '{method}'; methods are {', '.join(method_names())}")
+        if method not in list_method_names():
+            raise ValueError(f"there is no method '{method}'; methods are {', '.join(list_method_names())}")
     if methods is not None and (not methods or len(set(methods)) < len(methods)):
         raise ValueError("name each method once, and at least one")
     return methods
@@ -56,7 +56,8 @@ def check_start(start: str | None) -> str | None:
     """Refuse a start that there is not (ValueError)."""
     if start is not None and start not in STARTS:
         raise ValueError(
-            f"there is no method '{start}'; methods are {', '.join(method_names())}, and '{AS_IT_IS}' takes "
+            f"there is no method '{start}'; methods are {', '.join(list_method_names())}, and '{AS_IT_IS}' "
+            f"takes "
             "the model as it is"
         )
     return start
@@ -72,15 +73,17 @@ def check_inertia(inertia: str | None) -> str | None:
     return inertia
 
 
-def _one_of(*names: str) -> WithJsonSchema:
+def _make_choice_schema(*names: str) -> WithJsonSchema:
     return WithJsonSchema({"anyOf": [{"enum": list(names), "type": "string"}, {"type": "null"}]})
 
 
-STARTS = (*method_names(), AS_IT_IS)
-Start = Annotated[str | None, AfterValidator(check_start), Flag(metavar="|".join(STARTS)), _one_of(*STARTS)]
+STARTS = (*list_method_names(), AS_IT_IS)
+Start = Annotated[
+    str | None, AfterValidator(check_start), Flag(metavar="|".join(STARTS)), _make_choice_schema(*STARTS)
+]
 Inertia = Annotated[
     str | None,
     AfterValidator(check_inertia),
     Flag(metavar="|".join((*TABLE_NAMES, OWN))),
-    _one_of(*TABLE_NAMES, OWN),
+    _make_choice_schema(*TABLE_NAMES, OWN),
 ]

@@ -47,7 +47,7 @@ def running(out: Path) -> Iterator[Report]:
         yield progress
 
 
-def console_of_results() -> Console:
+def make_console() -> Console:
     """The terminal as it is; elsewhere wide enough for the tables."""
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)
@@ -60,10 +60,10 @@ def print_table(console: Console, table: Table) -> None:
     shown = RichTable(box=None, pad_edge=False, header_style="bold")
     for k, column in enumerate(table.columns):
         justify: JustifyMethod = "right" if k > 0 and not table.words else "left"
-        shown.add_column(escape(_text(column)), justify=justify, overflow="fold")
+        shown.add_column(escape(_format_cell(column)), justify=justify, overflow="fold")
     for row in table.rows:
-        title = escape(_text(row.header))
-        cells = [escape(_text(cell)) for cell in row.cells]
+        title = escape(_format_cell(row.header))
+        cells = [escape(_format_cell(cell)) for cell in row.cells]
         shown.add_row(title if cells else f"[bold]{title}[/bold]", *cells)
     console.print(shown)
     if table.note:
@@ -76,14 +76,14 @@ def print_tables(console: Console, tables: Iterable[Table]) -> None:
 
     found = list(tables)
     rows = [
-        Row(f"  {_text(row.header)}", row.cells) if row.cells else row
+        Row(f"  {_format_cell(row.header)}", row.cells) if row.cells else row
         for table in found
         for row in (Row(table.caption), *table.rows)
     ]
     print_table(console, Table("", max((t.columns for t in found), key=len), rows))
 
 
-def _text(cell: str | Cell) -> str:
+def _format_cell(cell: str | Cell) -> str:
     return cell if isinstance(cell, str) else cell.text
 
 
@@ -98,7 +98,7 @@ def print_subject(console: Console, document: Provenance, how: str = "") -> None
     """Whose result it is and how it came about, then how the files were read."""
     after = f": {escape(how)}" if how else ""
     console.print(f"Subject [bold]{escape(document.subject)}[/bold]{after}", highlight=False)
-    for line in understood(document):
+    for line in describe_understood(document):
         console.print(escape(line), highlight=False, style="dim", soft_wrap=True)
 
 
@@ -108,7 +108,7 @@ def say(console: Console, word: str, style: str, lines: Iterable[str]) -> None:
         console.print(f"[{style}]{word}[/{style}]  {escape(line)}", highlight=False, soft_wrap=True)
 
 
-def understood(document: Provenance) -> Iterator[str]:
+def describe_understood(document: Provenance) -> Iterator[str]:
     """How labels and axes were read: where it was wrong, everything after is."""
     taken = [
         f"{marker} = {' or '.join(labels)}"

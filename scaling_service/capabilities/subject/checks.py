@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
-from scaling_service.core.text import few
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
 from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plausibility import find_moved_markers
@@ -41,7 +41,7 @@ def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
     fields = {path: f"trials.evaluation.{k}" for k, path in enumerate(subject.evaluation)}
     fields |= {path: f"trials.calibration.{k}" for k, path in enumerate(subject.calibration)}
     for first, second in combinations(trials, 2):
-        if _same(trials[first], trials[second]):
+        if _is_same(trials[first], trials[second]):
             raise SubjectInvalid(
                 f"'{second.name}' holds the same recording as '{first.name}'",
                 field=fields.get(second, "trials.static"),
@@ -49,7 +49,7 @@ def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
             )
 
 
-def _same(one: Trial, other: Trial) -> bool:
+def _is_same(one: Trial, other: Trial) -> bool:
     if one.n_frames != other.n_frames or set(one.labels) != set(other.labels):
         return False
     theirs = other.selected(one.labels).markers
@@ -69,7 +69,7 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
         if marker.name in trial.labels and marker.weight > 0.0:
             carried.setdefault(marker.segment, []).append(marker)
     for one, other in (pair for markers in carried.values() for pair in combinations(markers, 2)):
-        apart = _median_distance(trial.position(one.name), trial.position(other.name))
+        apart = _measure_median_distance(trial.position(one.name), trial.position(other.name))
         if apart < ONE_SPOT_M < float(np.linalg.norm(np.subtract(one.nominal, other.nominal))):
             raise TrialUnusable(
                 f"markers '{one.name}' and '{other.name}' lie on one spot in trial '{trial.name}'",
@@ -79,7 +79,7 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
             )
 
 
-def _median_distance(one: Array, other: Array) -> float:
+def _measure_median_distance(one: Array, other: Array) -> float:
     """Median over the frames that show both (m); infinite where none does."""
     distance = np.linalg.norm(one - other, axis=1)
     known = distance[np.isfinite(distance)]
@@ -96,8 +96,10 @@ def require_landmarks(session: Session) -> None:
     Raises MarkerMissing.
     """
     trials = [*([session.static] if session.static is not None else []), *session.dynamic]
-    ours = {landmark: m.name for m in session.model.markers if (landmark := canonical(m.name)) is not None}
-    theirs = {canonical(label) for trial in trials for label in trial.labels}
+    ours = {
+        landmark: m.name for m in session.model.markers if (landmark := find_canonical(m.name)) is not None
+    }
+    theirs = {find_canonical(label) for trial in trials for label in trial.labels}
     needed = [outer for outer, inner in NEEDED_TOGETHER if inner in theirs]
     if theirs & {"RASIS", "LASIS", "RPSIS", "LPSIS", "SACR"}:
         back = theirs & {"SACR", "RPSIS", "LPSIS"}
@@ -116,17 +118,17 @@ def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
     measurement's marker is not in the model or never seen, or the time range holds no frame.
     """
-    rows = _rows(setup, trial, file)
+    rows = _select_rows(setup, trial, file)
     for measurement in setup.measurements:
         for pair in measurement.pairs:
             _require_pair(pair, measurement, model, trial.frames(rows), file)
     scaled = [*(s for m in setup.measurements for s in m.axes), *setup.manual]
     unknown = [name for name in dict.fromkeys(scaled) if name not in model.segment_names]
     if unknown:
-        yield f"{file.name} scales {few(unknown)}, which the model does not have: that was left out"
+        yield f"{file.name} scales {list_few(unknown)}, which the model does not have: that was left out"
 
 
-def _rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
+def _select_rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
     if setup.time_range is None:
         return slice(None)
     start, end = setup.time_range
@@ -154,7 +156,7 @@ def _require_pair(
                 remedy="Give the marker set that belongs to the set-up under `marker_set:`",
             )
         trial.index(name)
-    if not (seen(trial.position(pair[0])) & seen(trial.position(pair[1]))).any():
+    if not (find_seen(trial.position(pair[0])) & find_seen(trial.position(pair[1]))).any():
         raise TrialUnusable(
             f"markers '{pair[0]}' and '{pair[1]}', between which '{measurement.name}' is measured, are never "
             f"seen together in trial '{trial.name}'",
@@ -190,7 +192,7 @@ def summarise_recordings(
     ``trials``: with the model's names, before gaps are filled and positions smoothed. ``clusters``: segment
     to the markers on it.
     """
-    shown = {trial.name: _seen_labels(trial) for trial in trials}
+    shown = {trial.name: set(trial.shown_labels) for trial in trials}
     if subject.calibration and not subject.evaluation:
         yield (
             "there is no evaluation trial: nothing says how well the models follow recordings that were "
@@ -200,14 +202,9 @@ def summarise_recordings(
     for trial in trials:
         yield from _describe_repairs(trial)
         yield from find_exchanged_sides(
-            trial, {label: role for label in trial.labels if (role := canonical(label))}
+            trial, {label: role for label in trial.labels if (role := find_canonical(label))}
         )
     yield from map(str, find_moved_markers(trials, clusters))
-
-
-def _seen_labels(trial: Trial) -> set[str]:
-    """The labels that are seen in some frame."""
-    return {trial.labels[k] for k in np.flatnonzero(ever(seen(trial.markers)))}
 
 
 def _describe_unseen(
@@ -215,33 +212,33 @@ def _describe_unseen(
 ) -> Iterator[str]:
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
-    landmarks = {canonical(name) for name in shown}
+    landmarks = {find_canonical(name) for name in shown}
     computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in shown]
     if computed:
         yield (
-            f"{few(computed)} are points that software computed from markers: they are not followed; "
+            f"{list_few(computed)} are points that software computed from markers: they are not followed; "
             f"map them under `markers:` to use them"
         )
-    absent = [name for name in missing if canonical(name) not in landmarks]
-    replaced = {name: found for name in absent if (found := _stand_in(name, landmarks)) is not None}
+    absent = [name for name in missing if find_canonical(name) not in landmarks]
+    replaced = {name: found for name in absent if (found := _find_stand_in(name, landmarks)) is not None}
     if replaced:
         stand_ins = list(dict.fromkeys(replaced.values()))
-        yield f"{few(list(replaced))} not recorded: {few(stand_ins)} and sizes stand in for them"
+        yield f"{list_few(list(replaced))} not recorded: {list_few(stand_ins)} and sizes stand in for them"
     missing = [name for name in missing if name not in replaced]
     if missing:
-        yield f"no recording shows {few(missing)} of the model: not used"
+        yield f"no recording shows {list_few(missing)} of the model: not used"
     for label in subject.extra_markers:
         if label not in shown:
             yield f"extra marker '{label}' is in no recording: it is left out"
     for trial in trials:
-        here = _seen_labels(trial)
+        here = set(trial.shown_labels)
         empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
         if empty:
-            yield f"{trial.name}: {few(empty)} labelled, but never seen"
+            yield f"{trial.name}: {list_few(empty)} labelled, but never seen"
 
 
-def _stand_in(name: str, landmarks: Container[str | None]) -> str | None:
-    others = _STANDS_IN.get(canonical(name) or "", ())
+def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
+    others = _STANDS_IN.get(find_canonical(name) or "", ())
     return next((other for other in others if other in landmarks), None)
 
 

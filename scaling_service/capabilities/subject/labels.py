@@ -9,9 +9,9 @@ from pathlib import Path
 
 from scaling_service.capabilities.subject.reading import blamed_on
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import did_you_mean, few
-from scaling_service.model.anatomy.marker_sets import tracking_segments
-from scaling_service.model.anatomy.markers import LabelMap, looks_computed, match_labels, strip_prefix
+from scaling_service.core.text import list_few, suggest_name
+from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
+from scaling_service.model.anatomy.markers import LabelMap, is_computed, match_labels, strip_prefix
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
@@ -28,7 +28,7 @@ def without_computed(model: BodyModel, subject: Subject) -> BodyModel:
     """
     return model.with_markers(
         tuple(
-            replace(m, weight=0.0) if looks_computed(m.name) and m.name not in subject.marker_map else m
+            replace(m, weight=0.0) if is_computed(m.name) and m.name not in subject.marker_map else m
             for m in model.markers
         )
     )
@@ -41,7 +41,7 @@ def check_segments(subject: Subject, model: BodyModel) -> None:
             raise SubjectInvalid(
                 f"model '{model.name}' has no segment '{segment}'",
                 field=f"extra_markers.{label}",
-                remedy=f"{did_you_mean(segment, model.segment_names)}Its segments are "
+                remedy=f"{suggest_name(segment, model.segment_names)}Its segments are "
                 f"{', '.join(model.segment_names)}",
             )
 
@@ -54,13 +54,13 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
             raise SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
-                remedy=f"{did_you_mean(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+                remedy=f"{suggest_name(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
             )
         if not _has(present, label):
             raise SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{did_you_mean(label, [strip_prefix(p) for p in present])}Their labels are "
+                remedy=f"{suggest_name(label, [strip_prefix(p) for p in present])}Their labels are "
                 f"{', '.join(present)}",
             )
 
@@ -77,9 +77,9 @@ def with_tracking_markers(
         return subject, ()
     moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
     labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
-    matched = match_labels(sorted(labels), model.marker_names, _explicit_in(subject, labels)).mapped
+    matched = match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
-    known = tracking_segments(sorted(labels - set(matched.values())), model)
+    known = assign_tracking_segments(sorted(labels - set(matched.values())), model)
     added = {
         strip_prefix(label): segment
         for label, segment in known.items()
@@ -87,7 +87,8 @@ def with_tracking_markers(
     }
     if not added:
         return subject, ()
-    note = f"{few(list(added))}: tracking markers of this marker set, used though no extra_markers name them"
+    names = list_few(list(added))
+    note = f"{names}: tracking markers of this marker set, used though no extra_markers name them"
     return replace(subject, extra_markers=added), (note,)
 
 
@@ -95,7 +96,7 @@ def with_model_names(
     trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
 ) -> tuple[Trial, Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
-    explicit = _explicit_in(subject, trial.labels)
+    explicit = _list_explicit(subject, trial.labels)
     with blamed_on(path):
         found = match_labels(trial.labels, wanted, explicit)
         _refuse_rivals(found, explicit)
@@ -122,7 +123,7 @@ def _refuse_rivals(found: LabelMap, explicit: Mapping[str, str]) -> None:
             )
 
 
-def _explicit_in(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
+def _list_explicit(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
     return {m: label for m, label in subject.marker_map.items() if _has(list(labels), label)}
 
 
@@ -139,7 +140,7 @@ def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, 
     return {segment: tuple(labels) for segment, labels in found.items() if labels}
 
 
-def labels_used(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def list_used_labels(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Model marker to the labels that were taken for it in the recordings."""
     every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
     return {name: labels for name, labels in every.items() if labels}

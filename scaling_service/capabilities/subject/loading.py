@@ -11,10 +11,15 @@ from types import MappingProxyType
 from typing import Any
 
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import UNITS, check_joined, evidence_of, find_landmarks
+from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
-from scaling_service.capabilities.subject.reading import blamed_on, input_hashes, load_subject, recordings
+from scaling_service.capabilities.subject.reading import (
+    blamed_on,
+    hash_input_files,
+    list_recordings,
+    load_subject,
+)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.documents.results import RepairNote
 from scaling_service.documents.subject import SIZE_UNIT
@@ -25,14 +30,13 @@ from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
-from scaling_service.model.anatomy.bones import assign_bones, body_of
-from scaling_service.model.anatomy.markers import canonical, match_labels
+from scaling_service.model.anatomy.bones import assign_bones, find_body
+from scaling_service.model.anatomy.markers import find_canonical, match_labels
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin, lock_unmarked
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, check_axes, decide
@@ -59,7 +63,7 @@ class Loaded:
     @contextmanager
     def blamed(self) -> Iterator[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with blamed_on(self.file), blamed_on(None, recordings(self.session.subject)):
+        with blamed_on(self.file), blamed_on(None, list_recordings(self.session.subject)):
             yield
 
 
@@ -94,7 +98,7 @@ def load(
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    axes = _axes(named, subject.static, settings)
+    axes = _decide_axes(named, subject.static, settings)
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -102,7 +106,7 @@ def load(
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
-    model, of_freedoms = lock_unmarked(model, _placed(model, subject, ready.values()))
+    model, of_freedoms = lock_unmarked(model, _list_placed(model, subject, ready.values()))
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
@@ -123,20 +127,15 @@ def load(
         ),
         images,
     )
-    used = labels.labels_used([mapped for _, mapped in named.values()], wanted)
+    used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
     return Loaded(session, used, axes.description, axes, plates)
 
 
-def _placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
+def _list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
     """Every marker that a recording shows, to its segment."""
     segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
-    shown = {
-        label
-        for trial in trials
-        for label, once in zip(trial.labels, ever(seen(trial.markers)), strict=True)
-        if once
-    }
+    shown = {label for trial in trials for label in trial.shown_labels}
     return {name: segment for name, segment in segments.items() if name in shown}
 
 
@@ -146,7 +145,7 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in recordings(subject):
+    for path in list_recordings(subject):
         with blamed_on(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
             read[path] = relabel(found, subject.corrections.get(path.name, ()))
@@ -181,16 +180,14 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blamed_on(Path(name_or_path)):
-            return _standing_anywhere(
-                read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
-            )
+            return _free_root(read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set)))
     if str(name_or_path).lower().endswith(SUFFIX):
         with blamed_on(Path(name_or_path)):
             return read_model_json(name_or_path)
-    return builtin(str(name_or_path))
+    return load_builtin(str(name_or_path))
 
 
-def _standing_anywhere(model: BodyModel) -> BodyModel:
+def _free_root(model: BodyModel) -> BodyModel:
     """The model with the whole body's place and turns unbounded: a person may walk a laboratory either way.
 
     Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could
@@ -247,7 +244,7 @@ def _scale_setup(
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
 
 
-def _axes(
+def _decide_axes(
     named: Mapping[Path, tuple[Trial, Mapping[str, str]]], static: Path | None, settings: Settings
 ) -> Orientation:
     """One decision for the session: up from its first recording, forward from how most movements face.
@@ -257,14 +254,14 @@ def _axes(
     """
     decided: dict[Path, Orientation] = {}
     for path, (trial, _) in named.items():
-        roles = {label: role for label in trial.labels if (role := canonical(label)) is not None}
+        roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         up = next(iter(decided.values())).up if decided else settings.up
         with blamed_on(path, [path]):
             decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
-    return agreed_axes(decided, static)
+    return agree_on_axes(decided, static)
 
 
-def agreed_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
+def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
     A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
@@ -300,17 +297,19 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
         file = subject.bones.get(error.field or "")
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {body_of(model, name) or name: Bone(*shape) for name, shape in shapes.items()}
-    evidence = evidence_of(found, _image_markers(subject, model), bones)
-    said = (f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refused(bone)))
+    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in shapes.items()}
+    evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
+    said = (
+        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refuse_trial(bone))
+    )
     return evidence, (*said, *notes)
 
 
-def _refused(bone: BoneLandmarks) -> Iterator[str]:
+def _refuse_trial(bone: BoneLandmarks) -> Iterator[str]:
     return (f"{point} was not taken: {why}" for point, why in bone.refused.items())
 
 
-def _image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
+def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
     """Image markers under the model's names, those on segments that the model has."""
     if subject.image_markers is None:
         return {}
@@ -322,11 +321,11 @@ def _image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, V
     return {
         marker: (segment, at)
         for marker, (bone, at) in placed.items()
-        if (segment := body_of(model, bone) or bone) in model.segment_names
+        if (segment := find_body(model, bone) or bone) in model.segment_names
     }
 
 
-def provenance(
+def record_provenance(
     loaded: Loaded, trials: Iterable[Trial], settings: Mapping[str, Any], seed: int = 0
 ) -> dict[str, Any]:
     """The fields of a ``Provenance``: what is needed to get the same results again.
@@ -338,14 +337,14 @@ def provenance(
         "code_version": code_version(),
         "subject": subject.id,
         "settings": settings,
-        "input_hashes": input_hashes(subject, loaded.file),
+        "input_hashes": hash_input_files(subject, loaded.file),
         "seed": seed,
         "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
         "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},
     }
 
 
-def stated_sizes(subject: Subject) -> dict[str, float]:
+def read_stated_sizes(subject: Subject) -> dict[str, float]:
     """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
     whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
     lengths = {f"{name}{SIZE_UNIT}": round(value * 1e3, 2) for name, value in subject.sizes_m.items()}

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePath
 
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import did_you_mean
+from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
@@ -52,12 +52,10 @@ def load_subject(path: str | Path) -> Subject:
             file=file,
             remedy="Name it under `trials:` in a subject file, and give that",
         )
-    return subject_from_document(read_document(file), folder=file.resolve().parent, file=file)
+    return make_subject(read_document(file), folder=file.resolve().parent, file=file)
 
 
-def subject_from_document(
-    document: SubjectDocument, *, folder: Path, file: str | Path | None = None
-) -> Subject:
+def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | None = None) -> Subject:
     """The subject that a checked document describes.
 
     ``folder``: what the document's paths are relative to. ``file``: named in errors. Raises SubjectInvalid:
@@ -79,7 +77,7 @@ def subject_from_document(
         calibration=find.recordings(trials.calibration, "trials.calibration"),
         evaluation=find.recordings(trials.evaluation, "trials.evaluation"),
         forces=find.all(document.forces, "forces"),
-        corrections={name: relabellings(found) for name, found in document.corrections.items()},
+        corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
@@ -88,7 +86,7 @@ def subject_from_document(
     )
 
 
-def relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
+def list_relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
     """What a document wants exchanged in one recording."""
     return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
 
@@ -138,7 +136,7 @@ class _Finder:
             f"there is no built-in model '{name}'",
             file=self._file,
             field="model",
-            remedy=f"{did_you_mean(name, BUILTIN_NAMES)}Use one of {', '.join(BUILTIN_NAMES)}, "
+            remedy=f"{suggest_name(name, BUILTIN_NAMES)}Use one of {', '.join(BUILTIN_NAMES)}, "
             "or the path of an .osim or model.json",
         )
 
@@ -147,11 +145,11 @@ class _Finder:
         """What lies in that folder under a similar name."""
         folder = missing.parent
         names = [p.name for p in folder.iterdir() if p.is_file()] if folder.is_dir() else []
-        guess = did_you_mean(missing.name, names, cutoff=0.75)  # suffixes are alike
+        guess = suggest_name(missing.name, names, cutoff=0.75)  # suffixes are alike
         return guess.strip() or "Paths are relative to the subject file: correct the path"
 
 
-def recordings(subject: Subject) -> tuple[Path, ...]:
+def list_recordings(subject: Subject) -> tuple[Path, ...]:
     """The files of all trials, each once: static, calibration, evaluation."""
     static = () if subject.static is None else (subject.static,)
     return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
@@ -173,7 +171,7 @@ def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
         raise
 
 
-def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
+def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:
     """SHA-256 of the subject file and of every file that it names.
 
     Returns file to hexadecimal digest. Files at or below the subject file's folder are named relative to
@@ -181,7 +179,7 @@ def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str
     """
     folder = None if subject_file is None else subject_file.resolve().parent
     found: dict[str, str] = {}
-    for path in _inputs(subject, subject_file):
+    for path in _list_inputs(subject, subject_file):
         place = Path(os.path.abspath(path))  # noqa: PTH100 (links keep their names, ".." goes)
         inside = folder is not None and place.is_relative_to(folder)
         name = place.relative_to(folder).as_posix() if inside and folder is not None else str(place)
@@ -189,13 +187,13 @@ def input_hashes(subject: Subject, subject_file: Path | None = None) -> dict[str
     return found
 
 
-def _inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
+def _list_inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
     if subject_file is not None:
         yield subject_file.resolve()
     if subject.model.lower().endswith(MODEL_SUFFIXES):
         yield Path(subject.model)
     yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
-    yield from recordings(subject)
+    yield from list_recordings(subject)
     yield from subject.forces.values()
     yield from subject.bones.values()
 

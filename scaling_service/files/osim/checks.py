@@ -8,7 +8,7 @@ from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Coordinate, Marker
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 SAME = 1e-6
 """m; the most that a written model may differ (chosen: a thousandth of a marker's measuring error)."""
@@ -50,7 +50,9 @@ def check_same(model: BodyModel, written: BodyModel) -> None:
         )
     poses = _spread_poses(model.coordinates)
     order = [model.coordinate_names.index(name) for name in written.coordinate_names]
-    difference = np.abs(_probed(model, model, poses) - _probed(written, model, poses[:, order]))
+    difference = np.abs(
+        _probe_segments(model, model, poses) - _probe_segments(written, model, poses[:, order])
+    )
     worst = difference.max(axis=(0, 2)).reshape(len(model.segments), -1).max(axis=1)
     for segment, distance in zip(model.segments, worst, strict=True):
         if not distance <= SAME:
@@ -66,7 +68,7 @@ def check_same(model: BodyModel, written: BodyModel) -> None:
             raise ModelRefused(f"marker '{marker.name}' was not written as given", field=marker.name)
 
 
-def _probed(model: BodyModel, order: BodyModel, poses: Array) -> Array:
+def _probe_segments(model: BodyModel, order: BodyModel, poses: Array) -> Array:
     """Four points of each segment (in the order of another model's) in ground, (poses, points, 3)."""
     points = [(0.0, 0.0, 0.0), (0.1, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.1)]
     probes = tuple(
@@ -74,7 +76,7 @@ def _probed(model: BodyModel, order: BodyModel, poses: Array) -> Array:
         for name in order.segment_names
         for k, point in enumerate(points)
     )
-    return marker_positions(compile_model(model.with_markers(probes)), poses, np.zeros(0))
+    return pose_markers(compile_model(model.with_markers(probes)), poses, np.zeros(0))
 
 
 def _spread_poses(coordinates: tuple[Coordinate, ...]) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.joints import NotPolynomial, fit_piecewise, substitute
-from scaling_service.files.osim.library import items, numbers, opensim
+from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -23,10 +23,10 @@ from scaling_service.model.body import (
     Marker,
     Segment,
     Term,
-    tensor,
-    vector,
+    to_tensor,
+    to_vector,
 )
-from scaling_service.numerics.multibody.rigid import vector_from_rotation
+from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 Range = tuple[float, float]
 Kind = Literal["rotation", "translation"]
@@ -36,21 +36,23 @@ Axis = tuple[Kind, Sequence[float], Law, bool]
 _REMEDY = "Remove or replace it in the model"
 
 
-def body_model(model: Any) -> BodyModel:
+def read_body_model(model: Any) -> BodyModel:
     """Everything of a connected OpenSim model that a body model holds.
 
     Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
     """
-    ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in items(model.getCoordinateSet())}
-    direct = {coupler.dependent: (name, coupler) for name, coupler in _couplers(model, ranges)}
-    links = [_link(joint, ranges, direct.keys()) for joint in items(model.getJointSet())]
-    coordinates = [_coordinate(c) for c in items(model.getCoordinateSet()) if c.getName() not in direct]
-    follows = {dependent: _resolved(dependent, direct) for dependent in direct}
+    ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in list_items(model.getCoordinateSet())}
+    direct = {coupler.dependent: (name, coupler) for name, coupler in _list_couplers(model, ranges)}
+    links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
+    coordinates = [
+        _read_coordinate(c) for c in list_items(model.getCoordinateSet()) if c.getName() not in direct
+    ]
+    follows = {dependent: _resolve_coupler(dependent, direct) for dependent in direct}
     return BodyModel(
         name=model.getName(),
-        segments=tuple(_substituted(segment, follows) for segment in _segments(model, links)),
+        segments=tuple(_substitute_coupler(segment, follows) for segment in _order_segments(model, links)),
         coordinates=tuple(coordinates),
-        markers=tuple(_marker(marker) for marker in items(model.getMarkerSet())),
+        markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
     )
 
@@ -66,18 +68,18 @@ POLYNOMIAL_SPAN = (-math.pi, math.pi)
 one further turn to each side."""
 
 
-def _law(function: Any, coordinate: str | None, ranges: Mapping[str, Range], component: str) -> Law:
+def _read_law(function: Any, coordinate: str | None, ranges: Mapping[str, Range], component: str) -> Law:
     """A function of a coordinate (None where the component names none) as a law.
 
     Raises ModelRefused if the function is of another kind, or has no argument and is not constant.
     """
     kind = function.getConcreteClassName()
-    library = opensim()
+    library = import_opensim()
     if kind == "Constant":
         return Law.constant(library.Constant.safeDownCast(function).getValue())
     if kind == "MultiplierFunction":
         scaled = library.MultiplierFunction.safeDownCast(function)
-        return _law(scaled.getFunction(), coordinate, ranges, component).scaled(scaled.getScale())
+        return _read_law(scaled.getFunction(), coordinate, ranges, component).scaled(scaled.getScale())
     if coordinate is None:
         raise ModelRefused(
             f"the {kind} of '{component}' has no coordinate",
@@ -89,10 +91,10 @@ def _law(function: Any, coordinate: str | None, ranges: Mapping[str, Range], com
         return Law.of(coordinate, line.getSlope(), line.getIntercept())
     if kind == "PolynomialFunction":
         polynomial = library.PolynomialFunction.safeDownCast(function)
-        return _polynomial_law(polynomial, coordinate, ranges.get(coordinate, (0.0, 0.0)), component)
+        return _read_polynomial(polynomial, coordinate, ranges.get(coordinate, (0.0, 0.0)), component)
     if kind in _SPLINE_DEGREE:
         spline = getattr(library, kind).safeDownCast(function)
-        return _spline_law(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
+        return _read_spline(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
     raise ModelRefused(
         f"'{component}' uses a {kind}, which is no piecewise polynomial of one coordinate",
         field=component,
@@ -100,8 +102,8 @@ def _law(function: Any, coordinate: str | None, ranges: Mapping[str, Range], com
     )
 
 
-def _polynomial_law(function: Any, coordinate: str, span: Range, component: str) -> Law:
-    coefficients = numbers(function.getCoefficients())
+def _read_polynomial(function: Any, coordinate: str, span: Range, component: str) -> Law:
+    coefficients = list_numbers(function.getCoefficients())
     while len(coefficients) > 1 and not coefficients[0]:
         coefficients.pop(0)
     if len(coefficients) <= 2:
@@ -110,10 +112,10 @@ def _polynomial_law(function: Any, coordinate: str, span: Range, component: str)
     lower, upper = span
     if not (math.isfinite(lower) and math.isfinite(upper) and 0.0 < upper - lower < 4.0 * math.pi):
         lower, upper = POLYNOMIAL_SPAN
-    return _fitted_law(function, [lower, upper], len(coefficients) - 1, coordinate, component)
+    return _fit_law(function, [lower, upper], len(coefficients) - 1, coordinate, component)
 
 
-def _spline_law(function: Any, degree: int, coordinate: str, component: str) -> Law:
+def _read_spline(function: Any, degree: int, coordinate: str, component: str) -> Law:
     knots = [function.getX(k) for k in range(function.getSize())]
     if len(knots) < 2 or any(b <= a for a, b in pairwise(knots)):
         raise ModelRefused(
@@ -121,11 +123,11 @@ def _spline_law(function: Any, degree: int, coordinate: str, component: str) -> 
             field=component,
             remedy="Sort the points and remove doubled ones",
         )
-    return _fitted_law(function, knots, degree, coordinate, component)
+    return _fit_law(function, knots, degree, coordinate, component)
 
 
-def _fitted_law(function: Any, breaks: list[float], degree: int, coordinate: str, component: str) -> Law:
-    library = opensim()
+def _fit_law(function: Any, breaks: list[float], degree: int, coordinate: str, component: str) -> Law:
+    library = import_opensim()
     try:
         shape = fit_piecewise(lambda x: float(function.calcValue(library.Vector(1, x))), breaks, degree)
     except NotPolynomial as error:
@@ -137,11 +139,11 @@ def _fitted_law(function: Any, breaks: list[float], degree: int, coordinate: str
     return Law((Term(1.0, coordinate=coordinate, shape=shape),))
 
 
-def _coordinate(coordinate: Any) -> Coordinate:
+def _read_coordinate(coordinate: Any) -> Coordinate:
     default, locked = coordinate.getDefaultValue(), coordinate.getDefaultLocked()
     if coordinate.get_prescribed():
         function = coordinate.get_prescribed_function()
-        constant = opensim().Constant.safeDownCast(function)
+        constant = import_opensim().Constant.safeDownCast(function)
         if constant is None:
             raise ModelRefused(
                 f"coordinate '{coordinate.getName()}' is prescribed by a {function.getConcreteClassName()}",
@@ -163,11 +165,11 @@ def _coordinate(coordinate: Any) -> Coordinate:
 _ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled
 
 
-def _marker(marker: Any) -> Marker:
+def _read_marker(marker: Any) -> Marker:
     frame = marker.getParentFrame()
     in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
     body = frame.findBaseFrame().getName()
-    return Marker.at(marker.getName(), body, vector(numbers(in_body)), anatomical=marker.get_fixed())
+    return Marker.at(marker.getName(), body, to_vector(list_numbers(in_body)), anatomical=marker.get_fixed())
 
 
 class _Link(NamedTuple):
@@ -185,12 +187,12 @@ def _link(joint: Any, ranges: Mapping[str, Range], dependent: Set[str]) -> _Link
     So Simbody's function-based mobilizer moves.
     """
     name = joint.getName()
-    axes = _axes(joint, ranges)
-    parent, outwards = _frame(joint.getParentFrame(), name)
-    child, onwards = _frame(joint.getChildFrame(), name)
+    axes = _read_axes(joint, ranges)
+    parent, outwards = _read_frame(joint.getParentFrame(), name)
+    child, onwards = _read_frame(joint.getChildFrame(), name)
     moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
     moves.sort(key=lambda move: move.kind == "rotation")
-    return _Link(name, parent, child, (*outwards, *moves, *_inverse_chain(onwards)))
+    return _Link(name, parent, child, (*outwards, *moves, *_invert_chain(onwards)))
 
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -211,11 +213,11 @@ by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses
 parent's joint frame, before the rotations."""
 
 
-def _axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
+def _read_axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
     kind, name = joint.getConcreteClassName(), joint.getName()
     if kind == "CustomJoint":
-        transform = opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
-        return [_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
+        transform = import_opensim().CustomJoint.safeDownCast(joint).getSpatialTransform()
+        return [_read_custom_axis(transform.getTransformAxis(k), k >= 3, ranges, name) for k in range(6)]
     if kind not in _FIXED_JOINTS:
         raise ModelRefused(f"joint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY)
     return [
@@ -224,20 +226,20 @@ def _axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
     ]
 
 
-def _custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:
+def _read_custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:
     names = axis.getCoordinateNamesInArray()
     if names.getSize() > 1:
         raise ModelRefused(
             f"joint '{joint}' uses a function of several coordinates", field=joint, remedy=_REMEDY
         )
-    law = _law(axis.getFunction(), names.get(0) if names.getSize() else None, ranges, joint)
+    law = _read_law(axis.getFunction(), names.get(0) if names.getSize() else None, ranges, joint)
     kind: Kind = "translation" if translates else "rotation"
-    return kind, numbers(axis.get_axis()), law, not is_pure(axis.getFunction())
+    return kind, list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction())
 
 
 def is_pure(function: Any) -> bool:
     """Whether a translation is its coordinate itself, which OpenSim's scaling leaves alone."""
-    line = opensim().LinearFunction.safeDownCast(function)
+    line = import_opensim().LinearFunction.safeDownCast(function)
     return line is not None and line.getSlope() == 1.0 and line.getIntercept() == 0.0
 
 
@@ -247,17 +249,19 @@ def _move(axis: Axis, parent: str, dependent: Set[str]) -> Joint:
     # OpenSim scales the coupling of a dependent translation, and so the translation itself.
     scales = scales or any(term.coordinate in dependent for term in law.terms)
     follows_size = kind == "translation" and scales and parent != GROUND
-    return Joint(kind, vector(direction / np.linalg.norm(direction)), law, parent if follows_size else None)
+    return Joint(
+        kind, to_vector(direction / np.linalg.norm(direction)), law, parent if follows_size else None
+    )
 
 
 _NO_TURN = 1e-15
 """rad; a smaller constant rotation is rounding (chosen: below the spacing of numbers near one)."""
 
 
-def _frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
+def _read_frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
     """The body under a frame, and the chain from it to the frame, through all offsets between."""
     offsets: list[Any] = []
-    while (offset := opensim().PhysicalOffsetFrame.safeDownCast(frame)) is not None:
+    while (offset := import_opensim().PhysicalOffsetFrame.safeDownCast(frame)) is not None:
         offsets.insert(0, offset.getOffsetTransform())
         frame = offset.getParentFrame()
     body, kind = frame.getName(), frame.getConcreteClassName()
@@ -267,38 +271,38 @@ def _frame(frame: Any, component: str) -> tuple[str, tuple[Joint, ...]]:
             field=component,
             remedy="Attach it to a body or to a PhysicalOffsetFrame",
         )
-    return body, tuple(j for offset in offsets for j in _constant_moves(offset, body))
+    return body, tuple(j for offset in offsets for j in _list_constant_moves(offset, body))
 
 
-def _constant_moves(transform: Any, body: str) -> Iterator[Joint]:
-    for axis, value in zip((_X, _Y, _Z), numbers(transform.p()), strict=True):
+def _list_constant_moves(transform: Any, body: str) -> Iterator[Joint]:
+    for axis, value in zip((_X, _Y, _Z), list_numbers(transform.p()), strict=True):
         if value:
             yield Joint("translation", axis, Law.constant(value), None if body == GROUND else body)
     matrix = transform.R()
-    turn = vector_from_rotation([[matrix.get(i, j) for j in range(3)] for i in range(3)])
+    turn = convert_rotation_to_vector([[matrix.get(i, j) for j in range(3)] for i in range(3)])
     angle = float(np.linalg.norm(turn))
     if angle > _NO_TURN:
-        yield Joint("rotation", vector(turn / angle), Law.constant(angle))
+        yield Joint("rotation", to_vector(turn / angle), Law.constant(angle))
 
 
-def _inverse_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
+def _invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
     """The chain that leads back."""
     return tuple(replace(joint, law=joint.law.scaled(-1.0)) for joint in reversed(chain))
 
 
-def _segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
+def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
     """Segments in topological order: each joint is taken once the body on one side is reached."""
-    bodies = {body.getName(): body for body in items(model.getBodySet())}
+    bodies = {body.getName(): body for body in list_items(model.getBodySet())}
     waiting, reached = list(links), {GROUND}
     segments: list[Segment] = []
     while waiting:
         link = next((each for each in waiting if {each.parent, each.child} & reached), None)
         if link is None:
-            raise _loose(waiting[0].child, waiting[0].name)
+            raise _report_loose(waiting[0].child, waiting[0].name)
         waiting.remove(link)
         parent, child, chain = link.parent, link.child, link.chain
         if parent not in reached:
-            parent, child, chain = child, parent, _inverse_chain(chain)
+            parent, child, chain = child, parent, _invert_chain(chain)
         if child in reached:
             raise ModelRefused(
                 f"joint '{link.name}' closes a loop",
@@ -307,15 +311,18 @@ def _segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
             )
         reached.add(child)
         body = bodies[child]
-        com, inertia = vector(numbers(body.get_mass_center())), tensor(numbers(body.get_inertia()))
+        com, inertia = (
+            to_vector(list_numbers(body.get_mass_center())),
+            to_tensor(list_numbers(body.get_inertia())),
+        )
         segments.append(Segment(child, parent, link.name, chain, body.get_mass(), com, inertia))
     for name in bodies:
         if name not in reached:
-            raise _loose(name, name)
+            raise _report_loose(name, name)
     return segments
 
 
-def _loose(body: str, component: str) -> ModelRefused:
+def _report_loose(body: str, component: str) -> ModelRefused:
     return ModelRefused(
         f"body '{body}' is not connected to ground by joints",
         field=component,
@@ -323,13 +330,13 @@ def _loose(body: str, component: str) -> ModelRefused:
     )
 
 
-def _couplers(model: Any, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Coupler]]:
+def _list_couplers(model: Any, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Coupler]]:
     """Name and content of every constraint that is enforced."""
-    for constraint in items(model.getConstraintSet()):
+    for constraint in list_items(model.getConstraintSet()):
         if not constraint.get_isEnforced():
             continue
         name, kind = constraint.getName(), constraint.getConcreteClassName()
-        coupler = opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
+        coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
         if coupler is None:
             raise ModelRefused(
                 f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
@@ -339,12 +346,12 @@ def _couplers(model: Any, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Co
             raise ModelRefused(
                 f"constraint '{name}' couples to several coordinates", field=name, remedy=_REMEDY
             )
-        law = _law(coupler.getFunction(), names.get(0), ranges, name)
-        factor = opensim().PropertyHelper.getValueDouble(coupler.getPropertyByName("scale_factor"))
+        law = _read_law(coupler.getFunction(), names.get(0), ranges, name)
+        factor = import_opensim().PropertyHelper.getValueDouble(coupler.getPropertyByName("scale_factor"))
         yield name, Coupler(coupler.getDependentCoordinateName(), names.get(0), law.scaled(factor))
 
 
-def _resolved(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:
+def _resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:
     """A coordinate's coupling to one that itself follows none."""
     name, coupler = direct[dependent]
     passed = {dependent}
@@ -360,7 +367,7 @@ def _resolved(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coup
     return coupler
 
 
-def _substituted(segment: Segment, follows: Mapping[str, Coupler]) -> Segment:
+def _substitute_coupler(segment: Segment, follows: Mapping[str, Coupler]) -> Segment:
     joints = []
     for joint in segment.joints:
         law = joint.law

@@ -10,9 +10,9 @@ import numpy as np
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term
-from scaling_service.model.compile import law_value, shape_values
+from scaling_service.model.compile import evaluate_law, evaluate_shape
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 
 Function = Callable[[float], float]
 
@@ -42,14 +42,14 @@ def fit_piecewise(
     inner = list(breaks)
     shape = _fit(function, inner, degree)
     extended = list(inner)
-    if follow_ends and not _agrees(shape, function, [inner[0] - 0.5 * REACH, inner[0] - REACH]):
+    if follow_ends and not _is_equal(shape, function, [inner[0] - 0.5 * REACH, inner[0] - REACH]):
         extended.insert(0, inner[0] - REACH)
-    if follow_ends and not _agrees(shape, function, [inner[-1] + 0.5 * REACH, inner[-1] + REACH]):
+    if follow_ends and not _is_equal(shape, function, [inner[-1] + 0.5 * REACH, inner[-1] + REACH]):
         extended.append(inner[-1] + REACH)
     if len(extended) > len(inner):
         shape = _fit(function, extended, degree)
     between = [a + f * (b - a) for a, b in pairwise(extended) for f in (0.13, 0.59)]
-    if not _agrees(shape, function, between):
+    if not _is_equal(shape, function, between):
         raise NotPolynomial(f"not a polynomial of degree {degree} between its breaks")
     return shape
 
@@ -67,23 +67,23 @@ def _fit(function: Function, breaks: Sequence[float], degree: int) -> Shape:
     return Shape(tuple(float(b) for b in breaks), tuple(pieces))
 
 
-def _agrees(shape: Shape, function: Function, points: Sequence[float]) -> bool:
+def _is_equal(shape: Shape, function: Function, points: Sequence[float]) -> bool:
     wanted = np.array([function(float(x)) for x in points])
     size = max(1e-3, float(np.abs(wanted).max()))
-    return bool(np.abs(shape_values(shape, points) - wanted).max() <= EXACT * size)
+    return bool(np.abs(evaluate_shape(shape, points) - wanted).max() <= EXACT * size)
 
 
-def at_coordinate(law: Law, x: float) -> float:
+def evaluate_at(law: Law, x: float) -> float:
     """Value of a law of one coordinate and no parameter at one coordinate value."""
-    return float(law_value(law, dict.fromkeys(law.coordinates, x)))
+    return float(evaluate_law(law, dict.fromkeys(law.coordinates, x)))
 
 
-def law_breaks(law: Law) -> list[float]:
+def list_breaks(law: Law) -> list[float]:
     """All breaks of a law's shapes, increasing."""
     return sorted({b for term in law.terms if term.shape is not None for b in term.shape.breaks})
 
 
-def law_degree(law: Law) -> int:
+def find_degree(law: Law) -> int:
     """The highest degree among a law's terms."""
     degrees = [0]
     for term in law.terms:
@@ -94,13 +94,13 @@ def law_degree(law: Law) -> int:
     return max(degrees)
 
 
-def one_shape(law: Law) -> Shape:
+def merge_shapes(law: Law) -> Shape:
     """A law of one coordinate, with at least one shape in it, as a single shape.
 
     Raises NotPolynomial: cannot happen for laws of shapes, lines and constants; kept as the check of the
     fit.
     """
-    return fit_piecewise(lambda x: at_coordinate(law, x), law_breaks(law), law_degree(law), follow_ends=False)
+    return fit_piecewise(lambda x: evaluate_at(law, x), list_breaks(law), find_degree(law), follow_ends=False)
 
 
 def substitute(law: Law, coordinate: str, follows: Law) -> Law:
@@ -116,58 +116,58 @@ def substitute(law: Law, coordinate: str, follows: Law) -> Law:
         elif term.shape is None:
             terms.extend(follows.scaled(term.gain).terms)
         else:
-            terms.extend(_composed(term.shape, follows).scaled(term.gain).terms)
+            terms.extend(_compose_laws(term.shape, follows).scaled(term.gain).terms)
     return Law(tuple(terms))
 
 
-def _composed(outer: Shape, inner: Law) -> Law:
+def _compose_laws(outer: Shape, inner: Law) -> Law:
     names = inner.coordinates
     if not names:
         at = np.array(inner.constant_part)
-        return Law.constant(float(shape_values(outer, at)))
+        return Law.constant(float(evaluate_shape(outer, at)))
     (name,) = names
     if inner == Law.of(name):
         return Law((Term(1.0, coordinate=name, shape=outer),))
     degree = max(len(piece) for piece in outer.coefficients) - 1
-    degree *= law_degree(inner)
+    degree *= find_degree(inner)
     if degree > MAX_DEGREE:
         raise NotPolynomial(f"the composition has degree {degree}, above {MAX_DEGREE}")
     shape = fit_piecewise(
-        lambda x: float(shape_values(outer, at_coordinate(inner, x))),
-        _crossings(outer, inner),
+        lambda x: float(evaluate_shape(outer, evaluate_at(inner, x))),
+        _find_crossings(outer, inner),
         degree,
         follow_ends=False,
     )
     return Law((Term(1.0, coordinate=name, shape=shape),))
 
 
-def _crossings(outer: Shape, inner: Law) -> list[float]:
+def _find_crossings(outer: Shape, inner: Law) -> list[float]:
     """Where the inner law has a break or its value crosses a break of the outer shape.
 
     A curved inner law is followed by REACH beyond its breaks, and not further.
     """
-    known = law_breaks(inner)
+    known = list_breaks(inner)
     if not known:
-        slope = at_coordinate(inner, 1.0) - at_coordinate(inner, 0.0)
-        offset = at_coordinate(inner, 0.0)
+        slope = evaluate_at(inner, 1.0) - evaluate_at(inner, 0.0)
+        offset = evaluate_at(inner, 0.0)
         return sorted((b - offset) / slope for b in outer.breaks)
     known = [known[0] - REACH, *known, known[-1] + REACH]
-    pieces = _fit(lambda x: at_coordinate(inner, x), known, law_degree(inner))
+    pieces = _fit(lambda x: evaluate_at(inner, x), known, find_degree(inner))
     found = set(known)
     for start, end, piece in zip(known, known[1:], pieces.coefficients, strict=False):
         for level in outer.breaks:
-            found.update(start + r for r in _real_roots(piece, level) if 0.0 < r < end - start)
-    return _separated(found)
+            found.update(start + r for r in _find_real_roots(piece, level) if 0.0 < r < end - start)
+    return _separate_points(found)
 
 
-def _real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
+def _find_real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
     moved = np.array(piece)
     moved[-1] -= level
     roots = np.roots(np.where(np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300), 0.0, moved))
     return (float(r.real) for r in roots if abs(r.imag) < 1e-9)
 
 
-def _separated(points: Iterable[float]) -> list[float]:
+def _separate_points(points: Iterable[float]) -> list[float]:
     """Sorted, with points closer than rounding merged."""
     kept: list[float] = []
     for point in sorted(points):
@@ -245,7 +245,7 @@ def plan_joints(model: BodyModel) -> tuple[list[CustomJoint], list[EqualCoordina
     return plans, couplers
 
 
-def _refused(segment: Segment, problem: str, remedy: str = _REMEDY) -> ModelRefused:
+def _refuse_joint(segment: Segment, problem: str, remedy: str = _REMEDY) -> ModelRefused:
     return ModelRefused(f"joint '{segment.joint_name}' {problem}", field=segment.joint_name, remedy=remedy)
 
 
@@ -262,12 +262,12 @@ class _Form:
 
 
 def _plan(segment: Segment) -> CustomJoint:
-    form = _normal_form(segment)
+    form = _normalise_chain(segment)
     axes: tuple[Axis, ...] = ()
     if form.translations or form.rotations:
         axes = (
-            *_three_axes(segment, form.rotations, "rotation"),
-            *_three_axes(segment, form.translations, "translation"),
+            *_list_three_axes(segment, form.rotations, "rotation"),
+            *_list_three_axes(segment, form.translations, "translation"),
         )
     # The child's frame as seen from its body is the inverse of what follows the last move.
     back = form.after_rotation.T
@@ -281,27 +281,27 @@ def _plan(segment: Segment) -> CustomJoint:
     )
 
 
-def _normal_form(segment: Segment) -> _Form:
+def _normalise_chain(segment: Segment) -> _Form:
     """Push constant rotations to the end of the chain and constant shifts to the front."""
     form = _Form()
     moving = [k for k, joint in enumerate(segment.joints) if not joint.law.is_constant]
     first = moving[0] if moving else len(segment.joints)
     last = moving[-1] if moving else len(segment.joints)
     for joint in segment.joints[:first]:
-        form.rotation, form.shift = _after(form.rotation, form.shift, joint)
+        form.rotation, form.shift = _append_joint(form.rotation, form.shift, joint)
     for joint in segment.joints[first : last + 1]:
         _take(segment, form, joint)
     for joint in segment.joints[last + 1 :]:
-        form.after_rotation, form.after_shift = _after(form.after_rotation, form.after_shift, joint)
+        form.after_rotation, form.after_shift = _append_joint(form.after_rotation, form.after_shift, joint)
     return form
 
 
-def _after(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, Array]:
+def _append_joint(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, Array]:
     """A constant transform followed by a constant joint."""
     value, axis = joint.law.constant_part, np.array(joint.axis)
     if joint.kind == "translation":
         return rotation, shift + rotation @ (value * axis)
-    return rotation @ rotation_about(axis, value), shift
+    return rotation @ rotate_about(axis, value), shift
 
 
 def _take(segment: Segment, form: _Form, joint: Joint) -> None:
@@ -309,11 +309,11 @@ def _take(segment: Segment, form: _Form, joint: Joint) -> None:
     axis = form.after_rotation @ np.array(joint.axis)
     if joint.kind == "rotation":
         if joint.law.is_constant:
-            form.after_rotation = form.after_rotation @ rotation_about(joint.axis, joint.law.constant_part)
+            form.after_rotation = form.after_rotation @ rotate_about(joint.axis, joint.law.constant_part)
         else:
             _append(form.rotations, axis, joint.law, only_last=True)
     elif form.rotations:
-        raise _refused(segment, "translates between its rotations")
+        raise _refuse_joint(segment, "translates between its rotations")
     elif joint.law.is_constant:
         form.shift = form.shift + form.rotation @ (joint.law.constant_part * axis)
     else:
@@ -331,18 +331,18 @@ def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: 
     axes.append((axis, law))
 
 
-def _three_axes(segment: Segment, chosen: Sequence[tuple[Array, Law]], what: str) -> list[Axis]:
+def _list_three_axes(segment: Segment, chosen: Sequence[tuple[Array, Law]], what: str) -> list[Axis]:
     if len(chosen) > 3:
-        raise _refused(segment, f"has {len(chosen)} moving {what}s")
+        raise _refuse_joint(segment, f"has {len(chosen)} moving {what}s")
     directions = [axis for axis, _ in chosen]
     for k, a in enumerate(directions):
         if any(np.linalg.norm(np.cross(a, b)) < _COLLINEAR for b in directions[:k]):
-            raise _refused(segment, f"has two {what} axes that are parallel")
-    driven = [Axis(axis, _coordinate_of(segment, law), law) for axis, law in chosen]
-    return driven + [Axis(direction) for direction in _completed(directions)]
+            raise _refuse_joint(segment, f"has two {what} axes that are parallel")
+    driven = [Axis(axis, _find_coordinate(segment, law), law) for axis, law in chosen]
+    return driven + [Axis(direction) for direction in _complete_directions(directions)]
 
 
-def _completed(axes: Sequence[Array]) -> list[Array]:
+def _complete_directions(axes: Sequence[Array]) -> list[Array]:
     """Directions for the unused axes, well away from the used ones."""
     if not axes:
         return list(np.eye(3))
@@ -354,11 +354,11 @@ def _completed(axes: Sequence[Array]) -> list[Array]:
     return [third] if len(axes) == 2 else [np.cross(third, axes[0]), third]
 
 
-def _coordinate_of(segment: Segment, law: Law) -> str:
+def _find_coordinate(segment: Segment, law: Law) -> str:
     """The only coordinate that drives an axis."""
     if any(t.parameter is not None for t in law.terms):
-        raise _refused(segment, "depends on a free parameter", "Fold the parameters in first")
+        raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
     names = sorted(law.coordinates)
     if len(names) > 1:
-        raise _refused(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
+        raise _refuse_joint(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")
     return names[0]

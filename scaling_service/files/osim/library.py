@@ -15,7 +15,7 @@ from scaling_service.core.errors import DependencyMissing, FileUnreadable, Model
 
 
 @cache
-def opensim() -> Any:
+def import_opensim() -> Any:
     """The opensim module with its chatter silenced.
 
     Raises DependencyMissing if it is not installed, or its shared libraries do not load.
@@ -43,18 +43,20 @@ def load(path: Path, marker_set: str | None = None) -> Any:
         raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
     _refuse_unknown_types(path)
     try:
-        model = opensim().Model(str(path))
+        model = import_opensim().Model(str(path))
         model.finalizeConnections()
     except RuntimeError as error:
         raise FileUnreadable(
-            f"OpenSim cannot read it ({short(error)})", file=path, remedy="Open and save it in OpenSim"
+            f"OpenSim cannot read it ({shorten_message(error)})",
+            file=path,
+            remedy="Open and save it in OpenSim",
         ) from error
     if marker_set is not None:
         _add_markers(model, Path(marker_set))
     return model
 
 
-def short(error: RuntimeError) -> str:
+def shorten_message(error: RuntimeError) -> str:
     """OpenSim's message without the C++ function and source line around it."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     head = lines[0] if lines else "no message"
@@ -66,7 +68,7 @@ def _refuse_unknown_types(path: Path) -> None:
         root = ElementTree.fromstring(path.read_bytes())
     except ElementTree.ParseError:
         return  # OpenSim's own parser is more lenient, and has read it
-    known = opensim().OpenSimObject.getDefaultInstanceOfType
+    known = import_opensim().OpenSimObject.getDefaultInstanceOfType
     for element in root.iter():
         name = element.get("name")
         if name and element.tag.endswith(("Joint", "Constraint")) and known(element.tag) is None:
@@ -82,18 +84,18 @@ def _add_markers(model: Any, path: Path) -> None:
     """As OpenSim's scale tool: markers of the set replace those of the same name, others are added."""
     if not path.is_file():
         raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    library = opensim()
+    library = import_opensim()
     try:
         markers = library.MarkerSet(str(path))
     except RuntimeError as error:
         raise FileUnreadable(
-            f"OpenSim cannot read this marker set ({short(error)})",
+            f"OpenSim cannot read this marker set ({shorten_message(error)})",
             file=path,
             remedy="It must be an OpenSim MarkerSet file",
         ) from error
     if not markers.getSize():
         raise FileUnreadable("holds no markers", file=path, remedy="It must be an OpenSim MarkerSet file")
-    for marker in items(markers):
+    for marker in list_items(markers):
         frame = marker.getParentFrameName()
         if not model.hasComponent(frame):
             raise ModelRefused(
@@ -106,11 +108,11 @@ def _add_markers(model: Any, path: Path) -> None:
     model.finalizeConnections()
 
 
-def items(collection: Any) -> list[Any]:
+def list_items(collection: Any) -> list[Any]:
     """The members of an OpenSim set."""
     return [collection.get(k) for k in range(collection.getSize())]
 
 
-def numbers(vector: Any) -> list[float]:
+def list_numbers(vector: Any) -> list[float]:
     """A SimTK vector as a list."""
     return [vector.get(k) for k in range(vector.size())]

@@ -40,7 +40,7 @@ def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:
     A marker in an offset frame is expressed in the body; when such a frame is turned against the body, a
     later non-uniform scaling differs from OpenSim's, which scales along the offset frame.
     """
-    return _read(_version(path), _version(marker_set) if marker_set is not None else None)
+    return _read(_read_version(path), _read_version(marker_set) if marker_set is not None else None)
 
 
 class _Version(NamedTuple):
@@ -51,7 +51,7 @@ class _Version(NamedTuple):
     size: int
 
 
-def _version(path: Path) -> _Version:
+def _read_version(path: Path) -> _Version:
     try:
         status = path.stat()
     except OSError as error:
@@ -74,16 +74,16 @@ def _read(model: _Version, marker_set: _Version | None) -> BodyModel:
         # Of a file that is no XML, or holds something else, OpenSim names a line of its own source code.
         root = parse_xml(model.path)
         if root.tag != "Model" and root.find("Model") is None:
-            raise _no_model(model.path) from None
+            raise _report_no_model(model.path) from None
         if marker_set is not None:
             parse_xml(marker_set.path)
         raise
     if not found.segments:
-        raise _no_model(model.path)
+        raise _report_no_model(model.path)
     return replace(found, source=str(model.path))
 
 
-def _no_model(path: Path) -> FileUnreadable:
+def _report_no_model(path: Path) -> FileUnreadable:
     return FileUnreadable("holds no OpenSim model", file=path, remedy="Give an .osim file")
 
 

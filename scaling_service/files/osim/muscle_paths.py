@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.library import items, load, numbers, opensim
+from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
 from scaling_service.numerics.multibody.laws import Array
 
 _NO_ARM = 1e-9  # m; chosen: a moment arm below is rounding
@@ -21,7 +21,7 @@ def measure(request: Mapping[str, Any]) -> dict[str, Any]:
     file = Path("posed.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
     osim = load(file)
-    muscles = items(osim.getMuscles())
+    muscles = list_items(osim.getMuscles())
     paths = [find_path(muscle) for muscle in muscles]
     frames = len(next(iter(request["q"].values())))
     lengths, forces = np.zeros((frames, len(muscles))), np.zeros((frames, len(muscles), 0))
@@ -46,7 +46,7 @@ def measure(request: Mapping[str, Any]) -> dict[str, Any]:
 
 def find_path(muscle: Any) -> Any:
     """A muscle's path (ModelRefused: it is not made of points)."""
-    path = opensim().GeometryPath.safeDownCast(muscle.getComponent("path"))
+    path = import_opensim().GeometryPath.safeDownCast(muscle.getComponent("path"))
     if path is None:
         raise ModelRefused(
             f"the path of muscle '{muscle.getName()}' is not made of points",
@@ -60,16 +60,16 @@ class _Posed:
     """A model that takes one pose after the other."""
 
     def __init__(self, osim: Any, q: Mapping[str, Sequence[float]]) -> None:
-        for coordinate in items(osim.updCoordinateSet()):  # a pose is taken as it is
+        for coordinate in list_items(osim.updCoordinateSet()):  # a pose is taken as it is
             coordinate.setDefaultClamped(False)
             coordinate.setDefaultLocked(False)
             coordinate.set_prescribed(False)
         self.osim, self.state = osim, osim.initSystem()
         self._q = [(osim.getCoordinateSet().get(name), values) for name, values in q.items()]
-        self.rows = {name: _row(osim.getCoordinateSet().get(name), self.state) for name in q}
+        self.rows = {name: _find_row(osim.getCoordinateSet().get(name), self.state) for name in q}
         self.freedoms = self.state.getNU()
         self._links = osim.getBodySet().getSize() + 1  # a model is a tree: its bodies and the ground
-        self._forces = opensim().Vector(self.freedoms, 0.0)
+        self._forces = import_opensim().Vector(self.freedoms, 0.0)
 
     def take(self, frame: int) -> None:
         """Take the pose of a frame."""
@@ -79,7 +79,7 @@ class _Posed:
 
     def forces_of(self, path: Any) -> Array:
         """The generalised forces of a unit tension, (n_freedoms,)."""
-        library = opensim()
+        library = import_opensim()
         none = library.SpatialVec(library.Vec3(0.0), library.Vec3(0.0))
         loads, direct = library.VectorOfSpatialVec(self._links, none), library.Vector(self.freedoms, 0.0)
         path.addInEquivalentForces(self.state, 1.0, loads, direct)
@@ -88,7 +88,7 @@ class _Posed:
         return forces
 
 
-def _row(coordinate: Any, state: Any) -> int:
+def _find_row(coordinate: Any, state: Any) -> int:
     """Where a coordinate's speed stands in the state."""
     coordinate.setSpeedValue(state, 1.0)
     (row,) = np.flatnonzero(state.getU().to_numpy())
@@ -106,20 +106,20 @@ _LENGTHS: Mapping[str, tuple[str, ...]] = {
 
 def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
     """Path points that are fixed in a body, and the surfaces of all bodies; see ``attachments``."""
-    osim = _loaded(request)
+    osim = _load_model(request)
     points = [
         [muscle.getName(), number, *_in_body(point.getParentFrame(), point.get_location())]
-        for muscle, number, point in _fixed_points(osim)
+        for muscle, number, point in _list_fixed_points(osim)
     ]
     meshes = [
-        [mesh.getFrame().findBaseFrame().getName(), mesh.get_mesh_file(), *_placed(mesh)]
+        [mesh.getFrame().findBaseFrame().getName(), mesh.get_mesh_file(), *_place_surface(mesh)]
         for component in osim.getComponentsList()
-        if (mesh := opensim().Mesh.safeDownCast(component)) is not None
+        if (mesh := import_opensim().Mesh.safeDownCast(component)) is not None
     ]
     wraps = [
-        [body.getName(), wrap.getName(), numbers(wrap.get_translation())]
-        for body in items(osim.getBodySet())
-        for wrap in items(body.getWrapObjectSet())
+        [body.getName(), wrap.getName(), list_numbers(wrap.get_translation())]
+        for body in list_items(osim.getBodySet())
+        for wrap in list_items(body.getWrapObjectSet())
     ]
     return {"points": points, "meshes": meshes, "wraps": wraps}
 
@@ -130,17 +130,17 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     As OpenSim's scaling has it: by the ratio of the whole path's lengths in the default pose. A muscle whose
     length changes by more than ``most`` runs along another side of a wrap: its points go back.
     """
-    osim = _loaded(request)
-    muscles = items(osim.getMuscles())
+    osim = _load_model(request)
+    muscles = list_items(osim.getMuscles())
     kept = [[muscle, number, at] for muscle, number, _, at in list_points(request)["points"]]
-    before = _lengths(osim)
+    before = _measure_lengths(osim)
     for segment, name, at, size in request["wraps"]:
         _move_wrap(osim.getBodySet().get(segment).getWrapObjectSet().get(name), at, size)
     _set_points(osim, request["moved"])
-    change = np.abs(np.log(_lengths(osim) / before))
+    change = np.abs(np.log(_measure_lengths(osim) / before))
     astray = {muscle.getName() for muscle, by in zip(muscles, change, strict=True) if by > request["most"]}
     _set_points(osim, [point for point in kept if point[0] in astray])
-    for muscle, ratio in zip(muscles, _lengths(osim) / before, strict=True):
+    for muscle, ratio in zip(muscles, _measure_lengths(osim) / before, strict=True):
         muscle.set_optimal_fiber_length(float(ratio) * muscle.get_optimal_fiber_length())
         muscle.set_tendon_slack_length(float(ratio) * muscle.get_tendon_slack_length())
     osim.finalizeConnections()
@@ -151,55 +151,57 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
 def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
     """Put points of paths at their places in their bodies, m."""
     moved = {(muscle, number): np.array(at) for muscle, number, at in points}
-    for muscle, number, point in _fixed_points(osim):
+    for muscle, number, point in _list_fixed_points(osim):
         at = moved.get((muscle.getName(), number))
         if at is not None:
             rotation, origin = map(np.array, _place(point.getParentFrame()))
-            point.set_location(opensim().Vec3(*(rotation.T @ (at - origin))))
+            point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
 
 
 def _move_wrap(wrap: Any, at: Sequence[float], size: float) -> None:
     """Put a wrap elsewhere in its body, of a given size; its directions stay."""
-    wrap.set_translation(opensim().Vec3(*at))
+    wrap.set_translation(import_opensim().Vec3(*at))
     for kind, lengths in _LENGTHS.items():
-        own = getattr(opensim(), kind).safeDownCast(wrap)
+        own = getattr(import_opensim(), kind).safeDownCast(wrap)
         for name in lengths if own is not None else ():
             getattr(own, f"set_{name}")(size * getattr(own, f"get_{name}")())
-    ellipsoid = opensim().WrapEllipsoid.safeDownCast(wrap)
+    ellipsoid = import_opensim().WrapEllipsoid.safeDownCast(wrap)
     if ellipsoid is not None:
-        ellipsoid.set_dimensions(opensim().Vec3(*(size * n for n in numbers(ellipsoid.get_dimensions()))))
+        ellipsoid.set_dimensions(
+            import_opensim().Vec3(*(size * n for n in list_numbers(ellipsoid.get_dimensions())))
+        )
 
 
-def _loaded(request: Mapping[str, Any]) -> Any:
+def _load_model(request: Mapping[str, Any]) -> Any:
     file = Path("points.osim")  # in the worker's own scratch directory
     file.write_text(request["text"], encoding="utf-8")
     return load(file)
 
 
-def _fixed_points(osim: Any) -> Iterator[tuple[Any, int, Any]]:
-    for muscle in items(osim.getMuscles()):
-        for number, point in enumerate(items(find_path(muscle).updPathPointSet())):
-            fixed = opensim().PathPoint.safeDownCast(point)
+def _list_fixed_points(osim: Any) -> Iterator[tuple[Any, int, Any]]:
+    for muscle in list_items(osim.getMuscles()):
+        for number, point in enumerate(list_items(find_path(muscle).updPathPointSet())):
+            fixed = import_opensim().PathPoint.safeDownCast(point)
             if fixed is not None:
                 yield muscle, number, fixed
 
 
 def _in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
     place = frame.findTransformInBaseFrame()
-    return frame.findBaseFrame().getName(), numbers(place.shiftFrameStationToBase(at))
+    return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
 
 
-def _placed(mesh: Any) -> tuple[list[float], list[list[float]], list[float]]:
+def _place_surface(mesh: Any) -> tuple[list[float], list[list[float]], list[float]]:
     """Scale factors of a surface, and its rotation and origin in its body, m."""
-    return numbers(mesh.get_scale_factors()), *_place(mesh.getFrame())
+    return list_numbers(mesh.get_scale_factors()), *_place(mesh.getFrame())
 
 
 def _place(frame: Any) -> tuple[list[list[float]], list[float]]:
     """A frame's rotation and origin in its body, m."""
     place = frame.findTransformInBaseFrame()
-    return [[place.R().get(i, j) for j in range(3)] for i in range(3)], numbers(place.p())
+    return [[place.R().get(i, j) for j in range(3)] for i in range(3)], list_numbers(place.p())
 
 
-def _lengths(osim: Any) -> NDArray[np.float64]:
+def _measure_lengths(osim: Any) -> NDArray[np.float64]:
     state = osim.initSystem()
-    return np.array([muscle.getLength(state) for muscle in items(osim.getMuscles())])
+    return np.array([muscle.getLength(state) for muscle in list_items(osim.getMuscles())])

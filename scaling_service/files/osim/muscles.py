@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scaling_service.files.mesh import Mesh, read_mesh
 from scaling_service.files.osim.process import TIME_LIMIT_S, ask
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import law_slopes, law_values
+from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.trial import Bone
 from scaling_service.numerics.multibody.laws import Array
 
@@ -41,7 +41,7 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
     """
     known = np.asarray(np.isfinite(q).all(axis=1))
     columns = dict(zip(model.coordinate_names, q[known].T, strict=True))
-    followed = {c.dependent: law_values(c.law, columns[c.independent]) for c in model.couplers}
+    followed = {c.dependent: evaluate_law_at(c.law, columns[c.independent]) for c in model.couplers}
     turning = [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked]
     request = {
         "operation": "muscles",
@@ -50,7 +50,7 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
         "q": {name: values.tolist() for name, values in (columns | followed).items()},
         "coordinates": turning,
         "couplings": [
-            [c.dependent, c.independent, law_slopes(c.law, columns[c.independent]).tolist()]
+            [c.dependent, c.independent, differentiate_law_at(c.law, columns[c.independent]).tolist()]
             for c in model.couplers
         ],
     }
@@ -137,10 +137,10 @@ def read_attachments(
         mesh = read_mesh(file)
         vertices = (mesh.vertices * factors) @ np.array(rotation).T + origin
         found.setdefault(segment, []).append(Mesh(vertices, mesh.faces))
-    return points, wraps, Surfaces({segment: _together(parts) for segment, parts in found.items()}, absent)
+    return points, wraps, Surfaces({segment: _join_meshes(parts) for segment, parts in found.items()}, absent)
 
 
-def _together(parts: Sequence[Mesh]) -> Bone:
+def _join_meshes(parts: Sequence[Mesh]) -> Bone:
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = [part.faces + offset for part, offset in zip(parts, first, strict=False)]
     return Bone(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))

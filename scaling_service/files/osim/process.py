@@ -42,7 +42,7 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
                 encoding="utf-8",
                 errors="replace",
                 cwd=scratch,
-                env=_environment(),
+                env=_make_environment(),
                 timeout=time_limit_s,
                 check=False,
             )
@@ -55,7 +55,7 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
     return _answer(done, request)
 
 
-def _environment() -> dict[str, str]:
+def _make_environment() -> dict[str, str]:
     """The caller's environment, with this package importable and one thread per library."""
     root = str(Path(__file__).resolve().parents[3])
     path = os.environ.get("PYTHONPATH")
@@ -72,7 +72,7 @@ def _answer(done: subprocess.CompletedProcess[str], request: Mapping[str, Any]) 
         answer: dict[str, Any] = json.loads(done.stdout)
     except ValueError:
         raise FileUnreadable(
-            f"OpenSim ended without an answer ({_ending(done)})",
+            f"OpenSim ended without an answer ({_describe_ending(done)})",
             file=request.get("file"),
             remedy="Open the file in OpenSim itself to see whether it is sound",
         ) from None
@@ -88,7 +88,7 @@ def _answer(done: subprocess.CompletedProcess[str], request: Mapping[str, Any]) 
     return answer
 
 
-def _ending(done: subprocess.CompletedProcess[str]) -> str:
+def _describe_ending(done: subprocess.CompletedProcess[str]) -> str:
     if done.returncode < 0:
         return signal.Signals(-done.returncode).name
     lines = done.stderr.strip().splitlines()

@@ -56,59 +56,60 @@ def read_scale_setup(path: Path) -> ScaleSetup:
         raise FileUnreadable("holds no ScaleTool", file=path, remedy="Give an OpenSim ScaleTool set-up file")
     scaler = tool.find("ModelScaler")
     mass, height_m = _number(path, tool, "mass", 0.0), 1e-3 * _number(path, tool, "height", -1.0)
-    applied = scaler is not None and _applied(scaler)
+    applied = scaler is not None and _is_applied(scaler)
     setup = scaler if scaler is not None and applied else None
     order = _order(path, setup)
     return ScaleSetup(
-        measurements=tuple(_measurements(path, setup)) if "measurements" in order else (),
-        manual=_manual(path, setup) if setup is not None and "manualScale" in order else {},
+        measurements=tuple(_read_measurements(path, setup)) if "measurements" in order else (),
+        manual=_read_manual(path, setup) if setup is not None and "manualScale" in order else {},
         order=order,
-        time_range=_time_range(path, setup),
-        preserve_mass_distribution=setup is not None and _flag(setup, "preserve_mass_distribution", False),
+        time_range=_read_time_range(path, setup),
+        preserve_mass_distribution=setup is not None
+        and _read_flag(setup, "preserve_mass_distribution", False),
         mass_kg=mass if applied and mass > 0 else None,
-        placement=_placement(path, tool.find("MarkerPlacer")),
+        placement=_read_placement(path, tool.find("MarkerPlacer")),
         height_m=height_m if HEIGHT_RANGE_M[0] < height_m < HEIGHT_RANGE_M[1] else None,
     )
 
 
-def _text(element: Element, tag: str) -> str:
+def _read_text(element: Element, tag: str) -> str:
     return (element.findtext(tag) or "").strip()
 
 
-def _flag(element: Element, tag: str, default: bool) -> bool:
-    text = _text(element, tag).lower()
+def _read_flag(element: Element, tag: str, default: bool) -> bool:
+    text = _read_text(element, tag).lower()
     return text in {"true", "1"} if text else default
 
 
-def _applied(element: Element) -> bool:
-    return _flag(element, "apply", True)
+def _is_applied(element: Element) -> bool:
+    return _read_flag(element, "apply", True)
 
 
-def _bad(path: Path, where: Element, problem: str) -> FileUnreadable:
+def _explain_bad(path: Path, where: Element, problem: str) -> FileUnreadable:
     name = where.get("name") or where.tag
     return FileUnreadable(problem, file=path, field=name, remedy="Correct this entry of the set-up")
 
 
-def _numbers(path: Path, element: Element, tag: str) -> list[float]:
-    text = _text(element, tag)
+def _read_numbers(path: Path, element: Element, tag: str) -> list[float]:
+    text = _read_text(element, tag)
     try:
         return [float(word) for word in text.split()]
     except ValueError as error:
-        raise _bad(path, element, f"<{tag}> is not numbers: '{text}'") from error
+        raise _explain_bad(path, element, f"<{tag}> is not numbers: '{text}'") from error
 
 
 def _number(path: Path, element: Element, tag: str, default: float) -> float:
-    found = _numbers(path, element, tag)
+    found = _read_numbers(path, element, tag)
     if len(found) > 1:
-        raise _bad(path, element, f"<{tag}> must be one number")
+        raise _explain_bad(path, element, f"<{tag}> must be one number")
     return found[0] if found else default
 
 
-def _time_range(path: Path, element: Element | None) -> tuple[float, float] | None:
+def _read_time_range(path: Path, element: Element | None) -> tuple[float, float] | None:
     """The frames to use; OpenSim writes ``-1 -1`` for all of them."""
     if element is None:
         return None
-    found = _numbers(path, element, "time_range")
+    found = _read_numbers(path, element, "time_range")
     if len(found) != 2 or found[1] < found[0] or found[1] < 0:
         return None
     return found[0], found[1]
@@ -126,15 +127,15 @@ def _in_own_file(path: Path, element: Element) -> Element:
     return found
 
 
-def _members(path: Path, parent: Element | None, tag: str) -> Iterable[Element]:
+def _list_members(path: Path, parent: Element | None, tag: str) -> Iterable[Element]:
     """The objects of a set within an element."""
     holder = parent.find(tag) if parent is not None else None
     if holder is None:
         return ()
-    return _objects(_in_own_file(path, holder))
+    return _list_objects(_in_own_file(path, holder))
 
 
-def _objects(holder: Element) -> Iterable[Element]:
+def _list_objects(holder: Element) -> Iterable[Element]:
     objects = holder.find("objects")
     return objects if objects is not None else ()
 
@@ -142,79 +143,84 @@ def _objects(holder: Element) -> Iterable[Element]:
 def _order(path: Path, scaler: Element | None) -> tuple[str, ...]:
     if scaler is None:
         return ()
-    words = tuple(_text(scaler, "scaling_order").split())
+    words = tuple(_read_text(scaler, "scaling_order").split())
     for word in words:
         if word not in _STEPS:
-            raise _bad(
+            raise _explain_bad(
                 path, scaler, f"<scaling_order> holds '{word}', which is not one of {', '.join(_STEPS)}"
             )
     return words
 
 
-def _measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
-    for item in _members(path, scaler, "MeasurementSet"):
-        if not _applied(item):
+def _read_measurements(path: Path, scaler: Element | None) -> Iterable[Measurement]:
+    for item in _list_members(path, scaler, "MeasurementSet"):
+        if not _is_applied(item):
             continue
-        pairs = tuple(_pair(path, pair) for pair in _members(path, item, "MarkerPairSet"))
-        axes = {scale.get("name", ""): _axes(path, scale) for scale in _members(path, item, "BodyScaleSet")}
+        pairs = tuple(_pair(path, pair) for pair in _list_members(path, item, "MarkerPairSet"))
+        axes = {
+            scale.get("name", ""): _read_axes(path, scale)
+            for scale in _list_members(path, item, "BodyScaleSet")
+        }
         if pairs and axes:
             yield Measurement(item.get("name", ""), pairs, axes)
 
 
 def _pair(path: Path, element: Element) -> tuple[str, str]:
-    words = _text(element, "markers").split()
+    words = _read_text(element, "markers").split()
     if len(words) != 2:
-        raise _bad(path, element, f"<markers> must name two markers, not '{' '.join(words)}'")
+        raise _explain_bad(path, element, f"<markers> must name two markers, not '{' '.join(words)}'")
     return words[0], words[1]
 
 
-def _axes(path: Path, element: Element) -> str:
-    words = _text(element, "axes").upper().replace(" ", "")
+def _read_axes(path: Path, element: Element) -> str:
+    words = _read_text(element, "axes").upper().replace(" ", "")
     if not words or set(words) - set(_AXES):
-        raise _bad(path, element, f"<axes> must be among X, Y, Z, not '{_text(element, 'axes')}'")
+        raise _explain_bad(
+            path, element, f"<axes> must be among X, Y, Z, not '{_read_text(element, 'axes')}'"
+        )
     return "".join(axis for axis in _AXES if axis in words)
 
 
-def _manual(path: Path, scaler: Element) -> dict[str, tuple[float, float, float]]:
+def _read_manual(path: Path, scaler: Element) -> dict[str, tuple[float, float, float]]:
     factors = {}
-    for item in _members(path, scaler, "ScaleSet"):
-        if not _applied(item):
+    for item in _list_members(path, scaler, "ScaleSet"):
+        if not _is_applied(item):
             continue
-        values = _numbers(path, item, "scales")
+        values = _read_numbers(path, item, "scales")
         if len(values) != 3 or not all(v > 0 for v in values):
-            raise _bad(path, item, "<scales> must be three positive numbers")
-        factors[_text(item, "segment")] = (values[0], values[1], values[2])
+            raise _explain_bad(path, item, "<scales> must be three positive numbers")
+        factors[_read_text(item, "segment")] = (values[0], values[1], values[2])
     return factors
 
 
-def _placement(path: Path, placer: Element | None) -> MarkerPlacement | None:
-    if placer is None or not _applied(placer) or not _flag(placer, "move_model_markers", True):
+def _read_placement(path: Path, placer: Element | None) -> MarkerPlacement | None:
+    if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
         return None
     tasks = placer.find("IKTaskSet")
-    found = _tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
-    return MarkerPlacement(*found, time_range=_time_range(path, placer))
+    found = _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
+    return MarkerPlacement(*found, time_range=_read_time_range(path, placer))
 
 
-def _tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:
+def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:
     """Marker weights, coordinate weights and the values of coordinates given by hand."""
     markers: dict[str, float] = {}
     coordinates: dict[str, float] = {}
     values: dict[str, float] = {}
-    for item in _objects(tasks):
+    for item in _list_objects(tasks):
         weight = _number(path, item, "weight", 1.0)
         name = item.get("name", "")
-        if not _applied(item) or weight <= 0:
+        if not _is_applied(item) or weight <= 0:
             continue
         if item.tag == "IKMarkerTask":
             markers[name] = weight
         elif item.tag == "IKCoordinateTask":
             coordinates[name] = weight
-            values.update(_fixed_value(path, item, name))
+            values.update(_read_fixed_value(path, item, name))
     return markers, coordinates, values
 
 
-def _fixed_value(path: Path, task: Element, name: str) -> dict[str, float]:
-    kind = _text(task, "value_type") or "default_value"
+def _read_fixed_value(path: Path, task: Element, name: str) -> dict[str, float]:
+    kind = _read_text(task, "value_type") or "default_value"
     if kind == "default_value":
         return {}
     if kind == "manual_value":

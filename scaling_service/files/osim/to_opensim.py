@@ -12,14 +12,14 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
-from scaling_service.files.osim.from_opensim import body_model, is_pure
-from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, one_shape, plan_joints
-from scaling_service.files.osim.library import items, load, numbers, opensim, short
+from scaling_service.files.osim.from_opensim import is_pure, read_body_model
+from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
+from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load, shorten_message
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
-from scaling_service.model.compile import shape_values
+from scaling_service.model.compile import evaluate_shape
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_from_vector
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
 _WRITTEN = "written.osim"  # in the worker's own scratch directory
 _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint"})
@@ -28,25 +28,25 @@ _PURE_TURNS = frozenset({"PinJoint", "UniversalJoint", "GimbalJoint", "BallJoint
 def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
     check_writable(model)
-    osim = _amended(model, request) if request["file"] is not None else _built(model)
+    osim = _amend_model(model, request) if request["file"] is not None else _build_model(model)
     _set_coordinates(osim, model)
     _set_markers(osim, model.markers)
     osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
-    check_same(model, _written(osim))
+    check_same(model, _write_and_check(osim))
     return Path(_WRITTEN).read_text(encoding="utf-8")
 
 
-def _written(osim: Any) -> BodyModel:
+def _write_and_check(osim: Any) -> BodyModel:
     """Write the file, and say what a fresh reading of it gives."""
     try:
         osim.finalizeConnections()
         osim.printToXML(_WRITTEN)
     except RuntimeError as error:
         raise ModelRefused(
-            f"OpenSim cannot write the model ({short(error)})", remedy="Check the model in OpenSim"
+            f"OpenSim cannot write the model ({shorten_message(error)})", remedy="Check the model in OpenSim"
         ) from error
     try:
-        return body_model(load(Path(_WRITTEN)))
+        return read_body_model(load(Path(_WRITTEN)))
     except FileUnreadable as error:
         raise ModelRefused(
             f"OpenSim does not read back what it wrote: {error.problem}",
@@ -54,7 +54,7 @@ def _written(osim: Any) -> BodyModel:
         ) from error
 
 
-def _amended(model: BodyModel, request: Mapping[str, Any]) -> Any:
+def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
     """The model of a file, scaled and turned; its inertias ours where asked."""
     osim = load(Path(request["file"]), request["marker_set"])
     factors = request["factors"]
@@ -65,7 +65,7 @@ def _amended(model: BodyModel, request: Mapping[str, Any]) -> Any:
     for joint, move in moves.items():
         _reseat(osim, joint, parents[joint], move)
     for joint in tilts | moves:
-        turn = rotation_from_vector(moves[joint]["turn"]) if joint in moves else np.eye(3)
+        turn = convert_vector_to_rotation(moves[joint]["turn"]) if joint in moves else np.eye(3)
         if joint in tilts or any(moves[joint]["turn"]):
             _tilt(osim, joint, turn @ tilt_rotation(tilts.get(joint, (0.0, 0.0))))
     if request["inertia_from_model"]:
@@ -81,7 +81,7 @@ def _amended(model: BodyModel, request: Mapping[str, Any]) -> Any:
 
 
 def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | None, preserve: bool) -> None:
-    library = opensim()
+    library = import_opensim()
     scales = library.ScaleSet()
     for segment, xyz in factors.items():
         if not model.getBodySet().contains(segment):
@@ -95,32 +95,36 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique = _oblique_translations(model)
+    oblique = _list_oblique_translations(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
         raise ModelRefused(
-            f"OpenSim cannot scale the model ({short(error)})",
+            f"OpenSim cannot scale the model ({shorten_message(error)})",
             remedy="Check the model in OpenSim's scale tool",
         ) from error
     for joint, number, gain in oblique:
         _scale_componentwise(model, factors, joint, number, gain)
 
 
-def _custom_joints(model: Any) -> list[Any]:
-    cast = opensim().CustomJoint.safeDownCast
-    return [custom for joint in items(model.getJointSet()) if (custom := cast(joint)) is not None]
+def _list_custom_joints(model: Any) -> list[Any]:
+    cast = import_opensim().CustomJoint.safeDownCast
+    return [custom for joint in list_items(model.getJointSet()) if (custom := cast(joint)) is not None]
 
 
-def _oblique_translations(model: Any) -> list[tuple[str, int, float]]:
+def _list_oblique_translations(model: Any) -> list[tuple[str, int, float]]:
     """Custom joints' translations along axes that OpenSim does not scale component by component."""
     found = []
-    for joint in _custom_joints(model):
+    for joint in _list_custom_joints(model):
         for number in (3, 4, 5):
             axis = joint.getSpatialTransform().getTransformAxis(number)
-            if is_pure(axis.getFunction()) or sorted(map(abs, numbers(axis.get_axis()))) == [0.0, 0.0, 1.0]:
+            if is_pure(axis.getFunction()) or sorted(map(abs, list_numbers(axis.get_axis()))) == [
+                0.0,
+                0.0,
+                1.0,
+            ]:
                 continue
-            multiplier = opensim().MultiplierFunction.safeDownCast(axis.getFunction())
+            multiplier = import_opensim().MultiplierFunction.safeDownCast(axis.getFunction())
             gain = multiplier.getScale() if multiplier is not None else 1.0
             found.append((joint.getName(), number, gain))
     return found
@@ -130,16 +134,16 @@ def _scale_componentwise(
     model: Any, factors: Mapping[str, Sequence[float]], name: str, number: int, gain: float
 ) -> None:
     """Replace OpenSim's scaling of an oblique translation, which is not one for factors of one."""
-    joint = opensim().CustomJoint.safeDownCast(model.updJointSet().get(name))
+    joint = import_opensim().CustomJoint.safeDownCast(model.updJointSet().get(name))
     parent = joint.getParentFrame().findBaseFrame().getName()
     if parent not in factors:
         return
     axis = joint.updSpatialTransform().updTransformAxis(number)
-    direction = np.array(numbers(axis.get_axis()))
+    direction = np.array(list_numbers(axis.get_axis()))
     direction = direction / np.linalg.norm(direction) * factors[parent]
     length = float(np.linalg.norm(direction))
-    opensim().MultiplierFunction.safeDownCast(axis.upd_function()).setScale(gain * length)
-    axis.setAxis(_vec3(direction / length))
+    import_opensim().MultiplierFunction.safeDownCast(axis.upd_function()).setScale(gain * length)
+    axis.setAxis(_to_vec3(direction / length))
 
 
 def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[float]]) -> None:
@@ -149,7 +153,7 @@ def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[floa
         ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
         ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
     ]
-    back = rotation_from_vector(move["child_turn"]).T  # the body turns, so the joint turns back in it
+    back = convert_vector_to_rotation(move["child_turn"]).T  # the body turns, so the joint turns back in it
     for end, frame, connect in ends:
         near = frame.findBaseFrame().getName() == parent
         turn, shift = (np.eye(3), np.array(move["shift"])) if near else (back, -back @ move["child_shift"])
@@ -158,11 +162,11 @@ def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[floa
         place = frame.findTransformInBaseFrame()
         matrix = place.R()
         now = np.array([[matrix.get(i, j) for j in range(3)] for i in range(3)])
-        body = _body(model, frame.findBaseFrame().getName())
-        moved = opensim().PhysicalOffsetFrame(body, opensim().Transform())
+        body = _make_body(model, frame.findBaseFrame().getName())
+        moved = import_opensim().PhysicalOffsetFrame(body, import_opensim().Transform())
         moved.setName(f"{name}_imaged_{end}")
-        moved.set_translation(_vec3(turn @ numbers(place.p()) + shift))
-        moved.set_orientation(opensim().Vec3(*_euler_xyz(turn @ now)))
+        moved.set_translation(_to_vec3(turn @ list_numbers(place.p()) + shift))
+        moved.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn @ now)))
         joint.addFrame(moved)
         moved.thisown = False  # the joint deletes it
         connect(moved)
@@ -170,7 +174,7 @@ def _reseat(model: Any, name: str, parent: str, move: Mapping[str, Sequence[floa
 
 def _tilt(model: Any, name: str, turn: Array) -> None:
     """Turn a joint's rotation axes in the parent's joint frame."""
-    library = opensim()
+    library = import_opensim()
     if not model.getJointSet().contains(name):
         raise ModelRefused(
             f"there is an axis tilt for '{name}', which the model does not have",
@@ -184,10 +188,10 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
     elif joint.getConcreteClassName() in _PURE_TURNS:
         _insert_turned_frames(joint, turn)
     else:
-        raise _no_axis(name, joint.getConcreteClassName())
+        raise _refuse_without_axis(name, joint.getConcreteClassName())
 
 
-def _no_axis(name: str, kind: str) -> ModelRefused:
+def _refuse_without_axis(name: str, kind: str) -> ModelRefused:
     return ModelRefused(
         f"joint '{name}', a {kind}, has no rotation axis that can be tilted",
         field=name,
@@ -200,15 +204,15 @@ def _turn_custom_axes(joint: Any, turn: Array) -> None:
     axes = [transform.updTransformAxis(k) for k in range(3)]
     moving = [k for k, axis in enumerate(axes) if axis.getCoordinateNamesInArray().getSize()]
     if not moving:
-        raise _no_axis(joint.getName(), "CustomJoint")
+        raise _refuse_without_axis(joint.getName(), "CustomJoint")
     for k, axis in enumerate(axes):
         # An axis that never turns may go along, so that no two become parallel; one with a constant
         # turn before or after the moving ones keeps its direction.
-        constant = opensim().Constant.safeDownCast(axis.getFunction())
+        constant = import_opensim().Constant.safeDownCast(axis.getFunction())
         idle = constant is not None and constant.getValue() == 0.0
         if idle or moving[0] <= k <= moving[-1]:
-            turned = turn @ numbers(axis.get_axis())
-            axis.setAxis(_vec3(turned))
+            turned = turn @ list_numbers(axis.get_axis())
+            axis.setAxis(_to_vec3(turned))
 
 
 def _insert_turned_frames(joint: Any, turn: Array) -> None:
@@ -217,15 +221,15 @@ def _insert_turned_frames(joint: Any, turn: Array) -> None:
         ("parent", joint.getParentFrame(), joint.connectSocket_parent_frame),
         ("child", joint.getChildFrame(), joint.connectSocket_child_frame),
     ):
-        turned = opensim().PhysicalOffsetFrame(frame, opensim().Transform())
+        turned = import_opensim().PhysicalOffsetFrame(frame, import_opensim().Transform())
         turned.setName(f"{joint.getName()}_tilted_{end}")
-        turned.set_orientation(opensim().Vec3(*_euler_xyz(turn)))
+        turned.set_orientation(import_opensim().Vec3(*_to_euler_xyz(turn)))
         joint.addFrame(turned)
         turned.thisown = False  # the joint deletes it
         connect(turned)
 
 
-def _euler_xyz(r: Array) -> tuple[float, float, float]:
+def _to_euler_xyz(r: Array) -> tuple[float, float, float]:
     """Body-fixed x, y, z angles of a rotation matrix, as OpenSim's orientations are given."""
     across = math.hypot(r[0, 0], r[0, 1])
     y = math.atan2(r[0, 2], across)
@@ -236,8 +240,8 @@ def _euler_xyz(r: Array) -> tuple[float, float, float]:
 
 def _set_inertia(body: Any, segment: Segment) -> None:
     body.set_mass(segment.mass)
-    body.set_mass_center(opensim().Vec3(*segment.com))
-    body.set_inertia(opensim().Vec6(*segment.inertia))
+    body.set_mass_center(import_opensim().Vec3(*segment.com))
+    body.set_inertia(import_opensim().Vec6(*segment.inertia))
 
 
 def _set_coordinates(osim: Any, model: BodyModel) -> None:
@@ -270,7 +274,7 @@ def _open_end(coordinate: Coordinate) -> float:
 
 def _set_markers(osim: Any, markers: Sequence[Marker]) -> None:
     """Exactly these markers, in this order."""
-    library = opensim()
+    library = import_opensim()
     osim.updMarkerSet().clearAndDestroy()
     for item in markers:
         if item.segment != GROUND and not osim.getBodySet().contains(item.segment):
@@ -279,12 +283,12 @@ def _set_markers(osim: Any, markers: Sequence[Marker]) -> None:
                 field=item.name,
                 remedy="Use the names of the model's bodies",
             )
-        marker = library.Marker(item.name, _body(osim, item.segment), library.Vec3(*item.nominal))
+        marker = library.Marker(item.name, _make_body(osim, item.segment), library.Vec3(*item.nominal))
         marker.set_fixed(item.anatomical)
         _give(osim.addMarker, marker)
 
 
-def _body(osim: Any, name: str) -> Any:
+def _make_body(osim: Any, name: str) -> Any:
     return osim.getGround() if name == GROUND else osim.getBodySet().get(name)
 
 
@@ -294,10 +298,10 @@ def _give(add: Callable[[Any], None], item: Any) -> None:
     item.thisown = False
 
 
-def _built(model: BodyModel) -> Any:
+def _build_model(model: BodyModel) -> Any:
     """Bodies, joints and couplers made anew."""
     joints, couplers = plan_joints(model)
-    library = opensim()
+    library = import_opensim()
     osim = library.Model()
     for segment in model.segments:
         body = library.Body()
@@ -305,11 +309,11 @@ def _built(model: BodyModel) -> Any:
         _set_inertia(body, segment)
         _give(osim.addBody, body)
     for joint in joints:
-        _give(osim.addJoint, _joint(osim, joint))
+        _give(osim.addJoint, _make_joint(osim, joint))
     for item in couplers:
         coupler = library.CoordinateCouplerConstraint()
         coupler.setName(f"{item.dependent}_coupler")
-        coupler.setIndependentCoordinateNames(_names(item.independent))
+        coupler.setIndependentCoordinateNames(_list_names(item.independent))
         coupler.setDependentCoordinateName(item.dependent)
         coupler.setFunction(library.LinearFunction(1.0, 0.0))
         _give(osim.addConstraint, coupler)
@@ -317,23 +321,23 @@ def _built(model: BodyModel) -> Any:
         osim.finalizeConnections()
     except RuntimeError as error:
         raise ModelRefused(
-            f"OpenSim does not accept the model ({short(error)})",
+            f"OpenSim does not accept the model ({shorten_message(error)})",
             remedy="Check masses, inertias and joint axes",
         ) from error
     return osim
 
 
-def _names(name: str) -> Any:
-    names = opensim().ArrayStr()
+def _list_names(name: str) -> Any:
+    names = import_opensim().ArrayStr()
     names.append(name)
     return names
 
 
-def _joint(osim: Any, joint: CustomJoint) -> Any:
-    library = opensim()
+def _make_joint(osim: Any, joint: CustomJoint) -> Any:
+    library = import_opensim()
     frames = (
-        *_frame(_body(osim, joint.parent), joint.parent_offset),
-        *_frame(_body(osim, joint.child), joint.child_offset),
+        *_make_frame(_make_body(osim, joint.parent), joint.parent_offset),
+        *_make_frame(_make_body(osim, joint.child), joint.child_offset),
     )
     if not joint.axes:
         return library.WeldJoint(joint.name, *frames)
@@ -343,32 +347,32 @@ def _joint(osim: Any, joint: CustomJoint) -> Any:
     return library.CustomJoint(joint.name, *frames, transform)
 
 
-def _frame(body: Any, offset: Offset) -> tuple[Any, Any, Any]:
-    library = opensim()
-    return body, _vec3(offset.shift), library.Vec3(*_euler_xyz(offset.rotation))
+def _make_frame(body: Any, offset: Offset) -> tuple[Any, Any, Any]:
+    library = import_opensim()
+    return body, _to_vec3(offset.shift), library.Vec3(*_to_euler_xyz(offset.rotation))
 
 
-def _vec3(values: Array) -> Any:
-    return opensim().Vec3(*(float(v) for v in values))
+def _to_vec3(values: Array) -> Any:
+    return import_opensim().Vec3(*(float(v) for v in values))
 
 
 def _set_axis(transform_axis: Any, axis: Axis) -> None:
-    transform_axis.setAxis(_vec3(axis.direction))
+    transform_axis.setAxis(_to_vec3(axis.direction))
     if axis.coordinate is not None:
-        transform_axis.setCoordinateNames(_names(axis.coordinate))
-    transform_axis.set_function(_function(axis.law))
+        transform_axis.setCoordinateNames(_list_names(axis.coordinate))
+    transform_axis.set_function(_make_function(axis.law))
 
 
-def _function(law: Law) -> Any:
+def _make_function(law: Law) -> Any:
     """A law of one coordinate, or of none, as a function of OpenSim's."""
-    library = opensim()
+    library = import_opensim()
     if law.is_constant:
         return library.Constant(law.constant_part)
     if all(t.shape is None for t in law.terms):
         slope = sum(t.gain for t in law.terms if t.coordinate is not None)
         return library.LinearFunction(slope, law.constant_part)
-    shape = one_shape(law)
-    single = _single_polynomial(shape)
+    shape = merge_shapes(law)
+    single = _find_single_polynomial(shape)
     if single is not None:
         coefficients = library.Vector(len(single), 0.0)
         for k, value in enumerate(single):
@@ -376,18 +380,18 @@ def _function(law: Law) -> Any:
         return library.PolynomialFunction(coefficients)
     straight = all(not any(piece[:-2]) for piece in shape.coefficients)
     spline = library.PiecewiseLinearFunction() if straight else library.SimmSpline()
-    for x, y in zip(shape.breaks, shape_values(shape, np.array(shape.breaks)).tolist(), strict=True):
+    for x, y in zip(shape.breaks, evaluate_shape(shape, np.array(shape.breaks)).tolist(), strict=True):
         spline.addPoint(x, y)
     return spline
 
 
-def _single_polynomial(shape: Shape) -> list[float] | None:
+def _find_single_polynomial(shape: Shape) -> list[float] | None:
     """Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)."""
     middle = len(shape.coefficients) // 2
     local = np.poly1d(shape.coefficients[middle])
     breaks = np.array(shape.breaks)
     between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
-    there = shape_values(shape, between)
+    there = evaluate_shape(shape, between)
     size = max(1e-3, float(np.abs(there).max()))
     if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
         return None

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import InputError
-from scaling_service.files.osim.from_opensim import body_model
+from scaling_service.files.osim.from_opensim import read_body_model
 from scaling_service.files.osim.library import load
 from scaling_service.files.osim.muscle_paths import list_points, measure, move_points
 from scaling_service.files.osim.to_opensim import write
@@ -22,7 +22,7 @@ from scaling_service.model.document import from_document, to_document
 
 
 def _read(request: dict[str, Any]) -> dict[str, Any]:
-    return {"model": to_document(body_model(load(Path(request["file"]), request["marker_set"])))}
+    return {"model": to_document(read_body_model(load(Path(request["file"]), request["marker_set"])))}
 
 
 def _write(request: dict[str, Any]) -> dict[str, Any]:

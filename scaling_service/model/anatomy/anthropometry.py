@@ -19,7 +19,7 @@ import numpy as np
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import Sex
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 
@@ -148,7 +148,7 @@ def predict_dimensions(
         for name, size in (sizes or {}).items()
     }
     sexes: tuple[Sex, ...] = ("F", "M") if sex is None else (sex,)
-    share = _rules()["children"]["share"]
+    share = _read_rules()["children"]["share"]
     if age_years is not None:
         share = float(np.interp(age_years, GROWING_YEARS, (1.0, 0.0)))
     parts: list[DimensionPrior] = []
@@ -157,7 +157,7 @@ def predict_dimensions(
         weight = share if child else 1.0 - share
         if weight == 0.0:
             continue
-        people = _children(one, height_m, age_years) if child else _adults(one)
+        people = _estimate_children(one, height_m, age_years) if child else _estimate_adults(one)
         body, of_body = people.weigh(known)
         whole, of_sizes = _with_lengths(body, one, child).weigh(measured)
         parts.append(whole)
@@ -165,9 +165,9 @@ def predict_dimensions(
     return _match_moments(parts, np.exp(np.array(scores) - max(scores)))
 
 
-def soldiers(sex: Sex) -> DimensionPrior:
+def read_soldiers(sex: Sex) -> DimensionPrior:
     """The body measures of ANSUR II's soldiers of a sex, without lengths between joint centres."""
-    table = _statistics()
+    table = _read_statistics()
     entry = table[sex]
     n = len(table["names"])
     correlation = np.eye(n)
@@ -179,9 +179,9 @@ def soldiers(sex: Sex) -> DimensionPrior:
     )
 
 
-def _adults(sex: Sex) -> DimensionPrior:
+def _estimate_adults(sex: Sex) -> DimensionPrior:
     """The soldiers' proportions with the public's stature and mass."""
-    army, public = soldiers(sex), _rules()["public"][sex]
+    army, public = read_soldiers(sex), _read_rules()["public"][sex]
     slopes, rest = _regress(army)
     spread = np.array(public["spread"])
     within = np.diag(spread**2) + public["correlation"] * np.prod(spread) * np.array([[0, 1], [1, 0]])
@@ -189,9 +189,9 @@ def _adults(sex: Sex) -> DimensionPrior:
     return DimensionPrior(army.names, army.mean + slopes @ shift, rest + slopes @ within @ slopes.T)
 
 
-def _children(sex: Sex, height_m: float | None, age_years: float | None) -> DimensionPrior:
+def _estimate_children(sex: Sex, height_m: float | None, age_years: float | None) -> DimensionPrior:
     """Children's measures: proportions by stature, spread as adults' and wider."""
-    rules, army = _rules()["children"], soldiers(sex)
+    rules, army = _read_rules()["children"], read_soldiers(sex)
     if age_years is None:
         middle, spread = np.log(rules["unknown_age"]["stature"]), rules["unknown_age"]["spread"]
     else:
@@ -224,7 +224,7 @@ def _regress(army: DimensionPrior) -> tuple[Array, Array]:
 
 def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior:
     """Add the lengths between joint centres, linearised about the mean, and their sides."""
-    rules = _rules()
+    rules = _read_rules()
     offsets, lengths = rules["offsets"], rules["lengths"]
     usual, spread = np.array([(offset[sex], offset["spread"]) for offset in offsets.values()]).T
     for name, offset in rules["children"]["offsets"].items() if child else ():
@@ -240,7 +240,7 @@ def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior
     palpation = np.array([rules["palpation"].get(m, 0.0) for m in body.names])
     palpated = np.diag((palpation * np.exp(body.mean[0] - body.mean)) ** 2)
 
-    names, copies, unlike = _sides()
+    names, copies, unlike = _open_sides()
     k = len(body.names)
     loads = np.vstack([np.eye(k), copies @ (parts / size[:, None])])
     covariance = loads @ (body.covariance - palpated) @ loads.T
@@ -250,9 +250,9 @@ def _with_lengths(body: DimensionPrior, sex: Sex, child: bool) -> DimensionPrior
 
 
 @cache
-def _sides() -> tuple[tuple[str, ...], Array, Array]:
+def _open_sides() -> tuple[tuple[str, ...], Array, Array]:
     """Names with sides; which length each is, and half its asymmetry, shapes (n_names, n_lengths)."""
-    lengths, sides = list(_rules()["lengths"]), _rules()["sides"]
+    lengths, sides = list(_read_rules()["lengths"]), _read_rules()["sides"]
     names, copies, unlike = [], [], []
     for length, row in zip(lengths, np.eye(len(lengths)), strict=True):
         for suffix, half in (("_r", 0.5), ("_l", -0.5)) if length in sides else (("", 0.0),):
@@ -273,10 +273,10 @@ def _match_moments(parts: list[DimensionPrior], weights: Array) -> DimensionPrio
 
 
 @cache
-def _statistics() -> Any:
-    return read_reference(reference_folder() / "anthropometry_ansur2.yaml")
+def _read_statistics() -> Any:
+    return read_reference(find_reference_folder() / "anthropometry_ansur2.yaml")
 
 
 @cache
-def _rules() -> Any:
-    return read_reference(reference_folder() / "anthropometry_lengths.yaml")
+def _read_rules() -> Any:
+    return read_reference(find_reference_folder() / "anthropometry_lengths.yaml")

@@ -10,9 +10,9 @@ import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.subject import BoneName
-from scaling_service.model.anatomy.lengths import chain_between, segment_of
+from scaling_service.model.anatomy.lengths import find_segment, list_chain
 from scaling_service.model.body import GROUND, BodyModel, Segment
-from scaling_service.model.poses import follow, model_values, neutral_frames
+from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Array
 
 BONES: tuple[str, ...] = get_args(BoneName)
@@ -31,7 +31,9 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
     Raises SubjectInvalid: there is no such segment, or it is named for two bones.
     """
     _check_said(model, said)
-    named = {bone: name for bone in BONES if bone not in said and (name := body_of(model, bone)) is not None}
+    named = {
+        bone: name for bone in BONES if bone not in said and (name := find_body(model, bone)) is not None
+    }
     nameless = [side for side in "rl" if f"femur_{side}" not in {**named, **said}]
     taken = {*named.values(), *said.values()}
     seen = {
@@ -68,10 +70,10 @@ def _check_said(model: BodyModel, said: Mapping[str, str]) -> None:
             )
 
 
-def body_of(model: BodyModel, bone: str) -> str | None:
+def find_body(model: BodyModel, bone: str) -> str | None:
     """The segment that one of :data:`BONES` belongs to, None if the model has none."""
     kind, _, side = bone.partition("_")
-    return None if bone not in BONES else segment_of(model, "foot" if kind == "talus" else kind, side)
+    return None if bone not in BONES else find_segment(model, "foot" if kind == "talus" else kind, side)
 
 
 def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
@@ -81,19 +83,19 @@ def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
     they part. In each, the first two stretches between joints that turn and are long are thigh and shank.
     Empty where there are no two such stretches; of one leg alone the pelvis is where its root ends.
     """
-    frames = neutral_frames(model)
+    frames = pose_neutral_frames(model)
     parents = {segment.parent for segment in model.segments}
     tips = [segment.name for segment in model.segments if segment.name not in parents]
     first = min(tips, key=lambda tip: frames[tip][1][1])
     mirrored = frames[first][1] * (1.0, 1.0, -1.0)
     apart = {tip: float(np.linalg.norm(frames[tip][1] - mirrored)) for tip in tips if tip != first}
     legs = [first, *(tip for tip in sorted(apart, key=apart.__getitem__)[:1] if apart[tip] < _MIRRORED_M)]
-    chains = [[s.name for s in chain_between(model, GROUND, tip)] for tip in legs]
+    chains = [[s.name for s in list_chain(model, GROUND, tip)] for tip in legs]
     shared = [name for name in chains[0] if all(name in chain for chain in chains)] if len(chains) > 1 else []
     found: dict[str, str] = {}
     for chain in chains:
         pelvis = shared[-1] if shared else chain[0]
-        leg = _bones_of_leg(model, chain[chain.index(pelvis) + 1 :])
+        leg = _list_leg_bones(model, chain[chain.index(pelvis) + 1 :])
         if leg:
             rotation, origin = frames[pelvis]
             side = "r" if (frames[leg["femur"]][1] - origin) @ rotation[:, 2] > 0.0 else "l"
@@ -101,9 +103,9 @@ def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
     return found
 
 
-def _bones_of_leg(model: BodyModel, chain: list[str]) -> dict[str, str]:
+def _list_leg_bones(model: BodyModel, chain: list[str]) -> dict[str, str]:
     """Thigh, shank, talus and heel of a chain below the pelvis; empty where it is no leg."""
-    places = dict(_turning_places(model, chain))
+    places = dict(_list_turning_places(model, chain))
     names, at = list(places), np.array(list(places.values())).reshape(-1, 3)
     gaps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     long = [k for k, gap in enumerate(gaps) if gap > _LONG * gaps.sum()]
@@ -115,15 +117,15 @@ def _bones_of_leg(model: BodyModel, chain: list[str]) -> dict[str, str]:
     return {"femur": names[thigh], "tibia": names[shank], "talus": foot[0], "calcn": near[-1]}
 
 
-def _turning_places(model: BodyModel, names: list[str]) -> Iterator[tuple[str, Array]]:
+def _list_turning_places(model: BodyModel, names: list[str]) -> Iterator[tuple[str, Array]]:
     """The segments of a chain that turn against their parents, and where, (3,) m, in the neutral pose."""
-    frames, values = neutral_frames(model), model_values(model)
+    frames, values = pose_neutral_frames(model), list_model_values(model)
     for segment in map(model.segment, names):
-        first = _first_turn(segment)
+        first = _find_first_turn(segment)
         if first is not None:
             yield segment.name, follow(segment.joints[:first], values, frames[segment.parent])[1]
 
 
-def _first_turn(segment: Segment) -> int | None:
+def _find_first_turn(segment: Segment) -> int | None:
     turns = (k for k, j in enumerate(segment.joints) if j.turns)
     return next(turns, None)

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from scaling_service.model.anatomy.frames import Frames, pelvis_frame
-from scaling_service.model.anatomy.hip_centre import chord_centre, hip_centres
-from scaling_service.model.anatomy.marker_sets import plane_marker
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres, solve_chord_centre
+from scaling_service.model.anatomy.marker_sets import find_plane_marker
 from scaling_service.numerics.multibody.laws import Array
 
 Vector = tuple[float, float, float]
@@ -67,12 +67,12 @@ def size_sd(name: str, value: float) -> float:
     return TAPE_SD * value if name.startswith("leg_length") else _SIZE_SD_M.get(name, CALIPER_SD_M)
 
 
-def landmark_sd(landmark: str) -> Vector:
+def look_up_landmark_sd(landmark: str) -> Vector:
     """Standard deviation (m) of a marker about its landmark, by canonical name.
 
     Examples
     --------
-    >>> landmark_sd("RASIS"), landmark_sd("C7")
+    >>> look_up_landmark_sd("RASIS"), look_up_landmark_sd("C7")
     ((0.007, 0.007, 0.007), (0.006, 0.006, 0.006))
     """
     return LANDMARK_SD_M.get(landmark) or LANDMARK_SD_M.get(landmark[1:], OTHER_SD_M)
@@ -176,12 +176,12 @@ class Pelvis:
     @property
     def frame(self) -> Frames:
         """Origin half-way between the ASIS (Wu 2002 but for the origin)."""
-        return pelvis_frame(self.rasis, self.lasis, self.back, self.back)
+        return build_pelvis_frame(self.rasis, self.lasis, self.back, self.back)
 
 
 def with_mirrored_psis(points: Points) -> Points:
     """The points with a PSIS that is not there as the mirror image of the other one, between the ASIS."""
-    known = [name for name in ("RPSIS", "LPSIS") if name in points and _ever(points[name])]
+    known = [name for name in ("RPSIS", "LPSIS") if name in points and _is_ever_known(points[name])]
     if len(known) != 1 or not {"RASIS", "LASIS"} <= points.keys():
         return points
     rasis, lasis, own = points["RASIS"], points["LASIS"], points[known[0]]
@@ -201,9 +201,9 @@ def read_pelvis(points: Points) -> Pelvis | None:
         return None
     front = points["RASIS"], points["LASIS"]
     psis = [points[name] for name in ("RPSIS", "LPSIS") if name in points]
-    if len(psis) == 2 and _ever(psis[0] + psis[1]):
+    if len(psis) == 2 and _is_ever_known(psis[0] + psis[1]):
         return Pelvis(*front, (psis[0] + psis[1]) / 2.0, "both PSIS")
-    if "SACR" in points and _ever(points["SACR"]):
+    if "SACR" in points and _is_ever_known(points["SACR"]):
         return Pelvis(*front, points["SACR"], "the sacrum for both PSIS")
     both = with_mirrored_psis(points)
     if both is points:
@@ -211,7 +211,7 @@ def read_pelvis(points: Points) -> Pelvis | None:
     return Pelvis(*front, (both["RPSIS"] + both["LPSIS"]) / 2.0, "one PSIS and its mirror image")
 
 
-def _ever(trajectory: Array) -> bool:
+def _is_ever_known(trajectory: Array) -> bool:
     return bool(np.isfinite(trajectory).all(axis=1).any())
 
 
@@ -232,7 +232,7 @@ def construct_centres(
     ``knee_r``, ``ankle_r`` and the left ones; ``ankle_r_chord`` where ``ankle_r`` is another.
     """
     pelvis = read_pelvis(points)
-    found = {} if pelvis is None else _hips(pelvis, sizes, regression)
+    found = {} if pelvis is None else _construct_hips(pelvis, sizes, regression)
     found |= {
         name: Centre(at, "functional movements", (0.0, 0.0, 0.0), "functional")
         for name, at in (hips or {}).items()
@@ -241,29 +241,29 @@ def construct_centres(
 
     def keep(name: str, centre: Centre | None) -> None:
         if centre is not None:
-            found[name] = _shifted(centre, (errors or {}).get(name), axes)
+            found[name] = _shift_centre(centre, (errors or {}).get(name), axes)
 
     for name, centre in tuple(found.items()):
         keep(name, centre)
     for joint in _JOINTS:
         for side in SIDES:
-            middle = _middle(points, joint, side)
-            chord = _chord(points, found, sizes, joint, side, axes)
+            middle = _construct_middle(points, joint, side)
+            chord = _construct_chord(points, found, sizes, joint, side, axes)
             keep(f"{joint}_{side}", middle or chord)
             if joint == "ankle" and middle is not None:
                 keep(f"{joint}_{side}_chord", chord)
     return found
 
 
-def _shifted(centre: Centre, offset: Array | None, axes: Array | None) -> Centre:
+def _shift_centre(centre: Centre, offset: Array | None, axes: Array | None) -> Centre:
     if offset is None:
         return centre
     turned = offset if axes is None else np.einsum("nij,nj->ni", axes, offset)
     return replace(centre, at=centre.at + turned)
 
 
-def _hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:
-    found = hip_centres(
+def _construct_hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre]:
+    found = predict_hip_centres(
         pelvis.rasis,
         pelvis.lasis,
         pelvis.back,
@@ -283,17 +283,17 @@ def _hips(pelvis: Pelvis, sizes: BodySizes, regression: str) -> dict[str, Centre
     }
 
 
-def _middle(points: Points, joint: Joint, side: Side) -> Centre | None:
+def _construct_middle(points: Points, joint: Joint, side: Side) -> Centre | None:
     """Half-way between a joint's lateral and medial landmark."""
     _, lateral, medial = _JOINTS[joint]
     ends = [points.get(f"{side.upper()}{name}") for name in (lateral, medial)]
-    if ends[0] is None or ends[1] is None or not _ever(ends[0] + ends[1]):
+    if ends[0] is None or ends[1] is None or not _is_ever_known(ends[0] + ends[1]):
         return None
     how = "the middle of its lateral and medial marker"
     return Centre((ends[0] + ends[1]) / 2.0, how, (JOINT_SD_M,) * 3, "middle")
 
 
-def _chord(
+def _construct_chord(
     points: Points,
     found: Mapping[str, Centre],
     sizes: BodySizes,
@@ -306,18 +306,18 @@ def _chord(
     outer = points.get(f"{side.upper()}{lateral}")
     start = found.get(f"{above}_{side}")
     width = sizes.widths.get(f"{joint}_{side}")
-    outward = _outward(points, found, joint, side, axes)
+    outward = _find_outward(points, found, joint, side, axes)
     if outer is None or start is None or width is None or outward is None:
         return None
     plane, how = outer + outward, "across from the pelvis" if joint == "knee" else "across from the knee"
-    label = plane_marker(tuple(points), joint, side)
-    if label is not None and _tells_plane(start.at, outer, points[label], outward):
+    label = find_plane_marker(tuple(points), joint, side)
+    if label is not None and _is_plane_marker(start.at, outer, points[label], outward):
         plane, how = points[label], f"in the plane of {label}"
-    at = chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
+    at = solve_chord_centre(start.at, outer, plane, width[0] / 2.0 + sizes.marker_radius)
     if joint == "ankle":
         at = lift_ankle(at, start.at)
     source = f"half its width from the lateral marker, {how}"
-    return Centre(at, source, (JOINT_SD_M,) * 3, "chord") if _ever(at) else None
+    return Centre(at, source, (JOINT_SD_M,) * 3, "chord") if _is_ever_known(at) else None
 
 
 def lift_ankle(found: Array, knee: Array) -> Array:
@@ -326,7 +326,7 @@ def lift_ankle(found: Array, knee: Array) -> Array:
     return np.asarray(found + MALLEOLUS_DROP_M * along / np.linalg.norm(along, axis=1, keepdims=True))
 
 
-def _outward(
+def _find_outward(
     points: Points, found: Mapping[str, Centre], joint: str, side: str, axes: Array | None
 ) -> Array | None:
     """Where a joint's lateral side is, (n_frames, 3): a knee's as the pelvis', an ankle's as the knee's."""
@@ -337,7 +337,7 @@ def _outward(
     return np.asarray(axes[:, :, 2] * (1.0 if side == "r" else -1.0))
 
 
-def _tells_plane(start: Array, lateral: Array, wand: Array, outward: Array) -> bool:
+def _is_plane_marker(start: Array, lateral: Array, wand: Array, outward: Array) -> bool:
     """Whether a marker lies to the segment's side as a marker of the joint's plane does."""
     along = start - lateral
     along = along / np.linalg.norm(along, axis=1, keepdims=True)

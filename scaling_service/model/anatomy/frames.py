@@ -44,7 +44,7 @@ class Frames:
         return np.asarray(np.einsum("nji,nj->ni", self.rotation, from_origin))
 
 
-def pelvis_frame(rasis: ArrayLike, lasis: ArrayLike, rpsis: ArrayLike, lpsis: ArrayLike) -> Frames:
+def build_pelvis_frame(rasis: ArrayLike, lasis: ArrayLike, rpsis: ArrayLike, lpsis: ArrayLike) -> Frames:
     """The pelvis frame with its origin half-way between the ASIS.
 
     z runs from the left to the right ASIS, y is normal to the plane of both ASIS and the midpoint of the
@@ -52,26 +52,26 @@ def pelvis_frame(rasis: ArrayLike, lasis: ArrayLike, rpsis: ArrayLike, lpsis: Ar
 
     ``rasis``, ``lasis``, ``rpsis``, ``lpsis``: (n_frames, 3), m.
     """
-    right, left = _points(rasis), _points(lasis)
-    back = (_points(rpsis) + _points(lpsis)) / 2.0
-    z = _unit(right - left)
-    y = _unit(np.cross(right - back, left - back))
-    return _frames(np.cross(y, z), y, z, (right + left) / 2.0)
+    right, left = _gather_points(rasis), _gather_points(lasis)
+    back = (_gather_points(rpsis) + _gather_points(lpsis)) / 2.0
+    z = _normalise(right - left)
+    y = _normalise(np.cross(right - back, left - back))
+    return _assemble_frames(np.cross(y, z), y, z, (right + left) / 2.0)
 
 
-def femur_frame(hip: ArrayLike, lateral: ArrayLike, medial: ArrayLike, side: Side) -> Frames:
+def build_femur_frame(hip: ArrayLike, lateral: ArrayLike, medial: ArrayLike, side: Side) -> Frames:
     """The thigh's frame, origin at the hip centre (Wu 2002).
 
     y points from the midpoint of the epicondyles to the hip centre, z lies in the plane of the three.
 
     ``hip``, ``lateral``, ``medial`` ((n_frames, 3), m): hip centre and the epicondyles.
     """
-    centre = _points(hip)
-    y = _unit(centre - (_points(lateral) + _points(medial)) / 2.0)
-    return _long_axis_frame(y, _rightward(lateral, medial, side), centre)
+    centre = _gather_points(hip)
+    y = _normalise(centre - (_gather_points(lateral) + _gather_points(medial)) / 2.0)
+    return _build_long_axis_frame(y, _find_rightward(lateral, medial, side), centre)
 
 
-def tibia_frame(
+def build_tibia_frame(
     knee: ArrayLike, ankle: ArrayLike, lateral: ArrayLike, medial: ArrayLike, side: Side
 ) -> Frames:
     """The shank's frame about its mechanical axis, origin at the knee centre.
@@ -81,11 +81,13 @@ def tibia_frame(
 
     ``knee``, ``ankle``, ``lateral``, ``medial`` ((n_frames, 3), m): knee and ankle centres and the malleoli.
     """
-    centre = _points(knee)
-    return _long_axis_frame(_unit(centre - _points(ankle)), _rightward(lateral, medial, side), centre)
+    centre = _gather_points(knee)
+    return _build_long_axis_frame(
+        _normalise(centre - _gather_points(ankle)), _find_rightward(lateral, medial, side), centre
+    )
 
 
-def cardan(proximal: Frames, distal: Frames) -> Array:
+def decompose_cardan(proximal: Frames, distal: Frames) -> Array:
     """Turns about z, x and y, in this order, that lead from the proximal to the distal frame.
 
     The joint coordinate system of Grood and Suntay (1983) in its Cardan form (Wu 2002).
@@ -99,17 +101,17 @@ def cardan(proximal: Frames, distal: Frames) -> Array:
     return np.column_stack([first, second, third])
 
 
-def hip_angles(pelvis: Frames, femur: Frames, side: Side) -> Array:
+def compute_hip_angles(pelvis: Frames, femur: Frames, side: Side) -> Array:
     """Flexion, adduction and internal rotation of a hip, (n_frames, 3), rad."""
-    return np.asarray(cardan(pelvis, femur) * _clinical(1.0, side))
+    return np.asarray(decompose_cardan(pelvis, femur) * _sign_clinically(1.0, side))
 
 
-def knee_angles(femur: Frames, tibia: Frames, side: Side) -> Array:
+def compute_knee_angles(femur: Frames, tibia: Frames, side: Side) -> Array:
     """Flexion, adduction and internal rotation of a knee, (n_frames, 3), rad."""
-    return np.asarray(cardan(femur, tibia) * _clinical(-1.0, side))
+    return np.asarray(decompose_cardan(femur, tibia) * _sign_clinically(-1.0, side))
 
 
-def pelvis_angles(pelvis: Frames) -> Array:
+def compute_pelvis_angles(pelvis: Frames) -> Array:
     """Rotation (to the left +), list (right side down +) and tilt (backward +), (n_frames, 3), rad.
 
     Of ``R = Ry Rx Rz``, the order of the built-in models' root (Baker 2001, Gait Posture 13:1).
@@ -121,26 +123,26 @@ def pelvis_angles(pelvis: Frames) -> Array:
     return np.column_stack([rotation, obliquity, tilt])
 
 
-def _clinical(flexion: float, side: Side) -> Array:
+def _sign_clinically(flexion: float, side: Side) -> Array:
     outward = 1.0 if side == "r" else -1.0
     return np.array([flexion, outward, outward])
 
 
-def _points(points: ArrayLike) -> Array:
+def _gather_points(points: ArrayLike) -> Array:
     return np.atleast_2d(np.asarray(points, dtype=float))
 
 
-def _rightward(lateral: ArrayLike, medial: ArrayLike, side: Side) -> Array:
-    outward = _points(lateral) - _points(medial)
+def _find_rightward(lateral: ArrayLike, medial: ArrayLike, side: Side) -> Array:
+    outward = _gather_points(lateral) - _gather_points(medial)
     return outward if side == "r" else -outward
 
 
-def _long_axis_frame(y: Array, rightward: Array, origin: Array) -> Frames:
-    x = _unit(np.cross(y, rightward))
-    return _frames(x, y, np.cross(x, y), origin)
+def _build_long_axis_frame(y: Array, rightward: Array, origin: Array) -> Frames:
+    x = _normalise(np.cross(y, rightward))
+    return _assemble_frames(x, y, np.cross(x, y), origin)
 
 
-def _frames(x: Array, y: Array, z: Array, origin: Array) -> Frames:
+def _assemble_frames(x: Array, y: Array, z: Array, origin: Array) -> Frames:
     """Assemble the axes; where any of them is unknown, so is the origin."""
     rotation = np.stack(np.broadcast_arrays(x, y, z), axis=2)
     usable = np.isfinite(rotation).all(axis=(1, 2)) & np.isfinite(origin).all(axis=1)
@@ -149,7 +151,7 @@ def _frames(x: Array, y: Array, z: Array, origin: Array) -> Frames:
     )
 
 
-def _unit(vectors: Array) -> Array:
+def _normalise(vectors: Array) -> Array:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.asarray(vectors / np.where(length > _MIN_LENGTH, length, np.nan))
 
@@ -189,7 +191,7 @@ WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
 """Angle to its name, and what its negative and positive values mean."""
 
 
-def conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) -> dict[str, Array]:
+def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) -> dict[str, Array]:
     """The conventional angles of one side, as far as the landmarks tell them.
 
     ``points``: see :data:`Points`. ``heading`` (float or (n_frames,), rad): where the person walks: turn
@@ -198,54 +200,58 @@ def conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) ->
     turn of the heading.
     """
     letter, found = side.upper(), dict[str, Array]()
-    pelvis = _pelvis(points)
-    thigh = _thigh(points, letter, side)
-    shank_at_ankle = _shank(points, letter, side, "LM")
-    shank = _shank(points, letter, side, "KAX") or shank_at_ankle
-    foot = _foot(points, letter)
+    pelvis = _build_pelvis(points)
+    thigh = _build_thigh(points, letter, side)
+    shank_at_ankle = _build_shank(points, letter, side, "LM")
+    shank = _build_shank(points, letter, side, "KAX") or shank_at_ankle
+    foot = _find_foot(points, letter)
     if pelvis is not None:
-        found |= zip(PELVIS, _pelvis_of_side(pelvis, side, heading).T, strict=True)
+        found |= zip(PELVIS, _sign_pelvis_angles(pelvis, side, heading).T, strict=True)
     if pelvis is not None and thigh is not None:
-        found |= zip(HIP, hip_angles(pelvis, thigh, side).T, strict=True)
+        found |= zip(HIP, compute_hip_angles(pelvis, thigh, side).T, strict=True)
     if thigh is not None and shank is not None:
-        found |= zip(KNEE, knee_angles(thigh, shank, side).T, strict=True)
+        found |= zip(KNEE, compute_knee_angles(thigh, shank, side).T, strict=True)
     if foot is not None and shank_at_ankle is not None:
-        found |= zip(ANKLE, _ankle(shank_at_ankle, foot, side).T, strict=True)
+        found |= zip(ANKLE, _compute_ankle_angles(shank_at_ankle, foot, side).T, strict=True)
     if foot is not None:
         inward = 1.0 if side == "r" else -1.0
-        found[FOOT[0]] = inward * _half_turn(np.arctan2(-foot[:, 2], foot[:, 0]) - np.asarray(heading))
+        found[FOOT[0]] = inward * _wrap_half_turn(np.arctan2(-foot[:, 2], foot[:, 0]) - np.asarray(heading))
     return found
 
 
-def heel_level(points: Points, side: Side) -> Array:
+def level_heel(points: Points, side: Side) -> Array:
     """The heel raised or lowered to the toe's height, as a person stands with flat feet, (n_frames, 3), m."""
     heel, toe = (np.atleast_2d(points[f"{side.upper()}{name}"]) for name in ("HEE", "TOE"))
     return np.column_stack([heel[:, 0], toe[:, 1], heel[:, 2]])
 
 
-def _pelvis(points: Points) -> Frames | None:
+def _build_pelvis(points: Points) -> Frames | None:
     back = ("RPSIS", "LPSIS") if "RPSIS" in points and "LPSIS" in points else ("SACR", "SACR")
     names = ("RASIS", "LASIS", *back)
-    return pelvis_frame(*(points[name] for name in names)) if all(name in points for name in names) else None
+    return (
+        build_pelvis_frame(*(points[name] for name in names))
+        if all(name in points for name in names)
+        else None
+    )
 
 
-def _thigh(points: Points, letter: str, side: Side) -> Frames | None:
+def _build_thigh(points: Points, letter: str, side: Side) -> Frames | None:
     names = [f"{letter}{name}" for name in ("HJC", "KJC", "LFE")]
     if not all(name in points for name in names):
         return None
     hip, knee, lateral = (np.atleast_2d(points[name]) for name in names)
-    return femur_frame(hip, lateral, 2.0 * knee - lateral, side)
+    return build_femur_frame(hip, lateral, 2.0 * knee - lateral, side)
 
 
-def _shank(points: Points, letter: str, side: Side, lateral: str) -> Frames | None:
+def _build_shank(points: Points, letter: str, side: Side, lateral: str) -> Frames | None:
     names = [f"{letter}{name}" for name in ("KJC", "AJC", lateral)]
     if not all(name in points for name in names):
         return None
     knee, ankle, beside = (np.atleast_2d(points[name]) for name in names)
-    return tibia_frame(knee, ankle, beside, ankle, side)
+    return build_tibia_frame(knee, ankle, beside, ankle, side)
 
 
-def _foot(points: Points, letter: str) -> Array | None:
+def _find_foot(points: Points, letter: str) -> Array | None:
     """From heel to toe, (n_frames, 3)."""
     heel, toe = f"{letter}HEE", f"{letter}TOE"
     if heel not in points or toe not in points:
@@ -253,19 +259,21 @@ def _foot(points: Points, letter: str) -> Array | None:
     return np.asarray(np.atleast_2d(points[toe]) - np.atleast_2d(points[heel]))
 
 
-def _pelvis_of_side(pelvis: Frames, side: Side, heading: ArrayLike) -> Array:
-    rotation, right_down, backward = pelvis_angles(pelvis).T
+def _sign_pelvis_angles(pelvis: Frames, side: Side, heading: ArrayLike) -> Array:
+    rotation, right_down, backward = compute_pelvis_angles(pelvis).T
     own = 1.0 if side == "r" else -1.0
-    return np.column_stack([-backward, -own * right_down, own * _half_turn(rotation - np.asarray(heading))])
+    return np.column_stack(
+        [-backward, -own * right_down, own * _wrap_half_turn(rotation - np.asarray(heading))]
+    )
 
 
-def _ankle(shank: Frames, foot: Array, side: Side) -> Array:
+def _compute_ankle_angles(shank: Frames, foot: Array, side: Side) -> Array:
     """Dorsiflexion, and inward rotation after it, of a foot that is a line."""
     forward, up, right = np.einsum("nji,nj->in", shank.rotation, foot)
     inward = -1.0 if side == "r" else 1.0
     return np.column_stack([np.arctan2(up, forward), inward * np.arctan2(right, np.hypot(forward, up))])
 
 
-def _half_turn(angle: ArrayLike) -> Array:
+def _wrap_half_turn(angle: ArrayLike) -> Array:
     """The same direction within half a turn of zero, rad."""
     return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.frames import pelvis_frame
+from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.numerics.multibody.laws import Array
 
 _Row = tuple[float, float, float, float]
@@ -82,7 +82,7 @@ class HipCentres:
     left_ground: Array
 
 
-def hip_centres(
+def predict_hip_centres(
     rasis: ArrayLike,
     lasis: ArrayLike,
     rpsis: ArrayLike,
@@ -115,7 +115,7 @@ def hip_centres(
     apart = (
         np.linalg.norm(markers[0] - markers[1], axis=1) if width is None else np.asarray(width, dtype=float)
     )
-    frame = pelvis_frame(*markers)
+    frame = build_pelvis_frame(*markers)
     legs = [np.asarray(leg, dtype=float) for leg in (leg_length_r, leg_length_l) if leg is not None]
     name = _choose_regression(regression, bool(legs))
     mean = np.asarray(sum(legs) / len(legs)) if legs else np.array(np.nan)
@@ -154,7 +154,9 @@ def _choose_regression(name: str, leg_length_known: bool) -> str:
 _MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane
 
 
-def chord_centre(proximal: ArrayLike, lateral: ArrayLike, plane: ArrayLike, distance: ArrayLike) -> Array:
+def solve_chord_centre(
+    proximal: ArrayLike, lateral: ArrayLike, plane: ArrayLike, distance: ArrayLike
+) -> Array:
     """The joint centre at a right angle between the proximal centre and the lateral marker.
 
     It lies in the plane of the three points, and the line from the proximal centre to the lateral marker
@@ -168,7 +170,7 @@ def chord_centre(proximal: ArrayLike, lateral: ArrayLike, plane: ArrayLike, dist
 
     Examples
     --------
-    >>> chord_centre([[0, 0.4, 0]], [[0, 0, 0.05]], [[0, 0.2, 0.09]], 0.05).round(6) + 0.0
+    >>> solve_chord_centre([[0, 0.4, 0]], [[0, 0, 0.05]], [[0, 0.2, 0.09]], 0.05).round(6) + 0.0
     array([[0., 0., 0.]])
     """
     top, side, wand = (

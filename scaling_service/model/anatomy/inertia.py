@@ -13,16 +13,16 @@ from typing import get_args
 import numpy as np
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.body import BodyModel, Segment, vector
+from scaling_service.model.body import BodyModel, Segment, to_vector
 from scaling_service.model.inertia import (
     InertiaRow,
     InertiaTable,
     Sex,
-    inertia_table,
-    six,
-    tensor_of,
+    read_inertia_table,
+    take_six,
+    to_matrix,
 )
-from scaling_service.model.poses import Frame, neutral_frames
+from scaling_service.model.poses import Frame, pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Array
 
 ROLES = {
@@ -102,9 +102,9 @@ def apply_inertia_table(
 
     Examples
     --------
-    >>> from scaling_service.model.builtin import builtin
+    >>> from scaling_service.model.builtin import load_builtin
     >>> result = apply_inertia_table(
-    ...     builtin("full_body_35dof"), "deleva1996", sex="F", height_m=1.68, mass_kg=60.0
+    ...     load_builtin("full_body_35dof"), "deleva1996", sex="F", height_m=1.68, mass_kg=60.0
     ... )
     >>> round(result.model.segment("femur_r").mass, 2)
     8.87
@@ -114,27 +114,27 @@ def apply_inertia_table(
             apply_inertia_table(model, table, sex=each, height_m=height_m, mass_kg=mass_kg)
             for each in get_args(Sex)
         )
-        between = map(_mean_segment, woman.model.segments, man.model.segments)
+        between = map(_average_segments, woman.model.segments, man.model.segments)
         said = tuple(dict.fromkeys((NO_SEX, *woman.notes, *man.notes)))
         return InertiaResult(replace(model, segments=tuple(between)), table, said)
     person = Person(sex, height_m, mass_kg)
     person.check()
-    published = inertia_table(table)
+    published = read_inertia_table(table)
     neutral = Neutral.of(model)
     notes = list(published.notes)
     segments = [_with_inertia(s, neutral, published, person, notes) for s in model.segments]
-    segments = _summing_up(segments, mass_kg, notes)
+    segments = _sum_up_to_mass(segments, mass_kg, notes)
     return InertiaResult(replace(model, segments=tuple(segments)), table, tuple(dict.fromkeys(notes)))
 
 
-def _mean_segment(one: Segment, other: Segment) -> Segment:
+def _average_segments(one: Segment, other: Segment) -> Segment:
     mass, com, inertia = (
         np.mean((getattr(one, name), getattr(other, name)), axis=0) for name in ("mass", "com", "inertia")
     )
-    return replace(one, mass=float(mass), com=vector(com), inertia=tuple(inertia.tolist()))
+    return replace(one, mass=float(mass), com=to_vector(com), inertia=tuple(inertia.tolist()))
 
 
-def possible_tensor(tensor: Array) -> tuple[Array, bool]:
+def find_possible_tensor(tensor: Array) -> tuple[Array, bool]:
     """The nearest tensor that a body can have, and whether it is another one.
 
     ``tensor`` (3, 3): about the centre of mass.
@@ -177,7 +177,7 @@ class _Placed:
 def _with_inertia(
     segment: Segment, neutral: Neutral, table: InertiaTable, person: Person, notes: list[str]
 ) -> Segment:
-    base, side = _base(segment.name)
+    base, side = _split_side(segment.name)
     if base not in ROLES:
         raise InputError(
             f"segment '{segment.name}' is none that inertial tables know",
@@ -185,7 +185,7 @@ def _with_inertia(
             remedy="Use a built-in model, or keep the masses of the model's own file",
         )
     role = ROLES[base]
-    tables = [table, *([inertia_table(table.fallback)] if table.fallback else [])]
+    tables = [table, *([read_inertia_table(table.fallback)] if table.fallback else [])]
     if table.find(role, person.sex) is None and len(tables) > 1:
         tables = tables[1:]
     placed = [_place(neutral, t, t.row(role, person.sex), person, side, segment.name) for t in tables]
@@ -196,13 +196,13 @@ def _with_inertia(
     radii = np.where(np.isnan(first.radii()), last.radii(), first.radii())
     mass = first.row.mass_pct / 100.0 * person.mass_kg
     products = first.length * np.array(first.row.products_pct) / 100.0
-    tensor, changed = possible_tensor(_tensor(mass, radii, products, side))
+    tensor, changed = find_possible_tensor(_make_tensor(mass, radii, products, side))
     if changed:
         notes.append(f"the tensor of {role} breaks the triangle inequality; the nearest possible was taken")
-    return replace(segment, mass=mass, com=vector(com), inertia=six(tensor))
+    return replace(segment, mass=mass, com=to_vector(com), inertia=take_six(tensor))
 
 
-def _base(name: str) -> tuple[str, str]:
+def _split_side(name: str) -> tuple[str, str]:
     """A segment's name without its side, and the side."""
     return (name[:-2], name[-1]) if name[-2:] in ("_r", "_l") else (name, "")
 
@@ -211,21 +211,21 @@ def _place(
     neutral: Neutral, table: InertiaTable, row: InertiaRow, person: Person, side: str, segment: str
 ) -> _Placed:
     first, last = row.span
-    start = needed(neutral, first, side, person.sex, segment)
-    end = landmark(neutral, last, side, person.sex)
+    start = require_landmark(neutral, first, side, person.sex, segment)
+    end = find_landmark(neutral, last, side, person.sex)
     if end is None and row.length_mm is not None:
         length = 1e-3 * row.length_mm * person.height_m / table.stature_m[person.sex]
         end = start + length * np.array(AHEAD.get(last, (0.0, -1.0, 0.0)))
     if end is None and row.com_pct is None:
         end = start  # the fallback gives centre and radii
     if end is None:
-        end = needed(neutral, last, side, person.sex, segment)
+        end = require_landmark(neutral, last, side, person.sex, segment)
     if last == "HJCS":
         end = np.array([end[0], end[1], start[2]])  # projected on the sagittal plane
     return _Placed(row, float(np.linalg.norm(end - start)), start, end)
 
 
-def _tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
+def _make_tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
     xy, xz, yz = mass * np.sign(products) * products**2
     if side == "l":
         xz, yz = -xz, -yz
@@ -235,9 +235,9 @@ def _tensor(mass: float, radii: Array, products: Array, side: str) -> Array:
     return tensor
 
 
-def _summing_up(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:
+def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -> list[Segment]:
     """Segments whose masses sum to the person's, where they make a whole person."""
-    if {_base(s.name)[0] for s in segments} != WHOLE_BODY:
+    if {_split_side(s.name)[0] for s in segments} != WHOLE_BODY:
         left_out = 100.0 * (1.0 - sum(s.mass for s in segments) / mass_kg)
         notes.append(f"the model has no segment for {left_out:.1f} % of the person's mass")
         return segments
@@ -245,7 +245,7 @@ def _summing_up(segments: list[Segment], mass_kg: float, notes: list[str]) -> li
     if abs(factor - 1.0) > 1e-4:
         notes.append(f"masses were multiplied by {factor:.4f} to sum to the person's")
     return [
-        replace(s, mass=factor * s.mass, inertia=six(factor * tensor_of(s.inertia)))  # radii stay
+        replace(s, mass=factor * s.mass, inertia=take_six(factor * to_matrix(s.inertia)))  # radii stay
         for s in segments
     ]
 
@@ -287,7 +287,7 @@ class Neutral:
     @classmethod
     def of(cls, model: BodyModel) -> Neutral:
         """Pose the model, all coordinates at zero."""
-        return cls(model, neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
+        return cls(model, pose_neutral_frames(model, dict.fromkeys(model.coordinate_names, 0.0)))
 
     def origin(self, segment: str) -> Array | None:
         """A segment's origin in ground, None if the model has no such segment."""
@@ -307,7 +307,7 @@ class Neutral:
         return np.asarray(rotation.T @ (point - origin))
 
 
-def landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
+def find_landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
     """A landmark in ground, m; None where the model does not show it.
 
     ``name`` is what tables call it: ``HJC``, ``MTC``, ``XYPH`` and so on.
@@ -318,23 +318,23 @@ def landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | None:
             if found is not None:
                 return found
     if name == "LJC":
-        return _lumbar(neutral, sex)
+        return _find_lumbar(neutral, sex)
     if name in MARKERS:
-        return _middle([neutral.marker(f"{side.upper()}{marker}") for marker in MARKERS[name]])
+        return _find_middle([neutral.marker(f"{side.upper()}{marker}") for marker in MARKERS[name]])
     if name in ("MIDH", "HJCS"):
-        return _middle([neutral.origin(f"femur_{s}") for s in "rl"])
+        return _find_middle([neutral.origin(f"femur_{s}") for s in "rl"])
     if name in ("XYPH", "OMPH"):
-        return _on_trunk(neutral, name, sex)
+        return _place_on_trunk(neutral, name, sex)
     return None
 
 
-def _middle(points: Sequence[Array | None]) -> Array | None:
+def _find_middle(points: Sequence[Array | None]) -> Array | None:
     """Mean of some points, None where one is missing."""
     known = [p for p in points if p is not None]
     return np.asarray(np.mean(known, axis=0)) if len(known) == len(points) else None
 
 
-def _lumbar(neutral: Neutral, sex: Sex) -> Array | None:
+def _find_lumbar(neutral: Neutral, sex: Sex) -> Array | None:
     right, left = neutral.marker("RASIS"), neutral.marker("LASIS")
     if right is None or left is None:
         return None
@@ -343,23 +343,23 @@ def _lumbar(neutral: Neutral, sex: Sex) -> Array | None:
     return np.asarray(0.5 * (right + left) + width * np.array([x, y, 0.0]))
 
 
-def _on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
+def _place_on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
     """Xiphion or omphalion on the line from the cervical centre to the mid-hip, by the table's lengths."""
-    top, bottom = landmark(neutral, "CJC", "", sex), landmark(neutral, "MIDH", "", sex)
+    top, bottom = find_landmark(neutral, "CJC", "", sex), find_landmark(neutral, "MIDH", "", sex)
     if top is None or bottom is None:
         return None
-    table = inertia_table(TRUNK)
+    table = read_inertia_table(TRUNK)
     lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
     share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
     return np.asarray(top + share * (bottom - top))
 
 
-def needed(neutral: Neutral, name: str, side: str, sex: Sex, segment: str) -> Array:
+def require_landmark(neutral: Neutral, name: str, side: str, sex: Sex, segment: str) -> Array:
     """A landmark that must be known.
 
     InputError: the model does not show it.
     """
-    found = landmark(neutral, name, side, sex)
+    found = find_landmark(neutral, name, side, sex)
     if found is None:
         raise InputError(
             f"model '{neutral.model.name}' does not show the landmark {name} of segment '{segment}'",

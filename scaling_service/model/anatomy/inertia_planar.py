@@ -13,8 +13,8 @@ import numpy as np
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.inertia import InertiaResult, Neutral, apply_inertia_table
 from scaling_service.model.body import BodyModel, Segment
-from scaling_service.model.builtin import builtin
-from scaling_service.model.inertia import Sex, inertias_of, six, total_mass, with_inertias
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.inertia import Sex, gather_inertias, sum_mass, take_six, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 
@@ -68,36 +68,36 @@ def apply_to_squat(
             field="model",
             remedy=f"Its segments are {', '.join(PARTS)}",
         )
-    whole = apply_inertia_table(builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg)
+    whole = apply_inertia_table(load_builtin(WHOLE), table, sex=sex, height_m=height_m, mass_kg=mass_kg)
     own = table == LUMPED
-    body, parts = (_own_rows(mass_kg), _ITSELF) if own else (Neutral.of(whole.model), PARTS)
+    body, parts = (_read_own_rows(mass_kg), _ITSELF) if own else (Neutral.of(whole.model), PARTS)
     notes = whole.notes[:1] if own else whole.notes
     planar = Neutral.of(model)
-    segments = tuple(_lumped(s, parts[s.name], body, planar) for s in model.segments)
+    segments = tuple(_lump_segments(s, parts[s.name], body, planar) for s in model.segments)
     said = "both sides are lumped; trunk and head are one, the arm hangs straight"
     return InertiaResult(replace(model, segments=segments), table, (*notes, said))
 
 
-def _own_rows(mass_kg: float) -> Neutral:
+def _read_own_rows(mass_kg: float) -> Neutral:
     """The built-in squat, which holds the rows that Winter gives for trunk and head and the whole arm."""
-    squat = builtin(SQUAT)
-    factor = mass_kg / total_mass(squat)
-    inertias = inertias_of(squat)
+    squat = load_builtin(SQUAT)
+    factor = mass_kg / sum_mass(squat)
+    inertias = gather_inertias(squat)
     heavier = Inertias(factor * inertias.mass, inertias.com, factor * inertias.tensor)
     return Neutral.of(with_inertias(squat, heavier))
 
 
-def _lumped(segment: Segment, part: Part, body: Neutral, planar: Neutral) -> Segment:
+def _lump_segments(segment: Segment, part: Part, body: Neutral, planar: Neutral) -> Segment:
     start, end = (_place(body, name) for name in part.whole)
     new_start, new_end = (_place(planar, name) for name in part.planar)
-    size = _flat_length(new_end - new_start) / _flat_length(end - start)
+    size = _measure_flat_length(new_end - new_start) / _measure_flat_length(end - start)
     turn = _turn(end - start, new_end - new_start)
-    mass, com, tensor = _together(body, part.pieces)
+    mass, com, tensor = _sum_inertias(body, part.pieces)
     at = new_start + size * turn @ (com - start)
     local = planar.local(segment.name, at)
     spread = size**2 * turn @ tensor @ turn.T
     spread[2, :2] = spread[:2, 2] = 0.0  # left and right cancel; what asymmetry a table has is dropped
-    return replace(segment, mass=mass, com=(float(local[0]), float(local[1]), 0.0), inertia=six(spread))
+    return replace(segment, mass=mass, com=(float(local[0]), float(local[1]), 0.0), inertia=take_six(spread))
 
 
 def _place(neutral: Neutral, name: str) -> Array:
@@ -112,7 +112,7 @@ def _place(neutral: Neutral, name: str) -> Array:
     return found
 
 
-def _flat_length(vector: Array) -> float:
+def _measure_flat_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
@@ -123,11 +123,11 @@ def _turn(old: Array, new: Array) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _together(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
+def _sum_inertias(neutral: Neutral, pieces: tuple[str, ...]) -> tuple[float, Array, Array]:
     """Mass, centre of mass and tensor about it of rigidly joined segments, ground axes."""
     rows = [neutral.model.segment_names.index(name) for name in pieces]
     axes, origins = map(np.array, zip(*(neutral.frames[name] for name in pieces), strict=True))
-    inertias = inertias_of(neutral.model)
+    inertias = gather_inertias(neutral.model)
     mass = inertias.mass[rows]
     at = np.einsum("kai,ki->ka", axes, inertias.com[rows]) + origins
     own = np.einsum("kai,kij,kbj->ab", axes, inertias.tensor[rows], axes)

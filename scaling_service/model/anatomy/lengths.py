@@ -11,9 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector, vector
-from scaling_service.model.poses import follow, marker_position, model_values
+from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.body import GROUND, BodyModel, Joint, Segment, Vector, to_vector
+from scaling_service.model.poses import evaluate_marker, follow, list_model_values
 from scaling_service.model.trial import Array
 
 _SIDES = ("r", "l", "")
@@ -52,7 +52,7 @@ _LENGTHS: Mapping[str, tuple[str, str, str]] = {
 }
 
 
-def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
+def find_joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
     """Centres of the joints that the model has, in their proximal segment.
 
     Returns ``hip_r``, ``knee_r``, ``ankle_r``, ``shoulder_r``, ``elbow_r``, ``wrist_r`` and the left ones to
@@ -62,41 +62,41 @@ def joint_centres(model: BodyModel) -> dict[str, tuple[str, Vector]]:
 
     Examples
     --------
-    >>> from scaling_service.model.builtin import builtin
-    >>> joint_centres(builtin("lower_limb_14dof"))["knee_r"]
+    >>> from scaling_service.model.builtin import load_builtin
+    >>> find_joint_centres(load_builtin("lower_limb_14dof"))["knee_r"]
     ('femur_r', (0.0, -0.43245, 0.0))
     """
     centres = {}
     for side in _SIDES:
         for joint, (proximal, _) in _JOINTS.items():
-            ends = joint_ends(model, joint, side)
-            segment = _part(model, proximal, side)
+            ends = find_joint_ends(model, joint, side)
+            segment = _find_part(model, proximal, side)
             if segment is not None and segment in ends:
-                centres[_sided(joint, side)] = (segment, vector(ends[segment]))
+                centres[_name_sided(joint, side)] = (segment, to_vector(ends[segment]))
     return centres
 
 
-def segment_lengths(model: BodyModel) -> dict[str, float]:
+def measure_segment_lengths(model: BodyModel) -> dict[str, float]:
     """Distances between joint centres, m, as far as the model has them.
 
     Returns ``inter_hip``, ``femur_r`` (hip to knee), ``shank_r`` (knee to ankle), ``upper_arm_r``,
     ``forearm_r`` and the left ones; without side in a planar model.
     """
     lengths = {}
-    hips = [joint_ends(model, "hip", side) for side in ("r", "l")]
-    pelvis = segment_of(model, "pelvis", "")
+    hips = [find_joint_ends(model, "hip", side) for side in ("r", "l")]
+    pelvis = find_segment(model, "pelvis", "")
     if pelvis is not None and all(pelvis in ends for ends in hips):
         lengths["inter_hip"] = float(np.linalg.norm(hips[0][pelvis] - hips[1][pelvis]))
     for side in _SIDES:
         for name, (role, proximal, distal) in _LENGTHS.items():
-            segment = segment_of(model, role, side)
-            first, last = joint_ends(model, proximal, side), joint_ends(model, distal, side)
+            segment = find_segment(model, role, side)
+            first, last = find_joint_ends(model, proximal, side), find_joint_ends(model, distal, side)
             if segment is not None and segment in first and segment in last:
-                lengths[_sided(name, side)] = float(np.linalg.norm(first[segment] - last[segment]))
+                lengths[_name_sided(name, side)] = float(np.linalg.norm(first[segment] - last[segment]))
     return lengths
 
 
-def segment_of(model: BodyModel, role: str, side: str) -> str | None:
+def find_segment(model: BodyModel, role: str, side: str) -> str | None:
     """The segment that plays a part on a side, whatever the model calls it; None if there is none.
 
     What the model says of its bones counts before the names of its segments.
@@ -113,32 +113,32 @@ def segment_of(model: BodyModel, role: str, side: str) -> str | None:
     return None
 
 
-def _sided(name: str, side: str) -> str:
+def _name_sided(name: str, side: str) -> str:
     return f"{name}_{side}" if side else name
 
 
-def joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
+def find_joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]:
     """A joint's centre, (3,) m, in the frames of the segments that know it (empty if there is no such joint).
 
     ``joint``: ``hip``, ``knee``, ``ankle``, ``shoulder``, ``elbow`` or ``wrist``.
     """
-    first, second = (_part(model, role, side) for role in _JOINTS[joint])
+    first, second = (_find_part(model, role, side) for role in _JOINTS[joint])
     if first is not None and second is not None:
         for child, parent in ((second, first), (first, second)):
-            chain = chain_between(model, parent, child)
+            chain = list_chain(model, parent, child)
             if chain:
-                return _centre(model, chain)
-    return _ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
+                return _find_centre(model, chain)
+    return _find_ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
 
 
-def _part(model: BodyModel, role: str, side: str) -> str | None:
-    """As :func:`segment_of`; pelvis and torso have no side; a planar torso may stand for the pelvis."""
+def _find_part(model: BodyModel, role: str, side: str) -> str | None:
+    """As :func:`find_segment`; pelvis and torso have no side; a planar torso may stand for the pelvis."""
     if role == "pelvis":
-        return segment_of(model, "pelvis", "") or (segment_of(model, "torso", "") if not side else None)
-    return segment_of(model, role, "" if role == "torso" else side)
+        return find_segment(model, "pelvis", "") or (find_segment(model, "torso", "") if not side else None)
+    return find_segment(model, role, "" if role == "torso" else side)
 
 
-def chain_between(model: BodyModel, parent: str, child: str) -> list[Segment]:
+def list_chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
     """The segments from just below ``parent`` down to ``child``; empty if it does not hang there."""
     chain: list[Segment] = []
     name = child
@@ -149,13 +149,13 @@ def chain_between(model: BodyModel, parent: str, child: str) -> list[Segment]:
     return chain if name == parent else []
 
 
-def _centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
+def _find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
-    values = straight_values(model)
+    values = straighten(model)
     joints = [joint for segment in chain for joint in segment.joints]
-    _, centre = follow(joints[: _first_turn(chain)], values)
+    _, centre = follow(joints[: _count_before_turn(chain)], values)
     _, end = follow(joints, values)
-    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _turns(chain[-1]):
+    if np.linalg.norm(end - centre) > _WELDED_ON_M and not _is_turn(chain[-1]):
         centre = end
     known = {chain[0].parent: centre}
     done = 0
@@ -166,7 +166,7 @@ def _centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     return known
 
 
-def _first_turn(chain: list[Segment]) -> int:
+def _count_before_turn(chain: list[Segment]) -> int:
     """How many joints of a chain come before the turn that makes its last joint.
 
     That is the first driven turn of the last segment; of the whole chain where the last one is welded on.
@@ -178,7 +178,7 @@ def _first_turn(chain: list[Segment]) -> int:
     return driven.index(True) if True in driven else last
 
 
-def _turns(segment: Segment) -> bool:
+def _is_turn(segment: Segment) -> bool:
     return any(map(_is_driven, segment.joints))
 
 
@@ -186,17 +186,19 @@ def _is_driven(joint: Joint) -> bool:
     return joint.kind == "rotation" and bool(joint.law.coordinates)
 
 
-def straight_values(model: BodyModel) -> dict[str, float]:
+def straighten(model: BodyModel) -> dict[str, float]:
     """Parameters at their value, coordinates that turn anything at zero, the others at their default."""
     turning = [c for _, joint in model.joints() if joint.kind == "rotation" for c in joint.law.coordinates]
-    return model_values(model, dict.fromkeys(turning, 0.0))
+    return list_model_values(model, dict.fromkeys(turning, 0.0))
 
 
-def _ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
-    values = straight_values(model)
+def _find_ankle_landmark(model: BodyModel, tibia: str, side: str) -> dict[str, Array]:
+    values = straighten(model)
     letter = side.upper()
     places = {
-        (marker.name if marker.weight == 0.0 else canonical(marker.name)): marker_position(marker, values)
+        (marker.name if marker.weight == 0.0 else find_canonical(marker.name)): evaluate_marker(
+            marker, values
+        )
         for marker in model.markers
         if marker.segment == tibia
     }

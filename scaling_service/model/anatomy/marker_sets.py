@@ -6,10 +6,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from scaling_service.model.anatomy.lengths import segment_of
-from scaling_service.model.anatomy.markers import likeness, looks_computed, meaning, plain_key
+from scaling_service.model.anatomy.lengths import find_segment
+from scaling_service.model.anatomy.markers import (
+    describe_likeness,
+    is_computed,
+    look_up_meaning,
+    make_plain_key,
+)
 from scaling_service.model.body import BodyModel
-from scaling_service.model.marker_sets import MarkerSet, SetLabel, marker_sets
+from scaling_service.model.marker_sets import MarkerSet, SetLabel, list_marker_sets
 
 MOSTLY = 0.6
 """Chosen: a set of which a smaller share of the labels is there is not named."""
@@ -42,15 +47,15 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     >>> found.name, found.lacks
     ('plug_in_gait_lower', ('LHEE',))
     """
-    present = {plain_key(label) for label in labels if not looks_computed(label)}
-    every = marker_sets().values()
+    present = {make_plain_key(label) for label in labels if not is_computed(label)}
+    every = list_marker_sets().values()
     additions = [s for s in every if s.adds_to_others and _share(s, present) >= MOSTLY]
-    explained = present - {plain_key(n) for s in additions for label in s.labels for n in label.names}
+    explained = present - {make_plain_key(n) for s in additions for label in s.labels for n in label.names}
     whole = [s for s in every if not s.adds_to_others and _share(s, present) >= MOSTLY]
     if not whole:
         return None
-    best = max(whole, key=lambda s: _likeness(s, present, explained))
-    asked, lacks = _asked(best, present)
+    best = max(whole, key=lambda s: _rate_likeness(s, present, explained))
+    asked, lacks = _list_asked(best, present)
     return MarkerSetMatch(
         best.name,
         best.title,
@@ -62,10 +67,10 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
 
 
 def _is_present(label: SetLabel, present: set[str]) -> bool:
-    return any(plain_key(name) in present for name in label.names)
+    return any(make_plain_key(name) in present for name in label.names)
 
 
-def _asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _list_asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Labels that a set asks for on the sides that are there, and those of them that are missing."""
     sides = {label.side for label in marker_set.labels if _is_present(label, present)} | {""}
     of_sides = [label for label in marker_set.labels if label.side in sides]
@@ -80,46 +85,46 @@ def _asked(marker_set: MarkerSet, present: set[str]) -> tuple[tuple[str, ...], t
 
 def _share(marker_set: MarkerSet, present: set[str]) -> float:
     if not marker_set.adds_to_others:
-        asked, lacks = _asked(marker_set, present)
+        asked, lacks = _list_asked(marker_set, present)
         return 1.0 - len(lacks) / len(asked) if len(asked) > len(lacks) else 0.0
     found = [_is_present(label, present) for label in marker_set.labels if not label.optional]
     return sum(found) / len(found)
 
 
-def _likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> float:
-    asked, _ = _asked(marker_set, present)
+def _rate_likeness(marker_set: MarkerSet, present: set[str], explained: set[str]) -> float:
+    asked, _ = _list_asked(marker_set, present)
     found = [label for label in marker_set.labels if _is_present(label, present)]
     size = len({*asked, *(label.label for label in found)})
     return 2.0 * len(found) / (size + max(len(explained), len(found)))
 
 
-def tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[str, str]:
+def assign_tracking_segments(labels: Iterable[str], model: BodyModel) -> dict[str, str]:
     """Segment of each label that is known and that no marker of the model takes, where the model has it.
 
     Examples
     --------
-    >>> from scaling_service.model.builtin import builtin
-    >>> tracking_segments(["RASI", "SACR", "RTHI", "LHEE", "odd"], builtin("lower_limb_14dof"))
+    >>> from scaling_service.model.builtin import load_builtin
+    >>> assign_tracking_segments(["RASI", "SACR", "RTHI", "LHEE", "odd"], load_builtin("lower_limb_14dof"))
     {'SACR': 'pelvis', 'RTHI': 'femur_r'}
     """
     markers = [marker.name for marker in model.markers if marker.weight > 0.0]
     found = {}
     for label in labels:
-        meant = meaning(label)
+        meant = look_up_meaning(label)
         if (
             meant is None
-            or looks_computed(label)
-            or any(likeness(label, name) is not None for name in markers)
+            or is_computed(label)
+            or any(describe_likeness(label, name) is not None for name in markers)
         ):
             continue
         midline = meant.segment in ("pelvis", "torso", "head")
-        segment = segment_of(model, meant.segment, "" if midline else meant.side)
+        segment = find_segment(model, meant.segment, "" if midline else meant.side)
         if segment is not None:
             found[label] = segment
     return found
 
 
-def plane_marker(
+def find_plane_marker(
     labels: Sequence[str], joint: Literal["knee", "ankle"], side: Literal["r", "l"]
 ) -> str | None:
     """The label of the marker that tells the plane of a joint's axis: the conventional gait model's wands.
@@ -131,14 +136,14 @@ def plane_marker(
 
     Examples
     --------
-    >>> plane_marker(["S01:RASI", "S01:RTHI"], "knee", "r")
+    >>> find_plane_marker(["S01:RASI", "S01:RTHI"], "knee", "r")
     'S01:RTHI'
     """
     keys = {
-        plain_key(name)
-        for marker_set in marker_sets().values()
+        make_plain_key(name)
+        for marker_set in list_marker_sets().values()
         for entry in marker_set.labels
         if entry.plane_of == joint and entry.side == side
         for name in entry.names
     }
-    return next((label for label in labels if plain_key(label) in keys), None)
+    return next((label for label in labels if make_plain_key(label) in keys), None)

@@ -17,7 +17,7 @@ from functools import cache
 from types import MappingProxyType
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.marker_sets import Side, landmarks, marker_sets
+from scaling_service.model.marker_sets import Side, list_landmarks, list_marker_sets
 
 _SEPARATORS = re.compile(r"[\s._\-]+")
 _SUFFIX = "STUDY"  # r_knee_study: how OpenCap's video pipeline writes the markers of a physical set
@@ -84,67 +84,67 @@ def strip_prefix(label: str) -> str:
     return label.rsplit(":", 1)[-1].strip()
 
 
-def plain_key(name: str) -> str:
+def make_plain_key(name: str) -> str:
     """A name in capitals, without prefix, separators and the suffix ``_study``, for comparison.
 
     Examples
     --------
-    >>> plain_key("S01:r_knee_study"), plain_key("R.Knee")
+    >>> make_plain_key("S01:r_knee_study"), make_plain_key("R.Knee")
     ('RKNEE', 'RKNEE')
     """
     return _SEPARATORS.sub("", strip_prefix(name).upper()).removesuffix(_SUFFIX)
 
 
-def meaning(name: str) -> Meaning | None:
+def look_up_meaning(name: str) -> Meaning | None:
     """What a name stands for in the marker sets that are known; None if in none, or in two differently.
 
     Examples
     --------
-    >>> meaning("RTIB"), meaning("S01:r.ASIS")
+    >>> look_up_meaning("RTIB"), look_up_meaning("S01:r.ASIS")
     (Meaning(landmark=None, segment='tibia', side='r'), Meaning(landmark='RASIS', segment='pelvis', side='r'))
     """
-    return _meanings().get(plain_key(name))
+    return _list_meanings().get(make_plain_key(name))
 
 
 @cache
-def _meanings() -> Mapping[str, Meaning]:
+def _list_meanings() -> Mapping[str, Meaning]:
     """Plain key to what it means, from landmarks, their aliases and all labels of marker sets."""
     found: dict[str, Meaning | None] = {}
 
     def add(names: Iterable[str], meant: Meaning) -> None:
         for name in names:
-            key = plain_key(name)
+            key = make_plain_key(name)
             found[key] = meant if found.get(key, meant) == meant else None
 
-    for landmark in landmarks().values():
+    for landmark in list_landmarks().values():
         add((landmark.name, *landmark.aliases), Meaning(landmark.name, landmark.segment, landmark.side))
-    for marker_set in marker_sets().values():
+    for marker_set in list_marker_sets().values():
         for label in () if marker_set.key_points else marker_set.labels:
             add(label.names, Meaning(label.landmark, label.segment, label.side))
     return {key: meant for key, meant in found.items() if meant is not None}
 
 
-def canonical(name: str) -> str | None:
+def find_canonical(name: str) -> str | None:
     """The built-in models' name of the landmark that a name is known to mean; None if it is not known.
 
     Examples
     --------
-    >>> canonical("r.ASIS"), canonical("L_mknee"), canonical("S01:RMMA"), canonical("RTHI")
-    ('RASIS', 'LMFE', 'RMM', None)
+    >>> [find_canonical(name) for name in ("r.ASIS", "L_mknee", "S01:RMMA", "RTHI")]
+    ['RASIS', 'LMFE', 'RMM', None]
     """
-    meant = meaning(name)
+    meant = look_up_meaning(name)
     return None if meant is None else meant.landmark
 
 
-def looks_computed(label: str) -> bool:
+def is_computed(label: str) -> bool:
     """Whether a label reads like a point that software computed (a joint centre, a midpoint).
 
     Examples
     --------
-    >>> [looks_computed(name) for name in ("R_HJC_reg", "L.KneeJoint", "MidASIS", "RFEO", "RASIS", "R.Ankle")]
+    >>> [is_computed(name) for name in ("R_HJC_reg", "L.KneeJoint", "MidASIS", "RFEO", "RASIS", "R.Ankle")]
     [True, True, True, True, False, False]
     """
-    return bool(_COMPUTED.search(plain_key(label)))
+    return bool(_COMPUTED.search(make_plain_key(label)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,18 +159,18 @@ _LEVELS: tuple[_Level, ...] = (
     _Level(lambda name: name, ""),
     _Level(strip_prefix, "prefix left out"),
     _Level(lambda name: strip_prefix(name).casefold(), "capitals ignored"),
-    _Level(canonical, "known alias"),
+    _Level(find_canonical, "known alias"),
 )
 """From strict to lenient: what a stricter comparison has matched is settled before the next one looks."""
 
 
-def likeness(label: str, marker: str) -> str | None:
+def describe_likeness(label: str, marker: str) -> str | None:
     """What must be left out of account for a label to be a marker's name; None where that is not enough.
 
     Examples
     --------
-    >>> likeness("RASIS", "RASIS"), likeness("S01:RASI", "RASIS"), likeness("RTHI", "RASIS")
-    ('', 'known alias', None)
+    >>> [describe_likeness(name, "RASIS") for name in ("RASIS", "S01:RASI", "RTHI")]
+    ['', 'known alias', None]
     """
     for level in _LEVELS:
         key = level.key(marker)
@@ -200,7 +200,7 @@ def match_labels(
     {'RASIS': 'S01:RASI', 'RLFE': 'S01:RKNE'}
     """
     present = tuple(dict.fromkeys(labels))
-    mapped, notes = _explicit(present, wanted, explicit or {})
+    mapped, notes = _match_explicit(present, wanted, explicit or {})
     for level in _LEVELS:
         free = [label for label in present if label not in mapped.values()]
         open_markers = [name for name in wanted if name not in mapped]
@@ -211,7 +211,7 @@ def match_labels(
     notes += [
         f"'{label}' is used as marker {name}, though its name is that of a computed point"
         for name, label in mapped.items()
-        if looks_computed(label)
+        if is_computed(label)
     ]
     return LabelMap(
         {name: mapped[name] for name in wanted if name in mapped},
@@ -220,7 +220,7 @@ def match_labels(
     )
 
 
-def _explicit(
+def _match_explicit(
     present: Sequence[str], wanted: Sequence[str], explicit: Mapping[str, str]
 ) -> tuple[dict[str, str], list[str]]:
     mapped: dict[str, str] = {}
@@ -236,7 +236,7 @@ def _explicit(
                 f"label '{label}' is in no recording", field=field, remedy=f"They have {', '.join(present)}"
             )
         if len(found) > 1:
-            raise _ambiguous(marker, found)
+            raise _report_ambiguous(marker, found)
         if found[0] in mapped.values():
             raise InputError(
                 f"label '{label}' is given to two markers",
@@ -248,12 +248,12 @@ def _explicit(
 
 
 def _match(level: _Level, labels: Sequence[str], markers: Sequence[str]) -> dict[str, str]:
-    labels_of, markers_of = _grouped(level, labels), _grouped(level, markers)
+    labels_of, markers_of = _group_labels(level, labels), _group_labels(level, markers)
     matches = {}
     for key, names in markers_of.items():
         found = labels_of.get(key, [])
         if len(found) > 1:
-            raise _ambiguous(names[0], found)
+            raise _report_ambiguous(names[0], found)
         if found and len(names) > 1:
             raise InputError(
                 f"label '{found[0]}' fits the markers {' and '.join(names)} equally well",
@@ -265,7 +265,7 @@ def _match(level: _Level, labels: Sequence[str], markers: Sequence[str]) -> dict
     return matches
 
 
-def _grouped(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:
+def _group_labels(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:
     groups: dict[str, list[str]] = defaultdict(list)
     for name in names:
         key = level.key(name)
@@ -274,7 +274,7 @@ def _grouped(level: _Level, names: Sequence[str]) -> dict[str, list[str]]:
     return groups
 
 
-def _ambiguous(marker: str, found: Sequence[str]) -> InputError:
+def _report_ambiguous(marker: str, found: Sequence[str]) -> InputError:
     return InputError(
         f"marker '{marker}' could be {' or '.join(repr(label) for label in found)}",
         field=f"markers.{marker}",

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.body import BodyModel, Law, Segment, Shape, Term
-from scaling_service.model.compile import law_value
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.compile import evaluate_law
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 _ALONG = np.cos(np.radians(30.0))  # chosen: an axis further off is that of another rotation
@@ -33,14 +33,14 @@ class SecondaryRotation:
     source: str
 
 
-def secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
+def list_secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
     """Those rotations of which something is published (``reference_models/joint_motion.yaml``).
 
     Joints are known by the names of their segments, rotations by their axes in the neutral posture: flexion
     about Z, adduction about X, axial rotation about Y. A leg whose name tells no side counts as right.
     """
     for segment in model.segments:
-        for joint in _published()["joints"]:
+        for joint in _read_published()["joints"]:
             parent = segment.parent.lower()
             if parent.startswith(tuple(joint["parents"])) and segment.name.lower().startswith(
                 tuple(joint["children"])
@@ -49,7 +49,7 @@ def secondary_rotations(model: BodyModel) -> Iterator[SecondaryRotation]:
 
 
 def _of_joint(model: BodyModel, segment: Segment, joint: Mapping[str, Any]) -> Iterator[SecondaryRotation]:
-    turns = _turns(model, segment)
+    turns = _list_turns(model, segment)
     if "z" not in turns:
         return
     flexion, extends = turns["z"]
@@ -87,7 +87,7 @@ def _of_flexion(coefficients: list[float], largest_deg: float, extends: float) -
     return Shape(breaks, (tuple(local.tolist()),))
 
 
-def _turns(model: BodyModel, segment: Segment) -> dict[str, tuple[str, float]]:
+def _list_turns(model: BodyModel, segment: Segment) -> dict[str, tuple[str, float]]:
     """Axis of the parent to the free coordinate that turns about it, and its sign."""
     defaults = {c.name: c.default for c in model.coordinates} | {p.name: p.value for p in model.parameters}
     reached, found = np.eye(3), {}
@@ -102,12 +102,12 @@ def _turns(model: BodyModel, segment: Segment) -> dict[str, tuple[str, float]]:
             if abs(direction[axis]) >= _ALONG and free and abs(moving[0].gain) == 1.0:
                 sign = float(np.sign(direction[axis]) * moving[0].gain)
                 found["xyz"[axis]] = (moving[0].coordinate, sign)
-        value = float(law_value(joint.law, defaults))
+        value = float(evaluate_law(joint.law, defaults))
         reached = reached @ Rotation.from_rotvec(value * np.array(joint.axis)).as_matrix()
     return found
 
 
 @cache
-def _published() -> Mapping[str, Any]:
-    table: Mapping[str, Any] = read_reference(reference_folder() / "joint_motion.yaml")
+def _read_published() -> Mapping[str, Any]:
+    table: Mapping[str, Any] = read_reference(find_reference_folder() / "joint_motion.yaml")
     return table

@@ -15,7 +15,12 @@ from scipy import linalg, optimize
 
 from scaling_service.numerics.least_squares.problem import Problem
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import forward, frame_by_frame, jacobian, positions
+from scaling_service.numerics.multibody.tree import (
+    compute_jacobian,
+    order_by_frame,
+    place_tree_markers,
+    pose_links,
+)
 
 _KEEP = 2**25  # doubles of eliminated blocks kept in memory (256 MiB); beyond it they are made again
 _RIDGE = 1e-11  # share of the largest curvature that keeps undetermined directions where they started
@@ -81,9 +86,9 @@ def linearise(
     border = Border(prior, -problem.prior_weight * change, np.zeros(problem.n_frames))
     keep = problem.n_frames * len(problem.coordinates) * (count + 1) <= _KEEP
     for rows in problem.blocks():
-        block = _block(problem, q, p, rows)
+        block = _make_block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, damping[rows], pins)
-        border.curvature += block.shared_curvature - _times(block.cross, eliminated.follow)
+        border.curvature += block.shared_curvature - _sum_products(block.cross, eliminated.follow)
         border.slope += block.frame_slopes.sum(axis=0)
         border.slope -= np.einsum("nqp,nq->p", block.cross, eliminated.free_step)
         border.gains[rows] = eliminated.gain
@@ -92,27 +97,27 @@ def linearise(
     return border
 
 
-def frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
+def compute_frame_slopes(problem: Problem, q: Array, p: Array) -> Array:
     """Slope of the parameters frame by frame, the coordinates eliminated, without the priors' pull.
 
     Returns (n_frames, n_free): in normalised units.
     """
     slopes = np.empty((problem.n_frames, len(problem.parameters)))
     for rows in problem.blocks():
-        block = _block(problem, q, p, rows)
+        block = _make_block(problem, q, p, rows)
         eliminated = _eliminate(problem, block, q, rows, np.zeros(len(q[rows])))
         slopes[rows] = block.frame_slopes - np.einsum("nqp,nq->np", block.cross, eliminated.free_step)
     return slopes
 
 
-def _times(left: Array, right: Array) -> Array:
+def _sum_products(left: Array, right: Array) -> Array:
     """Sum over frames of ``left^T right``, both (n, nq, np)."""
     n, nq, count = left.shape
     total: Array = left.reshape(n * nq, count).T @ right.reshape(n * nq, count)
     return total
 
 
-def trial_step(
+def compute_step(
     problem: Problem, q: Array, p: Array, p0: Array, damping: DampingShares
 ) -> tuple[Array, Array, float, Array]:
     """The damped, bounded step: new coordinates, new parameters and the decrease that it promises.
@@ -123,22 +128,22 @@ def trial_step(
     knowing so; otherwise all the others would have moved as if they had gone on.
     """
     border = linearise(problem, q, p, p0, damping.frames)
-    trial_q, trial_p, promised = _step(problem, border, q, p, damping, None)
-    pins = _crossing(problem, q, trial_q)
+    trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, None)
+    pins = _find_crossing(problem, q, trial_q)
     if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins)
-        trial_q, trial_p, promised = _step(problem, border, q, p, damping, pins)
+        trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
     return (*problem.clipped(trial_q, trial_p), promised, border.gains)
 
 
-def _step(
+def _solve_step(
     problem: Problem, border: Border, q: Array, p: Array, damping: DampingShares, pins: Array | None
 ) -> tuple[Array, Array, float]:
-    step, curvature = _bounded_step(problem, border, p, damping.parameters)
+    step, curvature = _bound_step(problem, border, p, damping.parameters)
     trial_p, trial_q = p.copy(), q.copy()
     trial_p[problem.parameters] += step * problem.scale
     made_again = (
-        _eliminate(problem, _block(problem, q, p, rows), q, rows, damping.frames[rows], pins)
+        _eliminate(problem, _make_block(problem, q, p, rows), q, rows, damping.frames[rows], pins)
         for rows in problem.blocks()
     )
     for block in border.kept or made_again:
@@ -147,7 +152,7 @@ def _step(
     return trial_q, trial_p, promised
 
 
-def _crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
+def _find_crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
     """The way to the bound for coordinates that a step carries past it, NaN for the others."""
     free = problem.coordinates
     lower, upper = (bound[free] for bound in problem.coordinate_bounds)
@@ -157,23 +162,23 @@ def _crossing(problem: Problem, q: Array, trial_q: Array) -> Array | None:
     return np.where(beyond, np.clip(trial_q[:, free], lower, upper) - q[:, free], np.nan)
 
 
-def _block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
-    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    placed = positions(problem.tree, poses)
+def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
+    poses = pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
+    placed = place_tree_markers(problem.tree, poses)
     gap = problem.measured[rows] - np.moveaxis(placed, -1, 0)
     squared = np.einsum("nmc,nmc->nm", gap, gap)
     shown = np.isfinite(squared)
     squared = np.where(shown, squared, 0.0)
     weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
     gap = np.where(shown[:, :, None], gap, 0.0)
-    rates = jacobian(problem.tree, poses, placed, problem.variables)
-    return _normal(problem, rates, gap, np.sqrt(weight))
+    rates = compute_jacobian(problem.tree, poses, placed, problem.variables)
+    return _form_normal_equations(problem, rates, gap, np.sqrt(weight))
 
 
-def _normal(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
+def _form_normal_equations(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
     """Normal equations from derivatives (n_variables, m, 3, n), residuals (n, m, 3), root weights (n, m)."""
     nq, n = len(problem.coordinates), len(gap)
-    white = frame_by_frame(rates)
+    white = order_by_frame(rates)
     white *= np.repeat(heavy, 3, axis=1)[:, None]
     own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
     gap = gap.reshape(n, -1) * np.repeat(heavy, 3, axis=1)
@@ -193,7 +198,7 @@ def _eliminate(
     """Solve a block for its coordinates, those pinned or held at a bound excepted."""
     if not len(problem.coordinates):
         return Eliminated(rows, block.slope, block.cross, np.zeros(len(q[rows])))
-    given = np.where(_held(problem, q[rows], block.slope), 0.0, np.nan)
+    given = np.where(_find_held(problem, q[rows], block.slope), 0.0, np.nan)
     if pins is not None:
         given = np.where(np.isnan(pins[rows]), given, pins[rows])
     fixed = ~np.isnan(given)
@@ -212,7 +217,7 @@ def _eliminate(
     return Eliminated(rows, free_step, follow, gain)
 
 
-def _held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
+def _find_held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
     """Coordinates at a bound that the residuals push beyond it, (n, nq)."""
     lower, upper = (bound[problem.coordinates] for bound in problem.coordinate_bounds)
     value = q[:, problem.coordinates]
@@ -220,7 +225,7 @@ def _held(problem: Problem, q: Array, slope: Array) -> NDArray[np.bool_]:
     return held
 
 
-def _bounded_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:
+def _bound_step(problem: Problem, border: Border, p: Array, damping: float) -> tuple[Array, Array]:
     """The parameters' step in normalised units, within their bounds, and the curvature it was made with."""
     if not len(problem.parameters):
         return np.zeros(0), border.curvature

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 
@@ -46,7 +46,7 @@ class Clusters:
         )
 
 
-def clusters_of(
+def gather_clusters(
     carrier: NDArray[np.intp], count: int, local: Array, measured: Array, weight: Array
 ) -> Clusters:
     """Gather the markers of each of ``count`` links; a link without markers gets a cluster without weight.
@@ -61,25 +61,25 @@ def clusters_of(
     share = weight / np.where(total > 0.0, total, 1.0)[carrier]
     constant = local.shape[-1] == 1 and bool((weight == weight[:, :1]).all())
     width = 1 if constant else weight.shape[1]
-    centre = _sums(member, share[:, None, :width] * local)
-    middle = _sums(member, share[:, None] * measured)
+    centre = _sum_by_cluster(member, share[:, None, :width] * local)
+    middle = _sum_by_cluster(member, share[:, None] * measured)
     inner, outer = local - centre[carrier], measured - middle[carrier]
     weighted = weight[:, None, :width] * inner
-    second = _sums(member, weighted[:, :, None] * inner[:, None])
-    cross_moment = _sums(member, weighted[:, :, None] * outer[:, None])
+    second = _sum_by_cluster(member, weighted[:, :, None] * inner[:, None])
+    cross_moment = _sum_by_cluster(member, weighted[:, :, None] * outer[:, None])
     spread = np.einsum("mn,mcn,mcn->n", weight, outer, outer) + np.einsum("kaan->n", second)
     return Clusters(total, centre, middle, second, cross_moment, spread)
 
 
-def _sums(member: Array, values: Array) -> Array:
+def _sum_by_cluster(member: Array, values: Array) -> Array:
     """Values by marker (m, ...) added up by cluster, (k, ...)."""
     total: Array = (member @ values.reshape(len(values), -1)).reshape(len(member), *values.shape[1:])
     return total
 
 
-def marker_weights(measured: Array, weights: Array) -> Array:
+def weight_markers(measured: Array, weights: Array) -> Array:
     """Weights (n_markers, n_frames), zero where a marker (n_frames, n_markers, 3) was not seen."""
-    return np.where(seen(measured), weights, 0.0).T
+    return np.where(find_seen(measured), weights, 0.0).T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +99,7 @@ class Misfit:
         return Misfit(*(part[..., rows] for part in parts))
 
 
-def misfit_of(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
+def compute_misfit(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
     """Compare clusters with the pose of their links: axes (k, 3, 3, n) and origins (k, 3, n)."""
     centre = origins + np.einsum("kjan,kjn->kan", axes, clusters.local)
     gap = clusters.measured - centre
@@ -110,7 +110,7 @@ def misfit_of(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
     return Misfit(axes, centre, force, turned, np.maximum(cost, 0.0))
 
 
-def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Array:
+def compute_curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Array:
     """Spatial inertia of the clusters beside their residual wrench, both about the ground origin.
 
     ``near`` (n,): one where the exact second derivatives are wanted, zero for Gauss-Newton.
@@ -118,7 +118,7 @@ def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Arr
     """
     axes, centre, force = misfit.axes, misfit.centre, misfit.force
     count, n = len(axes), axes.shape[-1]
-    moment = np.einsum("kjan,kjbn->kabn", axes, _second_in_ground(clusters, axes))
+    moment = np.einsum("kjan,kjbn->kabn", axes, _turn_second_moments(clusters, axes))
     if near.any():
         exact = misfit.turned + centre[:, :, None] * force[:, None]
         moment += near * (0.5 * (exact + exact.transpose(0, 2, 1, 3)) - moment)
@@ -140,7 +140,7 @@ def curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Arr
     return result
 
 
-def _second_in_ground(clusters: Clusters, axes: Array) -> Array:
+def _turn_second_moments(clusters: Clusters, axes: Array) -> Array:
     """Second moments times the links' axes, (k, 3, 3, n)."""
     if clusters.second.shape[-1] == 1:
         flat: Array = np.matmul(clusters.second[..., 0], axes.reshape(len(axes), 3, -1))
@@ -149,7 +149,7 @@ def _second_in_ground(clusters: Clusters, axes: Array) -> Array:
     return half
 
 
-def wrench_rate(twist: Array, wrench: Array) -> Array:
+def compute_wrench_rate(twist: Array, wrench: Array) -> Array:
     """How wrenches (moment, force) turn with twists, both (c, 6, n): the spatial cross product."""
     pairs = (len(twist), 2, 3, twist.shape[-1])
     result = cross(twist[:, None, :3], wrench.reshape(pairs)).reshape(twist.shape)

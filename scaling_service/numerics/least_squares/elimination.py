@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.least_squares.clusters import wrench_rate
+from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
 from scaling_service.numerics.multibody.laws import NONE, Array, TermArrays
 from scaling_service.numerics.multibody.plan import Entry, is_plain
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross
@@ -68,15 +68,15 @@ class Elimination:
     moves: _Moves
 
 
-def elimination_of(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
+def plan_elimination(tree: Tree, free: NDArray[np.bool_]) -> Elimination:
     """Plan the elimination of the free coordinates (n_coordinates,) of an articulated tree."""
-    return _planned(tree, np.asarray(free, dtype=bool).tobytes())
+    return _plan_cached(tree, np.asarray(free, dtype=bool).tobytes())
 
 
 @lru_cache(maxsize=_KEPT)
-def _planned(tree: Tree, chosen: bytes) -> Elimination:
+def _plan_cached(tree: Tree, chosen: bytes) -> Elimination:
     free = np.frombuffer(chosen, dtype=bool)
-    own = [_coordinates(tree, link, free) for link in range(len(tree.links))]
+    own = [_order_coordinates(tree, link, free) for link in range(len(tree.links))]
     depth: list[int] = []
     for link in tree.links:
         depth.append(0 if link.parent == NONE else depth[link.parent] + 1)
@@ -100,11 +100,11 @@ def _planned(tree: Tree, chosen: bytes) -> Elimination:
         np.array([row[link] for _, link in columns], dtype=np.intp),
         np.argsort(order),
         np.array(order, dtype=np.intp),
-        _moves(tree, columns),
+        _list_moves(tree, columns),
     )
 
 
-def _coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
+def _order_coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[int]:
     """The free coordinates of a link in the order in which its moves first use them.
 
     Second derivatives need it: what stands before carries what comes after.
@@ -121,8 +121,8 @@ Item = tuple[int, int, list[Entry]]
 """A column, a node that it moves, and the terms by which it does."""
 
 
-def _moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
-    turns, shifts = (_sets(tree, columns, turns=turns) for turns in (True, False))
+def _list_moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
+    turns, shifts = (_list_sets(tree, columns, turns=turns) for turns in (True, False))
     items = [item for group in (*turns, *shifts) for item in group]
     nodes = np.array([node for _, node, _ in items], dtype=np.intp)
     constant = np.zeros((len(items), 3, 1))
@@ -152,7 +152,7 @@ def _moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
     )
 
 
-def _sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
+def _list_sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> list[list[Item]]:
     """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
     found: list[dict[int, list[Entry]]] = [{} for _ in columns]
     number = {variable: column for column, (variable, _) in enumerate(columns)}
@@ -167,7 +167,7 @@ def _sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -> lis
     ]
 
 
-def twists(plan: Elimination, poses: Poses) -> Array:
+def compute_twists(plan: Elimination, poses: Poses) -> Array:
     """How every column moves its link: angular and linear velocity about the ground origin, (c, 6, n)."""
     moves, n = plan.moves, poses.frames.shape[-1]
     result = np.zeros((len(plan.variables), 6, n))
@@ -220,7 +220,7 @@ class Limits:
         return Limits(self.low[:, rows], self.high[:, rows])
 
 
-def step(
+def solve_step(
     plan: Elimination,
     mass: Array,
     twist: Array,
@@ -283,7 +283,7 @@ def _bend(plan: Elimination, mass: Array, twist: Array, second: Array) -> Array:
     for depth in plan.depths:
         for row, parent in depth.carried:
             load[parent] += load[row]
-    return wrench_rate(twist, load[plan.column_row])
+    return compute_wrench_rate(twist, load[plan.column_row])
 
 
 def _descend(plan: Elimination, twist: Array, scaled: Array, free: Array) -> Array:

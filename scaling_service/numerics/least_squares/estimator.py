@@ -16,14 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from scaling_service.numerics.least_squares.border import DampingShares, frame_slopes, linearise, trial_step
-from scaling_service.numerics.least_squares.masks import seen
+from scaling_service.numerics.least_squares.border import (
+    DampingShares,
+    compute_frame_slopes,
+    compute_step,
+    linearise,
+)
+from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.least_squares.problem import (
     Problem,
-    frame_costs,
-    prior_cost,
-    residuals,
-    total_cost,
+    compute_frame_costs,
+    compute_prior_cost,
+    compute_residuals,
+    compute_total_cost,
 )
 from scaling_service.numerics.multibody.laws import Array
 
@@ -100,16 +105,16 @@ def solve(
     ``start``: (n_parameters,).
     """
     q, p = problem.clipped(q0.copy(), (p0 if start is None else start).copy())
-    cost, raise_by = total_cost(problem, q, p, p0), 2.0
+    cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
     damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
-        trial_q, trial_p, promised, _ = trial_step(problem, q, p, p0, damping)
+        trial_q, trial_p, promised, _ = compute_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
             return Solution(q, p, cost, steps, Outcome.CONVERGED)
-        trial_q, trial_cost, improved = _each_frame_its_better(problem, q, trial_q, trial_p, p0)
+        trial_q, trial_cost, improved = _choose_better_frames(problem, q, trial_q, trial_p, p0)
         own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
-            shared = damping.parameters * _easing((cost - trial_cost) / promised)
+            shared = damping.parameters * _choose_easing((cost - trial_cost) / promised)
             q, p, cost, raise_by = trial_q, trial_p, trial_cost, 2.0
             if progress is not None:
                 progress(steps, cost)
@@ -130,44 +135,44 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
     ``p``: (n_parameters,).
     """
     q, p = problem.clipped(q0.copy(), p.copy())
-    cost = frame_costs(problem, q, p)
+    cost = compute_frame_costs(problem, q, p)
     damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
     for steps in range(1, settings.max_steps + 1):
         part = problem.of_frames(left)
-        moved, _, _, promised = trial_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
+        moved, _, _, promised = compute_step(part, q[left], p, p, DampingShares(damping[left], 0.0))
         enough = settings.relative_decrease * float(cost.mean()) + _ROUNDING
         going = (promised > enough) & (damping[left] < _STUCK)
         last = promised <= enough
         q[left[last]] = moved[last]
         left, moved = left[going], moved[going]
         if not len(left):
-            return Solution(q, p, float(frame_costs(problem, q, p).sum()), steps, Outcome.CONVERGED)
-        trial = frame_costs(problem.of_frames(left), moved, p)
+            return Solution(q, p, float(compute_frame_costs(problem, q, p).sum()), steps, Outcome.CONVERGED)
+        trial = compute_frame_costs(problem.of_frames(left), moved, p)
         better = trial <= cost[left]
         q[left[better]], cost[left[better]] = moved[better], trial[better]
         damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
     return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
 
 
-def _each_frame_its_better(
+def _choose_better_frames(
     problem: Problem, q: Array, trial_q: Array, trial_p: Array, p0: Array
 ) -> tuple[Array, float, NDArray[np.bool_]]:
     """In every frame the trial's coordinates or the old ones, whichever suit the trial's parameters.
 
     Frames share only the parameters, so the choice is free; also the cost, and where the trial won.
     """
-    moved, stayed = (frame_costs(problem, each, trial_p) for each in (trial_q, q))
+    moved, stayed = (compute_frame_costs(problem, each, trial_p) for each in (trial_q, q))
     improved: NDArray[np.bool_] = np.less_equal(moved, stayed)
-    cost = float(np.minimum(moved, stayed).sum()) + prior_cost(problem, trial_p, p0)
+    cost = float(np.minimum(moved, stayed).sum()) + compute_prior_cost(problem, trial_p, p0)
     return np.where(improved[:, None], trial_q, q), cost, improved
 
 
-def _easing(ratio: float) -> float:
+def _choose_easing(ratio: float) -> float:
     """How much of the damping stays after a step that kept this share of its promise (Nielsen 1999)."""
     return max(0.1, 1.0 - (2.0 * min(ratio, 1.5) - 1.0) ** 3)
 
 
-def uncertainty(
+def estimate_uncertainty(
     problem: Problem, solution: Solution, p0: Array, variance: float | None = None
 ) -> Uncertainty:
     """Standard deviations of the free parameters, from the curvature at the solution.
@@ -183,9 +188,9 @@ def uncertainty(
     at_bound = (value <= problem.lower + margin) | (value >= problem.upper - margin)
     inside = np.ix_(~at_bound, ~at_bound)
     prior = np.diag(problem.prior_weight * problem.scale**2)
-    _, loose = _inverse((border.curvature - prior)[inside])
-    inverse, open_still = _inverse(border.curvature[inside])
-    noise = residual_variance(problem, solution.q, solution.p) if variance is None else variance
+    _, loose = _invert_curvature((border.curvature - prior)[inside])
+    inverse, open_still = _invert_curvature(border.curvature[inside])
+    noise = estimate_residual_variance(problem, solution.q, solution.p) if variance is None else variance
     covariance, undetermined, lost = np.zeros(prior.shape), np.zeros(len(value)), np.zeros(len(value))
     covariance[inside] = noise * inverse
     covariance *= np.outer(problem.scale, problem.scale)
@@ -196,7 +201,7 @@ def uncertainty(
     return Uncertainty(sd, at_bound, undetermined, float(np.sqrt(noise)), covariance, loose.shape[1])
 
 
-def _inverse(curvature: Array) -> tuple[Array, Array]:
+def _invert_curvature(curvature: Array) -> tuple[Array, Array]:
     """Pseudo-inverse of a curvature, and the directions (columns) in which there is none."""
     if not len(curvature):
         return curvature, curvature
@@ -205,21 +210,23 @@ def _inverse(curvature: Array) -> tuple[Array, Array]:
     return (vectors[:, known] / values[known]) @ vectors[:, known].T, vectors[:, ~known]
 
 
-def residual_variance(problem: Problem, q: Array, p: Array) -> float:
+def estimate_residual_variance(problem: Problem, q: Array, p: Array) -> float:
     """Variance of one marker coordinate in one frame (m2), given the freedom that the fit used up.
 
     ``q``: (n_frames, n_coordinates).
     ``p``: (n_parameters,).
     """
-    shown = seen(problem.measured)
-    gaps = residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
+    shown = find_seen(problem.measured)
+    gaps = compute_residuals(problem, q, p) * np.sqrt(problem.weights)[:, None]
     total = float((np.where(shown[:, :, None], gaps, 0.0) ** 2).sum())
     spent = problem.n_frames * len(problem.coordinates) + len(problem.parameters)
     left = max(3 * int(shown.sum()) - spent, 1)
     return max(total / left, _RESOLUTION_M**2)
 
 
-def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float) -> float:
+def estimate_repetition(
+    problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], variance: float
+) -> float:
     """How many frames say the same thing about the parameters, at least one.
 
     Soft tissue moves with the movement, so it pulls a parameter the same way in every frame of a
@@ -228,7 +235,7 @@ def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], v
     (the clustered form of Huber's sandwich; Liang & Zeger 1986).
 
     ``blocks`` int (n_frames,): which block each frame belongs to.
-    ``variance`` m2: of one frame, as :func:`residual_variance` gives it.
+    ``variance`` m2: of one frame, as :func:`estimate_residual_variance` gives it.
     """
     names, sizes = np.unique(blocks, return_counts=True)
     if len(names) < 2 or not len(problem.parameters):
@@ -237,7 +244,7 @@ def repetition(problem: Problem, q: Array, p: Array, blocks: NDArray[np.intp], v
     curvature = border.curvature - np.diag(problem.prior_weight * problem.scale**2)
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     known = values > _NULL * max(float(np.diag(curvature).max()), 1e-300)
-    slopes = frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
+    slopes = compute_frame_slopes(problem, q, p) @ (vectors[:, known] / np.sqrt(values[known]))
     sums = np.array([slopes[blocks == name].sum(axis=0) for name in names])
     sums -= np.outer(sizes / len(blocks), sums.sum(axis=0))
     free = 1.0 - float(((sizes / len(blocks)) ** 2).sum())

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 
 
-def seen(positions: NDArray[np.float64]) -> Mask:
+def find_seen(positions: NDArray[np.float64]) -> Mask:
     """Whether each position is known.
 
     ``positions`` (..., 3): NaN in any coordinate means that the point was not seen.
@@ -17,6 +17,9 @@ def seen(positions: NDArray[np.float64]) -> Mask:
     return np.asarray(np.isfinite(positions).all(axis=-1))
 
 
-def ever(flags: Mask) -> Mask:
-    """Whether anything is true along the first axis (frames)."""
-    return np.asarray(flags.any(axis=0))
+def find_shown(positions: NDArray[np.float64]) -> Mask:
+    """Which markers some frame shows.
+
+    ``positions`` (n_frames, n_markers, 3). Returns bool (n_markers,).
+    """
+    return np.asarray(find_seen(positions).any(axis=0))

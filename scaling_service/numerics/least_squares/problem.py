@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree, forward, positions
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _BLOCK = 256  # frames linearised together
 
@@ -110,29 +110,29 @@ class Problem:
         return q, p
 
 
-def residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
+def compute_residuals(problem: Problem, q: Array, p: Array, rows: slice = slice(None)) -> Array:
     """Measured minus model, (n, n_markers, 3), m; NaN where not seen."""
-    poses = forward(problem.tree, np.ascontiguousarray(q[rows].T), p)
-    return problem.measured[rows] - np.moveaxis(positions(problem.tree, poses), -1, 0)
+    poses = pose_links(problem.tree, np.ascontiguousarray(q[rows].T), p)
+    return problem.measured[rows] - np.moveaxis(place_tree_markers(problem.tree, poses), -1, 0)
 
 
-def frame_costs(problem: Problem, q: Array, p: Array) -> Array:
+def compute_frame_costs(problem: Problem, q: Array, p: Array) -> Array:
     """The weighted (robust) sum of squared distances of each frame, (n_frames,), m2."""
     costs = np.empty(problem.n_frames)
     for rows in problem.blocks():
-        gaps = residuals(problem, q, p, rows)
+        gaps = compute_residuals(problem, q, p, rows)
         squared = np.einsum("nmc,nmc->nm", gaps, gaps)
         shown = np.isfinite(squared)
         costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
     return costs
 
 
-def prior_cost(problem: Problem, p: Array, p0: Array) -> float:
+def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
     """The priors' share of the cost (m2)."""
     change = (p - p0)[problem.parameters]
     return float(problem.prior_weight @ change**2)
 
 
-def total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
+def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
     """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
-    return prior_cost(problem, p, p0) + float(frame_costs(problem, q, p).sum())
+    return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())

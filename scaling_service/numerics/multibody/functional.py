@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.numerics.multibody.rigid import nearest_rotation, vector_from_rotation
+from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector, find_nearest_rotation
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class Poses:
         return moved
 
 
-def joined(parts: Sequence[Poses]) -> Poses:
+def join_poses(parts: Sequence[Poses]) -> Poses:
     """The frames of several recordings as one; the shape of ``Poses`` without batch axes."""
     return Poses(np.concatenate([p.rotation for p in parts]), np.concatenate([p.position for p in parts]))
 
@@ -95,7 +95,7 @@ class RotationAxis:
     frames: NDArray[np.intp]  # (...)
 
 
-def rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
+def find_rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
     """Symmetrical centre of rotation estimation (SCoRE).
 
     ``proximal``, ``distal``: of the same frames. Origins near the joint keep the most digits.
@@ -109,30 +109,32 @@ def rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
     >>> t = rng.normal(size=(9, 3))
     >>> first = Poses(R, t)
     >>> second = Poses(S, first.place([0.1, 0.2, 0.3]) - S @ np.array([0.0, 0.4, 0.0]))
-    >>> found = rotation_centre(first, second)
+    >>> found = find_rotation_centre(first, second)
     >>> found.proximal.round(9).tolist(), np.abs(found.distal).round(9).tolist()
     ([0.1, 0.2, 0.3], [0.0, 0.4, 0.0])
     """
-    stack = _stacked(proximal, distal)
-    solution = _least_squares(stack, stack.values > _RANK)
+    stack = _stack_frames(proximal, distal)
+    solution = _solve_least_squares(stack, stack.values > _RANK)
     first, second = solution[..., :3], solution[..., 3:]
     gaps = proximal.place(first) - distal.place(second)
-    return RotationCentre(first, second, _rms(gaps, stack), _deviation(stack, gaps), stack.frames)
+    return RotationCentre(
+        first, second, _compute_rms(gaps, stack), _estimate_deviation(stack, gaps), stack.frames
+    )
 
 
-def rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
+def find_rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
     """Symmetrical axis of rotation approach (SARA).
 
     ``proximal``, ``distal``: of the same frames.
 
     Ehrig R. et al. (2007) J Biomech 40:2150-2157.
     """
-    stack = _stacked(proximal, distal)
+    stack = _stack_frames(proximal, distal)
     kept = stack.values > _RANK
     kept[..., -1] = False
-    solution = _least_squares(stack, kept)
+    solution = _solve_least_squares(stack, kept)
     axis = stack.right[..., -1]
-    first, second = _unit(axis[..., :3]), _unit(axis[..., 3:])
+    first, second = _normalise(axis[..., :3]), _normalise(axis[..., 3:])
     gap = np.linalg.norm(proximal.turned(first) - distal.turned(second), axis=-1)
     angle = 2.0 * np.arcsin(np.clip(0.5 * gap, 0.0, 1.0))
     return RotationAxis(
@@ -140,14 +142,14 @@ def rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
         second,
         solution[..., :3],
         solution[..., 3:],
-        _rms(proximal.place(solution[..., :3]) - distal.place(solution[..., 3:]), stack),
-        _rms(angle[..., None], stack),
+        _compute_rms(proximal.place(solution[..., :3]) - distal.place(solution[..., 3:]), stack),
+        _compute_rms(angle[..., None], stack),
         stack.values[..., -1] / np.maximum(stack.values[..., -2], _RANK),
         stack.frames,
     )
 
 
-def ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98) -> Array:
+def measure_ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98) -> Array:
     """How far the distal segment turned against the proximal one, about its three principal directions.
 
     ``share``: of the frames that the ranges hold (chosen default: the outermost hundredth at either end may
@@ -160,8 +162,8 @@ def ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98) -> Arr
     relative = np.einsum("...nji,...njk->...nik", proximal.rotation, distal.rotation)
     relative = np.where(known[..., None, None], relative, np.eye(3))
     weight = known / np.maximum(known.sum(axis=-1, keepdims=True), 1)
-    middle = nearest_rotation(np.einsum("...n,...nij->...ij", weight, relative))
-    vectors = vector_from_rotation(np.einsum("...ji,...njk->...nik", middle, relative))
+    middle = find_nearest_rotation(np.einsum("...n,...nij->...ij", weight, relative))
+    vectors = convert_rotation_to_vector(np.einsum("...ji,...njk->...nik", middle, relative))
     centred = vectors - np.einsum("...n,...ni->...i", weight, vectors)[..., None, :]
     spread = np.einsum("...n,...ni,...nj->...ij", weight, centred, centred)
     turned = np.einsum("...ni,...ij->...nj", centred, np.linalg.eigh(spread)[1])
@@ -186,7 +188,7 @@ class _Stack:
     frames: NDArray[np.intp]
 
 
-def _stacked(proximal: Poses, distal: Poses) -> _Stack:
+def _stack_frames(proximal: Poses, distal: Poses) -> _Stack:
     """Frames that are not known become rows of zeros, which say nothing."""
     known = proximal.known & distal.known
     frames = known.sum(axis=-1)
@@ -210,7 +212,7 @@ def _stacked(proximal: Poses, distal: Poses) -> _Stack:
     )
 
 
-def _least_squares(stack: _Stack, kept: NDArray[np.bool_]) -> Array:
+def _solve_least_squares(stack: _Stack, kept: NDArray[np.bool_]) -> Array:
     """The shortest solution in the singular directions kept, (..., 6)."""
     along = np.einsum("...mk,...m->...k", stack.left, stack.side)
     along = np.where(kept, along / np.where(kept, stack.values, 1.0), 0.0)
@@ -218,7 +220,7 @@ def _least_squares(stack: _Stack, kept: NDArray[np.bool_]) -> Array:
     return solution
 
 
-def _deviation(stack: _Stack, gaps: Array) -> Array:
+def _estimate_deviation(stack: _Stack, gaps: Array) -> Array:
     """Scatter of the first three unknowns, (...): the sandwich of Huber (1967), one slope for each frame.
 
     The components of a gap are not independent of each other: an error of a segment's direction moves
@@ -234,13 +236,13 @@ def _deviation(stack: _Stack, gaps: Array) -> Array:
     return np.sqrt(variance)
 
 
-def _rms(gaps: Array, stack: _Stack) -> Array:
+def _compute_rms(gaps: Array, stack: _Stack) -> Array:
     """Of the lengths of gaps (..., n_frames, k) over the frames known; NaN where there are too few."""
     squared = np.where(stack.known, (gaps**2).sum(axis=-1), 0.0).sum(axis=-1)
     mean: Array = squared / np.where(stack.frames < FEWEST_FRAMES, np.nan, stack.frames)
     return np.sqrt(mean)
 
 
-def _unit(vectors: Array) -> Array:
+def _normalise(vectors: Array) -> Array:
     unit: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return unit

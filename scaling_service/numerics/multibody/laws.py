@@ -82,7 +82,7 @@ class ShapeGroup:
         return np.where(inside == x, value, 0.0)  # zero where a shape goes on linearly
 
 
-def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
+def group_shapes(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     """Sort the factors that are shapes into groups."""
     found: dict[tuple[bytes, int], list[int]] = {}
     for k, factor in enumerate(factors):
@@ -103,7 +103,7 @@ def shape_groups(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     return tuple(groups)
 
 
-def shape_derivatives(
+def differentiate_shapes(
     groups: tuple[ShapeGroup, ...], n_factors: int, q: Array, order: int
 ) -> list[Array | None]:
     """Derivatives of an order above one, (n,) for every factor that is a shape, None for the others."""
@@ -138,7 +138,7 @@ class Values:
     def of(cls, factors: tuple[Factor, ...], groups: tuple[ShapeGroup, ...], q: Array, p: Array) -> Values:
         """Evaluate all factors.
 
-        ``groups``: of the factors, as :func:`shape_groups` gives them.
+        ``groups``: of the factors, as :func:`group_shapes` gives them.
         ``q``: (n_coordinates, n_frames).
         ``p``: (n_parameters,).
         """

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
 from scaling_service.numerics.multibody.motion import LinkMotion, Screws, point_acceleration, point_velocity
-from scaling_service.numerics.multibody.rigid import skew
-from scaling_service.numerics.multibody.tree import Tree, cross, local_positions
+from scaling_service.numerics.multibody.rigid import build_skew
+from scaling_service.numerics.multibody.tree import Tree, cross, evaluate_local_positions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,48 +32,48 @@ class MarkerTargets:
         return MarkerTargets(self.values[:, rows], self.weights[:, rows])
 
 
-def marker_motion(tree: Tree, p: Array, state: LinkMotion) -> Array:
+def compute_marker_motion(tree: Tree, p: Array, state: LinkMotion) -> Array:
     """Positions, velocities and accelerations of a tree's markers, (3, n, n_markers, 3).
 
     ``tree``: with the links of the mechanism that moved.
     ``p``: (n_parameters,).
     """
-    link, local = tree.marker_link, local_positions(tree, p)
+    link, local = tree.marker_link, evaluate_local_positions(tree, p)
     at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
     speed = point_velocity(state.twists[link], at)
     pace = point_acceleration(state.twists[link], state.accelerations[link], at)
     return np.ascontiguousarray(np.stack([at, speed, pace]).transpose(0, 3, 1, 2))
 
 
-def marker_misfit(moved: Array, targets: MarkerTargets) -> tuple[Array, Array]:
+def compute_marker_misfit(moved: Array, targets: MarkerTargets) -> tuple[Array, Array]:
     """Gaps (3, n, n_markers, 3), zero where unknown, and the weighted squares' sums, (3,)."""
     gap = np.where(targets.weights[..., None] > 0.0, targets.values - moved, 0.0)
     return gap, np.einsum("onm,onma->o", targets.weights, gap**2)
 
 
-def marker_normal(
+def form_normal_equations(
     mechanism: Mechanism, tree: Tree, screws: Screws, rows: Array, gap: Array, weights: Array, m: int
 ) -> tuple[Array, Array]:
     """Half the gradient and the Gauss-Newton matrix of the weighted squares, by frame.
 
     ``tree``: with the markers.
     ``screws``: of the mechanism's free coordinates.
-    ``rows`` (n, n_markers, 9, 18): as :func:`rows_of_twists` gives them.
+    ``rows`` (n, n_markers, 9, 18): as :func:`list_twist_rows` gives them.
     ``gap``: (3, n, n_markers, 3).
     ``weights``: (3, n, n_markers).
     ``m``: the number of free coordinates.
     Returns ``gradient``: (n, 3, m).
     ``curvature``: (n, 3, 3, m, m).
     """
-    moments, pulls = _on_links(tree, rows, gap, weights, mechanism.n_links)
+    moments, pulls = _sum_on_links(tree, rows, gap, weights, mechanism.n_links)
     below = mechanism.carriers[screws.entries]
     composite = np.einsum("ek,nkcd->necd", below, moments, optimize=True)
     pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
     by = np.ascontiguousarray(screws.variations().transpose(3, 0, 1, 2))  # (n, e, 18, 3)
-    return _projected(by, composite, pull, below, screws, m)
+    return _project_on_coordinates(by, composite, pull, below, screws, m)
 
 
-def _on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
+def _sum_on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
     """Moments (n, n_links, 18, 18) and pulls (n, n_links, 18) of the markers on each link."""
     n = len(rows)
     heavy = np.repeat(np.moveaxis(weights, 0, -1), 3, axis=-1)  # (n, n_markers, 9)
@@ -89,11 +89,11 @@ def _on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int)
     return moments, pulls
 
 
-def rows_of_twists(moved: Array) -> Array:
+def list_twist_rows(moved: Array) -> Array:
     """How twists and their rates move markers and their rates, (n, n_markers, 9, 18)."""
     n, count = moved.shape[1:3]
     rows = np.zeros((n, count, 9, 18))
-    at, speed, pace = (-skew(part) for part in moved)
+    at, speed, pace = (-build_skew(part) for part in moved)
     for order in range(3):
         own = slice(3 * order, 3 * order + 3)
         rows[:, :, own, 6 * order : 6 * order + 3] = np.eye(3)
@@ -104,7 +104,7 @@ def rows_of_twists(moved: Array) -> Array:
     return rows
 
 
-def _projected(
+def _project_on_coordinates(
     by: Array, composite: Array, pull: Array, below: Array, screws: Screws, m: int
 ) -> tuple[Array, Array]:
     """From twists to coordinates; two entries meet where one carries the other."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, shape_derivatives
+from scaling_service.numerics.multibody.laws import NONE, Array, differentiate_shapes
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.tree import Poses, cross, forward
+from scaling_service.numerics.multibody.tree import Poses, cross, pose_links
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,16 +65,16 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     ``p`` (n_parameters,): shared parameters of the tree's laws.
     """
     n, coordinates = motion.n, mechanism.coordinates
-    poses = forward(mechanism.tree, motion.q, p)
-    screws = _screws(mechanism, poses)
+    poses = pose_links(mechanism.tree, motion.q, p)
+    screws = _compute_screws(mechanism, poses)
     slopes = np.empty((len(mechanism.entries), n))
     for row, entry in enumerate(mechanism.entries):
         slopes[row] = poses.values.by_coordinate(entry.term)
     rate, pace = motion.qdot[coordinates], motion.qddot[coordinates]
-    bend = law_derivatives(mechanism, motion.q, p, 2)
+    bend = differentiate_laws(mechanism, motion.q, p, 2)
     speeds = screws * (slopes * rate)[:, None]
     changes = screws * (bend * rate**2 + slopes * pace)[:, None]
-    changes += motion_cross(_carry(mechanism, speeds), speeds)
+    changes += cross_twist(_carry(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
         poses,
@@ -85,10 +85,10 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     )
 
 
-def law_derivatives(mechanism: Mechanism, q: Array, p: Array, order: int) -> Array:
+def differentiate_laws(mechanism: Mechanism, q: Array, p: Array, order: int) -> Array:
     """Derivatives of an order above one of every entry's law with its coordinate, (n_entries, n)."""
     tree, result = mechanism.tree, np.zeros((len(mechanism.entries), q.shape[1]))
-    found = shape_derivatives(tree.shape_groups, len(tree.factors), q, order)
+    found = differentiate_shapes(tree.shape_groups, len(tree.factors), q, order)
     for row, entry in enumerate(mechanism.entries):
         value = found[entry.term.factor]
         if value is not None:
@@ -96,7 +96,7 @@ def law_derivatives(mechanism: Mechanism, q: Array, p: Array, order: int) -> Arr
     return result
 
 
-def _screws(mechanism: Mechanism, poses: Poses) -> Array:
+def _compute_screws(mechanism: Mechanism, poses: Poses) -> Array:
     """Twists of all entries for unit rates, (n_entries, 6, n)."""
     entries, turns = mechanism.entries, mechanism.n_turns
     directions = poses.directions(entries)
@@ -144,7 +144,7 @@ class Screws:
         return result.reshape(len(self.entries), 18, 3, -1)
 
 
-def motion_cross(twist: Array, other: Array) -> Array:
+def cross_twist(twist: Array, other: Array) -> Array:
     """The rate of a twist that is carried by another, (..., 6, n)."""
     result = np.empty(np.broadcast_shapes(twist.shape, other.shape))
     spin = twist[..., 3:, :]
@@ -153,7 +153,7 @@ def motion_cross(twist: Array, other: Array) -> Array:
     return result
 
 
-def force_cross(twist: Array, wrench: Array) -> Array:
+def cross_wrench(twist: Array, wrench: Array) -> Array:
     """The rate of a wrench that is carried by a twist, (..., 6, n)."""
     result = np.empty(np.broadcast_shapes(twist.shape, wrench.shape))
     spin = twist[..., 3:, :]
@@ -162,24 +162,24 @@ def force_cross(twist: Array, wrench: Array) -> Array:
     return result
 
 
-def screws_of(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.intp]) -> Screws:
+def list_screws(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np.intp]) -> Screws:
     """Screws of the entries that free coordinates drive.
 
     ``p``: (n_parameters,).
     ``free`` int (m,): coordinates.
     """
     state = move_links(mechanism, motion, p)
-    curves = [law_derivatives(mechanism, motion.q, p, order) for order in (2, 3)]
+    curves = [differentiate_laws(mechanism, motion.q, p, order) for order in (2, 3)]
     speeds = state.screws * state.slopes[:, None]  # of all entries, for those that are locked never move
     rate, pace = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
     carried = _carry(mechanism, speeds * rate[:, None])
-    first = motion_cross(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
+    first = cross_twist(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
     carried_rate = _carry(mechanism, first * rate[:, None] + speeds * pace[:, None])
     bend = (curves[1] * rate**2 + curves[0] * pace)[:, None]
-    screw_rate = motion_cross(carried, state.screws)
+    screw_rate = cross_twist(carried, state.screws)
     second = (
-        motion_cross(carried_rate, speeds)
-        + motion_cross(carried, first)
+        cross_twist(carried_rate, speeds)
+        + cross_twist(carried, first)
         + screw_rate * (curves[0] * rate)[:, None]
         + state.screws * bend
     )

@@ -116,7 +116,7 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
     parents, last = [NONE], [0] * len(links)
     for k, link in enumerate(links):
         before = 0 if link.parent == NONE else last[link.parent]
-        for node in _nodes(k, link):
+        for node in _list_nodes(k, link):
             parents.append(before)
             nodes.append(node)
             before = len(nodes) - 1
@@ -135,16 +135,18 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
         parent_rows,
         levels,
         place[np.array(last, dtype=np.intp)],
-        _rotations(ordered),
-        _linear(
+        _build_rotations(ordered),
+        _build_linear(
             [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
         ),
-        _linear([tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates),
-        tuple(entry for k in np.argsort(order) for entry in _entries(int(k), ordered[k])),
+        _build_linear(
+            [tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates
+        ),
+        tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k])),
     )
 
 
-def _nodes(number: int, link: Link) -> list[_Node]:
+def _list_nodes(number: int, link: Link) -> list[_Node]:
     nodes = [_Node(number)]
     for move in link.moves:
         node = nodes[-1]
@@ -178,7 +180,7 @@ def run_of(rows: Index) -> slice | Index:
     return slice(first, first + len(rows)) if (np.diff(rows) == 1).all() else rows
 
 
-def _rotations(nodes: Sequence[_Node]) -> Array:
+def _build_rotations(nodes: Sequence[_Node]) -> Array:
     """The constant, sine and cosine parts of all rotations, columns one after the other, (n_nodes, 9, 3)."""
     parts = np.stack([_STILL if node.turn is None else _TURNING for node in nodes])
     before, after = np.stack([node.before for node in nodes]), np.stack([node.after for node in nodes])
@@ -186,7 +188,7 @@ def _rotations(nodes: Sequence[_Node]) -> Array:
     return np.ascontiguousarray(whole.transpose(0, 3, 2, 1)).reshape(len(nodes), 9, 3)
 
 
-def _linear(
+def _build_linear(
     constants: Sequence[tuple[float, ...]],
     terms: Sequence[tuple[TermArrays, ...]],
     factors: Sequence[Factor],
@@ -224,7 +226,7 @@ def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
     return term.parameter == NONE and term.factor != NONE and factors[term.factor].shape is None
 
 
-def _entries(row: int, node: _Node) -> list[Entry]:
+def _list_entries(row: int, node: _Node) -> list[Entry]:
     axis = node.before[:, 2]
     shifts = [Entry(row, node.link, t, t.gain, False) for t in node.shift_terms]
     return shifts + [Entry(row, node.link, t, axis * t.gain[0], True) for t in node.turn_terms]

@@ -54,23 +54,23 @@ def fit_rigid(local: ArrayLike, measured: ArrayLike, weights: ArrayLike | None =
 
     w = np.where(usable, w, 0.0)
     w = w / np.where(enough, w.sum(-1), 1.0)[..., None]
-    x_mean, x = _centred(x, w, usable)
-    y_mean, y = _centred(y, w, usable)
+    x_mean, x = _centre_points(x, w, usable)
+    y_mean, y = _centre_points(y, w, usable)
     dispersion = np.einsum("...m,...mi,...mj->...ij", w, y, x)
-    rotation, spread = _nearest_rotation(dispersion)
+    rotation, spread = _project_on_rotations(dispersion)
     determined = enough & (spread[..., 1] > COLLINEAR * spread[..., 0])
     rotation = np.where(determined[..., None, None], rotation, np.nan)
     return rotation, y_mean - np.einsum("...ij,...j->...i", rotation, x_mean)
 
 
-def _centred(points: Array, weights: Array, usable: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _centre_points(points: Array, weights: Array, usable: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Weighted mean and deviations from it; points that are not usable become zeros."""
     filled = np.where(usable[..., None], points, 0.0)
     mean = np.einsum("...m,...mi->...i", weights, filled)
     return mean, np.where(usable[..., None], filled - mean[..., None, :], 0.0)
 
 
-def _nearest_rotation(matrices: Array) -> tuple[Array, Array]:
+def _project_on_rotations(matrices: Array) -> tuple[Array, Array]:
     """The proper rotation that maximises ``trace(R^T M)``, and the singular values of M."""
     u, s, vt = np.linalg.svd(matrices)
     signs = np.ones(s.shape)
@@ -78,16 +78,16 @@ def _nearest_rotation(matrices: Array) -> tuple[Array, Array]:
     return (u * signs[..., None, :]) @ vt, s
 
 
-def nearest_rotation(matrices: ArrayLike) -> Array:
+def find_nearest_rotation(matrices: ArrayLike) -> Array:
     """The proper rotation closest to each matrix in the Frobenius norm.
 
     ``matrices``: (..., 3, 3), finite.
     Returns (..., 3, 3) (Kabsch W. 1978, Acta Cryst A34:827-828).
     """
-    return _nearest_rotation(np.asarray(matrices, float))[0]
+    return _project_on_rotations(np.asarray(matrices, float))[0]
 
 
-def skew(vectors: ArrayLike) -> Array:
+def build_skew(vectors: ArrayLike) -> Array:
     """The matrix ``S`` with ``S @ b == cross(a, b)``.
 
     ``vectors``: (..., 3).
@@ -101,7 +101,7 @@ def skew(vectors: ArrayLike) -> Array:
     return matrix
 
 
-def rotation_from_vector(vectors: ArrayLike) -> Array:
+def convert_vector_to_rotation(vectors: ArrayLike) -> Array:
     """Rotation about each vector's direction by its length (Rodrigues' formula).
 
     ``vectors``: (..., 3), rad.
@@ -110,7 +110,7 @@ def rotation_from_vector(vectors: ArrayLike) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> (rotation_from_vector([0, 0, np.pi / 2]) @ [1, 0, 0]).round(12).tolist()
+    >>> (convert_vector_to_rotation([0, 0, np.pi / 2]) @ [1, 0, 0]).round(12).tolist()
     [0.0, 1.0, 0.0]
     """
     v = np.asarray(vectors, float)
@@ -120,21 +120,21 @@ def rotation_from_vector(vectors: ArrayLike) -> Array:
     # Half the angle keeps the second factor exact where 1 - cos would cancel.
     sine = np.where(small, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
     versine = np.where(small, 0.5 - angle**2 / 24.0, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
-    s = skew(v)
+    s = build_skew(v)
     return np.eye(3) + sine * s + versine * (s @ s)
 
 
-def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Array:
+def rotate_about(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Rotation about a fixed unit axis.
 
     ``axis``: (..., 3), unit length.
     ``angle``: (...), rad.
     Returns (..., 3, 3).
     """
-    return rotation_from_vector(np.asarray(angle, float)[..., None] * np.asarray(axis, float))
+    return convert_vector_to_rotation(np.asarray(angle, float)[..., None] * np.asarray(axis, float))
 
 
-def vector_from_rotation(rotations: ArrayLike) -> Array:
+def convert_rotation_to_vector(rotations: ArrayLike) -> Array:
     """Axis times angle of each rotation, with the angle between 0 and pi.
 
     ``rotations``: (..., 3, 3), proper.

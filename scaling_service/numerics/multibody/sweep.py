@@ -26,22 +26,22 @@ from numpy.typing import NDArray
 from scaling_service.numerics.least_squares.clusters import (
     Clusters,
     Misfit,
-    clusters_of,
-    curvature_and_wrench,
-    marker_weights,
-    misfit_of,
+    compute_curvature_and_wrench,
+    compute_misfit,
+    gather_clusters,
+    weight_markers,
 )
 from scaling_service.numerics.least_squares.elimination import (
     Elimination,
     Limits,
     PivotDamping,
     Pull,
-    elimination_of,
-    step,
-    twists,
+    compute_twists,
+    plan_elimination,
+    solve_step,
 )
 from scaling_service.numerics.multibody.laws import NONE, Array
-from scaling_service.numerics.multibody.tree import Poses, Tree, forward, local_positions
+from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
 
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache
 _NEAR = 0.3  # share of the cost that a step may promise for the next one to use second derivatives
@@ -111,9 +111,9 @@ class _Problem:
 
     def misfit(self, q: Array) -> tuple[Poses, Misfit, Array]:
         """Poses, the markers' misfit, and the cost with the coordinates' own tasks, (n,)."""
-        poses = forward(self.tree, q, self.p, self.ground)
+        poses = pose_links(self.tree, q, self.p, self.ground)
         frames = poses.frames[self.tree.plan.link_node[self.plan.link_of_row]]
-        misfit = misfit_of(self.clusters, frames[:, :3], frames[:, 3])
+        misfit = compute_misfit(self.clusters, frames[:, :3], frames[:, 3])
         if self.prior is None:
             return poses, misfit, misfit.cost
         value, weight = self.prior
@@ -178,12 +178,12 @@ def solve_motion(
     limits = (np.full(nq, -np.inf), np.full(nq, np.inf)) if bounds is None else bounds
     q, cost = np.empty((n, nq)), np.empty(n)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    plan = elimination_of(tree, moving)
+    plan = plan_elimination(tree, moving)
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
         some = weights[rows] if weights.ndim == 2 else weights
         tasks = None if prior is None else (prior[0][rows], prior[1])
-        block = _block(tree, plan, p, measured[rows], some, limits, tasks)
+        block = _take_block(tree, plan, p, measured[rows], some, limits, tasks)
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
         if progress is not None:
@@ -191,7 +191,7 @@ def solve_motion(
     return MotionSolution(q, cost, steps, converged)
 
 
-def _block(
+def _take_block(
     tree: Tree,
     plan: Elimination,
     p: Array,
@@ -200,13 +200,13 @@ def _block(
     bounds: tuple[Array, Array],
     prior: tuple[Array, Array] | None,
 ) -> _Problem:
-    heavy = marker_weights(measured, weights)
+    heavy = weight_markers(measured, weights)
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
     middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
     placed = np.moveaxis(filled, 0, -1) - middle
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = clusters_of(carrier, len(tree.links), local_positions(tree, p), placed, heavy)
+    clusters = gather_clusters(carrier, len(tree.links), evaluate_local_positions(tree, p), placed, heavy)
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300
@@ -240,7 +240,7 @@ def _solve_block(
 ) -> tuple[Array, Array, NDArray[np.intp], NDArray[np.bool_]]:
     """Damped Newton steps on one block; frames leave it as they converge."""
     n, columns = q.shape[1], part.plan.variables
-    q[columns] = _between(q[columns], part.lower, part.upper)
+    q[columns] = _clip(q[columns], part.lower, part.upper)
     cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     close = np.full(n, float(settings.close))
     unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
@@ -251,11 +251,11 @@ def _solve_block(
         state.best, state.cost = trial, now
         state.damping = np.where(worse, np.maximum(state.damping * 10.0, _FAILED), state.damping * 0.2)
         state.near *= ~worse
-        delta, promised = _step(part, poses, misfit, state)
+        delta, promised = _solve_step(part, poses, misfit, state)
         longest = np.abs(delta).max(axis=0, initial=0.0)
         delta *= settings.longest / np.maximum(longest, settings.longest)
         trial = trial.copy()
-        trial[columns] = _between(trial[columns] + delta, part.lower, part.upper)
+        trial[columns] = _clip(trial[columns] + delta, part.lower, part.upper)
         before = np.minimum(np.where(worse, 0.0, state.promised), now)
         done = promised**2 <= settings.left * now * np.maximum(before - promised, promised)
         done |= (longest <= settings.step_tolerance) | (state.damping > _LOST)
@@ -289,21 +289,21 @@ def _evaluate(part: _Problem, trial: Array, state: _State) -> tuple[Poses, Misfi
     return poses, misfit, now, worse
 
 
-def _between(value: Array, lower: Array, upper: Array) -> Array:
+def _clip(value: Array, lower: Array, upper: Array) -> Array:
     """Values brought between their bounds (as np.clip, which is slow on small arrays)."""
     bounded: Array = np.minimum(np.maximum(value, lower), upper)
     return bounded
 
 
-def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
+def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[Array, Array]:
     """One damped step by column, (c, n), and the decrease of the cost it promises, (n,).
 
     Near the minimum, coordinates that their carriers take past a bound are moved just to it, and the step of
     their frames is made again knowing so: cut off afterwards, it may raise the cost.
     """
-    twist, limits = twists(part.plan, poses), part.limits(state.best)
+    twist, limits = compute_twists(part.plan, poses), part.limits(state.best)
     delta, promised = _eliminate(part, misfit, twist, state, limits)
-    within = _between(delta, limits.low, limits.high)
+    within = _clip(delta, limits.low, limits.high)
     over = within != delta
     rows = np.flatnonzero(over.any(axis=0) & (state.near > 0.0))
     if len(rows):
@@ -316,9 +316,9 @@ def _step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> tuple[
 def _eliminate(
     part: _Problem, misfit: Misfit, twist: Array, state: _State, limits: Limits
 ) -> tuple[Array, Array]:
-    return step(
+    return solve_step(
         part.plan,
-        curvature_and_wrench(part.clusters, misfit, state.near),
+        compute_curvature_and_wrench(part.clusters, misfit, state.near),
         twist,
         PivotDamping(state.damping, part.floor),
         second=state.near,

@@ -23,7 +23,7 @@ from scaling_service.numerics.multibody.laws import (
     ShapeGroup,
     TermArrays,
     Values,
-    shape_groups,
+    group_shapes,
 )
 from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
 
@@ -66,7 +66,7 @@ class Tree:
     @cached_property
     def shape_groups(self) -> tuple[ShapeGroup, ...]:
         """Shapes that are evaluated together."""
-        return shape_groups(self.factors)
+        return group_shapes(self.factors)
 
     @cached_property
     def carried(self) -> tuple[slice | NDArray[np.intp], ...]:
@@ -98,7 +98,7 @@ class Tree:
                         for move in link.moves
                         if not isinstance(move, Fixed)
                         for term in move.terms
-                        for v in variables_of(self, term)
+                        for v in list_variables(self, term)
                     }
                 )
             )
@@ -114,7 +114,7 @@ class Tree:
         return terms
 
 
-def variables_of(tree: Tree, term: TermArrays) -> list[int]:
+def list_variables(tree: Tree, term: TermArrays) -> list[int]:
     """The variables that enter a term: its coordinate, its parameter."""
     found = []
     if term.factor != NONE:
@@ -124,7 +124,7 @@ def variables_of(tree: Tree, term: TermArrays) -> list[int]:
     return found
 
 
-def rates_of(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Array | float]]:
+def list_rates(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Array | float]]:
     """The variables of a term and the rate of its scalar part with each."""
     rates: list[tuple[int, Array | float]] = []
     if term.factor != NONE:
@@ -171,7 +171,7 @@ class Poses:
         return np.asarray(np.einsum("ejan,ej->ean", self.frames[parents, :3], local))
 
 
-def forward(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> Poses:
+def pose_links(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> Poses:
     """Poses of all links.
 
     ``q``: (n_coordinates, n_frames), rad or m.
@@ -184,7 +184,9 @@ def forward(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> Pose
     # One piece of memory: two are given back to the system after every call, and to get them anew takes
     # longer than the computation.
     local, frames = np.empty((2, len(plan.parent), 4, 3, n))
-    np.matmul(plan.rotations, _trigonometric(plan.angles.values(q, values)), out=_rotations_of(local))
+    np.matmul(
+        plan.rotations, _evaluate_trigonometric(plan.angles.values(q, values)), out=_view_rotations(local)
+    )
     local[:, 3] = plan.shifts.values(q, values).reshape(-1, 3, n)
     frames[0, :3] = np.eye(3)[:, :, None]
     frames[0, 3] = 0.0 if ground is None else ground
@@ -195,7 +197,7 @@ def forward(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> Pose
     return Poses(plan, frames, values)
 
 
-def _trigonometric(angle: Array) -> Array:
+def _evaluate_trigonometric(angle: Array) -> Array:
     """One, sine and cosine of every angle (rows, n), as (rows, 3, n)."""
     result = np.empty((len(angle), 3, angle.shape[1]))
     result[:, 0] = 1.0
@@ -204,18 +206,18 @@ def _trigonometric(angle: Array) -> Array:
     return result
 
 
-def _rotations_of(frames: Array) -> Array:
+def _view_rotations(frames: Array) -> Array:
     """The axes of frames (rows, 4, 3, n) as a view, (rows, 9, n)."""
     return frames.reshape(len(frames), 12, -1)[:, :9]
 
 
-def ground_direction(axes: Array, local: Array) -> Array:
+def turn_to_ground(axes: Array, local: Array) -> Array:
     """A local vector (3, n_frames or 1) in ground, (3, n_frames), by a frame's axes (3, 3, n_frames)."""
     result: Array = axes[0] * local[0] + axes[1] * local[1] + axes[2] * local[2]
     return result
 
 
-def local_positions(tree: Tree, p: Array) -> Array:
+def evaluate_local_positions(tree: Tree, p: Array) -> Array:
     """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, 1), m."""
     values = Values.of(tree.factors, tree.shape_groups, np.zeros((tree.n_coordinates, 1)), p)
     result = tree.marker_local[:, :, None].astype(float)
@@ -224,7 +226,7 @@ def local_positions(tree: Tree, p: Array) -> Array:
     return result
 
 
-def positions(tree: Tree, poses: Poses) -> Array:
+def place_tree_markers(tree: Tree, poses: Poses) -> Array:
     """Marker positions in ground, shape (n_markers, 3, n_frames), m."""
     n = poses.frames.shape[-1]
     result = np.empty((tree.n_markers, 3, n))
@@ -235,7 +237,7 @@ def positions(tree: Tree, poses: Poses) -> Array:
             result[rows] = spread.reshape(-1, 3, n) + poses.node_origins[node]
     for marker, terms in tree.terms_of_marker.items():
         node = poses.plan.link_node[tree.marker_link[marker]]
-        result[marker] += ground_direction(poses.node_axes[node], poses.values.vector(np.zeros(3), terms))
+        result[marker] += turn_to_ground(poses.node_axes[node], poses.values.vector(np.zeros(3), terms))
     return result
 
 
@@ -249,17 +251,19 @@ def cross(a: Array, b: Array) -> Array:
     return result
 
 
-def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp]) -> Array:
+def compute_jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp]) -> Array:
     """Derivatives of all marker positions with respect to some variables.
 
-    ``placed`` (n_markers, 3, n_frames): as :func:`positions` gives them.
+    ``placed`` (n_markers, 3, n_frames): as :func:`place_tree_markers` gives them.
     ``variables`` int (n_variables,): coordinates first, then ``n_coordinates + parameter``.
     Returns (n_variables, n_markers, 3, n_frames).
     """
     row = {int(v): k for k, v in enumerate(variables)}
     result = np.zeros((len(variables), *placed.shape))
     for link, below in enumerate(tree.carried):
-        moving = [e for e in tree.entries_of_link[link] if any(v in row for v in variables_of(tree, e.term))]
+        moving = [
+            e for e in tree.entries_of_link[link] if any(v in row for v in list_variables(tree, e.term))
+        ]
         if not moving:
             continue
         motions = poses.directions(moving)[:, None]
@@ -268,19 +272,19 @@ def jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray[np.intp
         turned = dict(zip(turns, cross(motions[turns], placed[below] - centres[:, None]), strict=True))
         for k, entry in enumerate(moving):
             moved = turned.get(k, motions[k])
-            for variable, rate in rates_of(tree, poses.values, entry.term):
+            for variable, rate in list_rates(tree, poses.values, entry.term):
                 if variable in row:
                     result[row[variable], below] += moved * rate
     for marker, terms in tree.terms_of_marker.items():
         axes = poses.node_axes[poses.plan.link_node[tree.marker_link[marker]]]
         for term in terms:
-            for variable, rate in rates_of(tree, poses.values, term):
+            for variable, rate in list_rates(tree, poses.values, term):
                 if variable in row:
-                    result[row[variable], marker] += ground_direction(axes, term.gain[:, None] * rate)
+                    result[row[variable], marker] += turn_to_ground(axes, term.gain[:, None] * rate)
     return result
 
 
-def frame_by_frame(rates: Array) -> Array:
+def order_by_frame(rates: Array) -> Array:
     """Derivatives (n_variables, n_markers, 3, n) frame after frame, (n, n_variables, 3 n_markers).
 
     Copied some rows at a time, so that what is read stays in the processor's cache.
@@ -292,7 +296,7 @@ def frame_by_frame(rates: Array) -> Array:
     return result.reshape(n, count, 3 * markers)
 
 
-def marker_positions(tree: Tree, q: Array, p: Array) -> Array:
+def pose_markers(tree: Tree, q: Array, p: Array) -> Array:
     """Marker positions in ground for coordinates by frame.
 
     ``q``: (n_frames, n_coordinates), rad or m.
@@ -300,5 +304,5 @@ def marker_positions(tree: Tree, q: Array, p: Array) -> Array:
     Returns (n_frames, n_markers, 3), m.
     """
     by_frame = np.ascontiguousarray(np.asarray(q, dtype=float).T)
-    placed = positions(tree, forward(tree, by_frame, np.asarray(p, dtype=float)))
+    placed = place_tree_markers(tree, pose_links(tree, by_frame, np.asarray(p, dtype=float)))
     return np.ascontiguousarray(np.moveaxis(placed, -1, 0))

@@ -23,7 +23,7 @@ MIN_CONTEXT = 2
 """Seen frames needed directly before and after a gap (chosen: the least that shows a slope on each side)."""
 
 
-def runs(flags: Mask) -> NDArray[np.intp]:
+def find_runs(flags: Mask) -> NDArray[np.intp]:
     """Start (inclusive) and stop (exclusive) of every run of True.
 
     ``flags``: (n_frames,) bool.
@@ -32,7 +32,7 @@ def runs(flags: Mask) -> NDArray[np.intp]:
     Examples
     --------
     >>> import numpy as np
-    >>> runs(np.array([True, True, False, True])).tolist()
+    >>> find_runs(np.array([True, True, False, True])).tolist()
     [[0, 2], [3, 4]]
     """
     edges = np.flatnonzero(
@@ -41,7 +41,7 @@ def runs(flags: Mask) -> NDArray[np.intp]:
     return edges.reshape(-1, 2)
 
 
-def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:
+def average_moving(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:
     """Central moving average, run several times in alternating direction.
 
     ``signal`` (n_frames, ...): NaN where not seen.
@@ -57,7 +57,7 @@ def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Ar
 
     Examples
     --------
-    >>> float(moving_average([0.0] * 5 + [25.0] + [0.0] * 5)[5])
+    >>> float(average_moving([0.0] * 5 + [25.0] + [0.0] * 5)[5])
     5.0
     """
     if window < 1 or window % 2 == 0:
@@ -65,13 +65,13 @@ def moving_average(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Ar
     x = np.array(signal, dtype=float)
     if x.shape[0] == 0:
         return x
-    reach = _reach(np.isfinite(x), window // 2)
+    reach = _find_reach(np.isfinite(x), window // 2)
     for _ in range(passes):
-        x = _central_mean(x, reach)
+        x = _average_centrally(x, reach)
     return x
 
 
-def _reach(seen: Mask, most: int) -> list[Mask]:
+def _find_reach(seen: Mask, most: int) -> list[Mask]:
     """Which samples (n - 2 k, ...) are seen with all up to k frames to either side, k = 1 ... most."""
     reached, whole = [], seen
     for k in range(1, min(most, (len(seen) - 1) // 2) + 1):
@@ -80,7 +80,7 @@ def _reach(seen: Mask, most: int) -> list[Mask]:
     return reached
 
 
-def _central_mean(x: Array, reach: Sequence[Mask]) -> Array:
+def _average_centrally(x: Array, reach: Sequence[Mask]) -> Array:
     """Mean over as many frames to either side of each sample as its ``reach`` allows."""
     total, mean = x, x.copy()
     for k, reached in enumerate(reach, start=1):
@@ -99,7 +99,7 @@ class Filtered:
     unfiltered: Mask
 
 
-def single_pass_cutoff(cutoff_hz: float, rate_hz: float, order: int) -> float:
+def convert_cutoff(cutoff_hz: float, rate_hz: float, order: int) -> float:
     """Cutoff of the one-pass Butterworth filter that gives ``cutoff_hz`` after two passes.
 
     ``cutoff_hz``: where the two passes together shall have half power (-3 dB).
@@ -114,7 +114,7 @@ def single_pass_cutoff(cutoff_hz: float, rate_hz: float, order: int) -> float:
     return float(np.arctan(warped) * rate_hz / np.pi)
 
 
-def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> Filtered:
+def filter_butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: int = 4) -> Filtered:
     """Zero-phase low-pass Butterworth filter, forwards and backwards.
 
     ``signal`` (n_frames, ...): NaN where not seen; each run between NaNs is filtered by itself.
@@ -133,7 +133,7 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
     x = np.array(signal, dtype=float)
     columns = x.reshape(x.shape[0], -1)
     unfiltered = np.zeros(columns.shape, bool)
-    for (start, stop), members in _shared_runs(np.isfinite(columns)).items():
+    for (start, stop), members in _group_runs(np.isfinite(columns)).items():
         run = filter_run(columns[start:stop, members].T, rate_hz=rate_hz, cutoff_hz=cutoff_hz, order=order)
         if run is None:
             unfiltered[start:stop, members] = True
@@ -143,11 +143,11 @@ def butterworth(signal: ArrayLike, *, rate_hz: float, cutoff_hz: float, order: i
 
 
 def filter_run(run: Array, *, rate_hz: float, cutoff_hz: float, order: int) -> Array | None:
-    """Signals (m, n_frames) without gaps through the filter of :func:`butterworth`.
+    """Signals (m, n_frames) without gaps through the filter of :func:`filter_butterworth`.
 
     None where they are too short for its start-up.
     """
-    sections = butterworth_sections(order // 2, cutoff_hz, rate_hz)
+    sections = design_butterworth(order // 2, cutoff_hz, rate_hz)
     # scipy's own start-up length; at least one period of the cutoff so that the reflection has settled.
     startup, length = 3 * (2 * len(sections) + 1), run.shape[1]
     if length <= startup:
@@ -157,20 +157,20 @@ def filter_run(run: Array, *, rate_hz: float, cutoff_hz: float, order: int) -> A
 
 
 @lru_cache(maxsize=64)
-def butterworth_sections(order: int, cutoff_hz: float, rate_hz: float) -> Array:
+def design_butterworth(order: int, cutoff_hz: float, rate_hz: float) -> Array:
     """Second-order sections (n_sections, 6) of one of the two passes, each of an order."""
-    single = single_pass_cutoff(cutoff_hz, rate_hz, order)
+    single = convert_cutoff(cutoff_hz, rate_hz, order)
     return np.asarray(scipy.signal.butter(order, single, fs=rate_hz, output="sos"))
 
 
-def _shared_runs(flags: Mask) -> dict[tuple[int, int], list[int]]:
+def _group_runs(flags: Mask) -> dict[tuple[int, int], list[int]]:
     """Every run of True in any column, with the columns that have exactly this run."""
     found: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     whole = flags.all(axis=0) & (len(flags) > 0)
     if whole.any():
         found[(0, len(flags))] = np.flatnonzero(whole).tolist()
     for column in np.flatnonzero(~whole).tolist():
-        for start, stop in runs(flags[:, column]).tolist():
+        for start, stop in find_runs(flags[:, column]).tolist():
             found[(start, stop)].append(column)
     return found
 
@@ -190,7 +190,7 @@ def fill_short_gaps(signal: ArrayLike, *, longest: int) -> tuple[Array, Mask]:
     x = np.array(signal, dtype=float)
     seen = np.isfinite(x).all(-1)
     filled = np.zeros(seen.shape, bool)
-    for (start, stop), members in _shared_runs(~seen).items():
+    for (start, stop), members in _group_runs(~seen).items():
         inside = start >= MIN_CONTEXT and stop <= len(x) - MIN_CONTEXT
         if inside and stop - start <= longest:
             anchored = seen[start - MIN_CONTEXT : start].all(0) & seen[stop : stop + MIN_CONTEXT].all(0)

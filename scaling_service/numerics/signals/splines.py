@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.signals.filters import find_runs
 
 DEGREE = 5
 """Quintic: accelerations are then smooth cubics. OpenSim differentiates coordinates by such splines too."""
@@ -138,7 +138,7 @@ class SplineBasis:
         return found
 
 
-def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+def differentiate_spline(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """First and second derivatives of sampled signals that may have gaps, by natural quintic splines.
 
     ``times`` (n,), s: strictly increasing.
@@ -151,7 +151,7 @@ def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     --------
     >>> import numpy as np
     >>> t = np.linspace(0.0, 1.0, 101)
-    >>> first, second = spline_rates(t, np.sin(t)[:, None])
+    >>> first, second = differentiate_spline(t, np.sin(t)[:, None])
     >>> bool(np.allclose(second[20:-20, 0], -np.sin(t)[20:-20], atol=1e-8))
     True
     """
@@ -161,7 +161,7 @@ def spline_rates(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     for k in range(patterns.shape[1]):
         columns = np.flatnonzero(member.ravel() == k)
         ends = [(order, np.zeros(len(columns))) for order in (3, 4)]  # natural (de Boor 2001, ch. V)
-        for start, stop in runs(patterns[:, k]).tolist():
+        for start, stop in find_runs(patterns[:, k]).tolist():
             if stop - start >= MIN_SAMPLES:
                 rows, part = slice(start, stop), np.ix_(np.arange(start, stop), columns)
                 spline = scipy.interpolate.make_interp_spline(
@@ -250,7 +250,7 @@ def add_to_rows(basis: SplineBasis, rows: slice, total: Array, values: Array) ->
         total[first[starts] + i] += summed[:, i]
 
 
-def banded(blocks: Array) -> Array:
+def pack_band(blocks: Array) -> Array:
     """Blocks as the lower band that LAPACK takes, shape (ORDER m, n_coefficients m)."""
     count, m = blocks.shape[1], blocks.shape[2]
     band = np.zeros((ORDER * m, count, m))

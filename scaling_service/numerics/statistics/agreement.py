@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, absent, checked
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, report_absent, require_complete
 
 LIMITS = 0.95
 """The share of differences between the limits of agreement (Bland & Altman 1986; z = 1.96)."""
@@ -61,7 +61,7 @@ class Agreement:
     confidence: float
 
 
-def agreement(
+def measure_agreement(
     values: Mapping[str, Mapping[str, float]],
     method: str,
     reference: str,
@@ -81,15 +81,15 @@ def agreement(
     --------
     >>> femurs = {"S1": {"MB": 0.43, "EB": 0.42}, "S2": {"MB": 0.45, "EB": 0.45},
     ...           "S3": {"MB": 0.40, "EB": 0.41}, "S4": {"MB": 0.48, "EB": 0.46}}
-    >>> found = agreement(femurs, "MB", "EB", quantity="femur_r")
+    >>> found = measure_agreement(femurs, "MB", "EB", quantity="femur_r")
     >>> round(found.bland_altman.bias.value, 6), round(found.rmse, 6)
     (0.005, 0.012247)
     """
     for subject, by_method in values.items():
         for name in (method, reference):
             if name not in by_method:
-                raise absent(subject, name, quantity)
-    pairs = checked(
+                raise report_absent(subject, name, quantity)
+    pairs = require_complete(
         [[by_method[method], by_method[reference]] for by_method in values.values()],
         tuple(values),
         (method, reference),
@@ -102,12 +102,12 @@ def agreement(
             field=quantity,
             remedy="Add subjects",
         )
-    absolute, consistent = intraclass_correlations(pairs, confidence=confidence)
+    absolute, consistent = compute_intraclass_correlations(pairs, confidence=confidence)
     return Agreement(
         quantity=quantity,
         method=method,
         reference=reference,
-        bland_altman=bland_altman(pairs[:, 0], pairs[:, 1], confidence=confidence),
+        bland_altman=compute_bland_altman(pairs[:, 0], pairs[:, 1], confidence=confidence),
         icc_agreement=absolute,
         icc_consistency=consistent,
         rmse=float(np.sqrt(np.mean((pairs[:, 0] - pairs[:, 1]) ** 2))),
@@ -115,7 +115,7 @@ def agreement(
     )
 
 
-def bland_altman(values: Array, reference: Array, *, confidence: float = 0.95) -> BlandAltman:
+def compute_bland_altman(values: Array, reference: Array, *, confidence: float = 0.95) -> BlandAltman:
     """Bias and limits of agreement of paired values.
 
     ``values``, ``reference``: (n_subjects,), three or more, finite.
@@ -132,16 +132,16 @@ def bland_altman(values: Array, reference: Array, *, confidence: float = 0.95) -
     wide = quantile * sd * float(np.sqrt(1 / n + z**2 / (2 * (n - 1))))
     lower, upper = bias - z * sd, bias + z * sd
     return BlandAltman(
-        bias=_about(bias, quantile * sd / float(np.sqrt(n))),
+        bias=_estimate_about(bias, quantile * sd / float(np.sqrt(n))),
         sd=sd,
-        lower=_about(lower, wide),
-        upper=_about(upper, wide),
-        slope=_slope(means, differences, confidence),
+        lower=_estimate_about(lower, wide),
+        upper=_estimate_about(upper, wide),
+        slope=_fit_slope(means, differences, confidence),
         n=n,
     )
 
 
-def intraclass_correlations(table: Array, *, confidence: float = 0.95) -> tuple[Estimate, Estimate]:
+def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -> tuple[Estimate, Estimate]:
     """ICC(2,1), of absolute agreement, and ICC(3,1), of consistency.
 
     ``table``: (n_subjects, n_methods), three or more subjects, finite.
@@ -151,7 +151,7 @@ def intraclass_correlations(table: Array, *, confidence: float = 0.95) -> tuple[
     1:30-46, table 7, ICC(A,1) and ICC(C,1)), that of ICC(2,1) with Satterthwaite's degrees of freedom.
     """
     n, k = table.shape
-    rows, columns, error = _mean_squares(table)
+    rows, columns, error = _compute_mean_squares(table)
     upper = (1 + confidence) / 2
     if error <= 0.0:
         return _without_error(rows, columns, n, k)
@@ -160,10 +160,10 @@ def intraclass_correlations(table: Array, *, confidence: float = 0.95) -> tuple[
     low = ratio / float(scipy.stats.f.ppf(upper, *free))
     high = ratio * float(scipy.stats.f.ppf(upper, *free[::-1]))
     consistent = Estimate(*(float((f - 1) / (f + k - 1)) for f in (ratio, low, high)))
-    return _absolute(rows, columns, error, n, k, upper), consistent
+    return _compute_absolute(rows, columns, error, n, k, upper), consistent
 
 
-def _absolute(rows: float, columns: float, error: float, n: int, k: int, upper: float) -> Estimate:
+def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int, upper: float) -> Estimate:
     value = (rows - error) / (rows + (k - 1) * error + k * (columns - error) / n)
     a = k * value / (n * (1 - value))
     b = 1 + k * value * (n - 1) / (n * (1 - value))
@@ -188,7 +188,7 @@ def _without_error(rows: float, columns: float, n: int, k: int) -> tuple[Estimat
     return open_ended, Estimate(1.0, 1.0, 1.0)
 
 
-def _mean_squares(scores: Array) -> tuple[float, float, float]:
+def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:
     """Between subjects, between methods, and of what is left; rounding errors count as nothing."""
     n, k = scores.shape
     centred = scores - scores.mean()
@@ -205,7 +205,7 @@ _ROUNDING = 1e-13
 """Relative: chosen, some hundred times the spacing of doubles."""
 
 
-def _slope(means: Array, differences: Array, confidence: float) -> Estimate:
+def _fit_slope(means: Array, differences: Array, confidence: float) -> Estimate:
     n = len(means)
     centred = means - means.mean()
     size = float(centred @ centred)
@@ -214,8 +214,8 @@ def _slope(means: Array, differences: Array, confidence: float) -> Estimate:
     value = float(centred @ differences) / size
     left = differences - differences.mean() - value * centred
     error = float(np.sqrt(left @ left / (n - 2) / size))
-    return _about(value, float(scipy.stats.t.ppf((1 + confidence) / 2, n - 2)) * error)
+    return _estimate_about(value, float(scipy.stats.t.ppf((1 + confidence) / 2, n - 2)) * error)
 
 
-def _about(value: float, half_width: float) -> Estimate:
+def _estimate_about(value: float, half_width: float) -> Estimate:
     return Estimate(value, value - half_width, value + half_width)

@@ -20,7 +20,7 @@ class ComparisonImpossible(InputError):
     """What was given is too little, or too unlike, to be compared."""
 
 
-def checked(
+def require_complete(
     values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, dimensions: int
 ) -> Array:
     """A complete table of finite numbers as a read-only copy.
@@ -49,7 +49,7 @@ def checked(
     return table
 
 
-def absent(subject: str, method: str, quantity: str) -> ValueMissing:
+def report_absent(subject: str, method: str, quantity: str) -> ValueMissing:
     """The error for a subject that has nothing at all under a method."""
     return ValueMissing(
         f"subject '{subject}' has no value for method '{method}'",
@@ -103,7 +103,7 @@ class Panel:
     excluded: Mapping[str, str]
 
 
-def panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> tuple[Panel, ...]:
+def list_panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> tuple[Panel, ...]:
     """The comparisons that a cohort allows, those of most methods first.
 
     Every set of two or more methods that some subject has is one comparison, over all subjects that have
@@ -116,7 +116,7 @@ def panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> 
 
     Examples
     --------
-    >>> both = panels({"A": ["MB", "MB_am", "EB"], "B": ["MB", "MB_am"]}, ["MB", "MB_am", "EB"])
+    >>> both = list_panels({"A": ["MB", "MB_am", "EB"], "B": ["MB", "MB_am"]}, ["MB", "MB_am", "EB"])
     >>> [(p.methods, p.subjects, dict(p.excluded)) for p in both]
     [(('MB', 'MB_am', 'EB'), ('A',), {'B': 'no EB'}), (('MB', 'MB_am'), ('A', 'B'), {})]
     """
@@ -124,10 +124,10 @@ def panels(available: Mapping[str, Collection[str]], methods: Sequence[str]) -> 
     most = max(map(len, sets), default=0)
     chosen = [found for found in sets if len(found) >= min(2, most)]
     order = sorted(chosen, key=lambda found: (-len(found), [list(methods).index(m) for m in found]))
-    return tuple(_panel(available, found) for found in order)
+    return tuple(_make_panel(available, found) for found in order)
 
 
-def _panel(available: Mapping[str, Collection[str]], methods: tuple[str, ...]) -> Panel:
+def _make_panel(available: Mapping[str, Collection[str]], methods: tuple[str, ...]) -> Panel:
     lacks = {s: [m for m in methods if m not in has] for s, has in available.items()}
     return Panel(
         methods,

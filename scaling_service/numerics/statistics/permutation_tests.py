@@ -62,7 +62,7 @@ class Statistic(Protocol):
         ...
 
 
-def orders(n_subjects: int, n_conditions: int, most: int, rng: np.random.Generator) -> Rearrangements:
+def draw_orders(n_subjects: int, n_conditions: int, most: int, rng: np.random.Generator) -> Rearrangements:
     """Orders of the conditions within each subject, at most ``most``.
 
     Renaming the conditions for all subjects alike changes no statistic, so one subject stands still
@@ -80,7 +80,7 @@ def orders(n_subjects: int, n_conditions: int, most: int, rng: np.random.Generat
     return Rearrangements(items, exact=False)
 
 
-def signs(n_subjects: int, most: int, rng: np.random.Generator) -> Rearrangements:
+def draw_signs(n_subjects: int, most: int, rng: np.random.Generator) -> Rearrangements:
     """Signs of each subject's difference, at most ``most``.
 
     Turning all signs changes no two-sided statistic, so one stands still where all are enumerated:
@@ -120,14 +120,14 @@ class RepeatedMeasuresF:
         """F, shape (n, n_nodes), for orders (n, n_subjects, n_conditions)."""
         found = np.empty((len(items), self._nodes))
         size = self._k * max(self._n * self._k, self._nodes)
-        for part in _batches(len(items), size):
+        for part in _split_batches(len(items), size):
             found[part] = self._batch(items[part])
         return found
 
     def _batch(self, items: NDArray[np.int8]) -> Array:
-        sums = _products(self._choices(items), self._rows)
+        sums = _compute_products(self._choices(items), self._rows)
         between = np.einsum("bkq,bkq->bq", sums, sums) / self._n
-        ratio: Array = _ratio(between, self._within, self._void) * (self._n - 1)
+        ratio: Array = _compute_ratio(between, self._within, self._void) * (self._n - 1)
         return ratio
 
     def _choices(self, items: NDArray[np.int8]) -> Array:
@@ -159,14 +159,14 @@ class PairedT:
         """t, shape (n, n_nodes), for signs of shape (n, n_subjects)."""
         n = len(self._rows)
         found = np.empty((len(items), self._rows.shape[1]))
-        for part in _batches(len(items), self._rows.shape[1]):
-            means = _products(items[part, None].astype(np.float64), self._rows)[:, 0] / n
-            squared = _ratio(n * means**2, self._within, self._void) * (n - 1)
+        for part in _split_batches(len(items), self._rows.shape[1]):
+            means = _compute_products(items[part, None].astype(np.float64), self._rows)[:, 0] / n
+            squared = _compute_ratio(n * means**2, self._within, self._void) * (n - 1)
             found[part] = np.copysign(np.sqrt(squared), means)
         return found
 
 
-def _products(choices: Array, rows: Array) -> Array:
+def _compute_products(choices: Array, rows: Array) -> Array:
     """Sums of rows, shape (n, n_sums, n_nodes), for choices of shape (n, n_sums, n_rows)."""
     count, sums, length = choices.shape
     together = max(1, _ALONE // (sums * rows.size))
@@ -176,13 +176,13 @@ def _products(choices: Array, rows: Array) -> Array:
     return np.concatenate([grouped.reshape(whole, sums, rows.shape[1]), rest])
 
 
-def _ratio(explained: Array, total: Array, void: NDArray[np.bool_]) -> Array:
+def _compute_ratio(explained: Array, total: Array, void: NDArray[np.bool_]) -> Array:
     """Explained over unexplained variation; zero where there is none at all."""
     left = np.maximum(total - explained, _CERTAIN * total)
     return np.divide(explained, left, out=np.zeros_like(explained), where=~void & (left > 0.0))
 
 
-def _batches(count: int, size: int) -> Iterator[slice]:
+def _split_batches(count: int, size: int) -> Iterator[slice]:
     step = max(1, _BATCH // size)
     return (slice(start, start + step) for start in range(0, count, step))
 
@@ -256,7 +256,7 @@ class CurveTest:
         return self.smallest_p <= self.alpha * (1.0 + _TIE)
 
 
-def curve_test(
+def assess_curve(
     kind: str,
     statistic: Statistic,
     degrees_of_freedom: tuple[int, ...],
@@ -266,25 +266,25 @@ def curve_test(
     """Test a statistic along the cycle against its rearrangements."""
     maxima = np.abs(statistic(rearranged.items)).max(axis=1)
     observed = statistic(rearranged.items[:1])[0]
-    threshold = critical_value(maxima, alpha)
+    threshold = find_critical_value(maxima, alpha)
     reaching = rearranged.items[maxima >= threshold * (1.0 - _TIE)]
     masses = np.zeros(len(maxima))
     if len(reaching):
-        masses[: len(reaching)] = largest_masses(statistic(reaching), threshold)
+        masses[: len(reaching)] = find_largest_masses(statistic(reaching), threshold)
     return CurveTest(
         kind=kind,
         statistic=observed,
         degrees_of_freedom=degrees_of_freedom,
         alpha=alpha,
         threshold=threshold,
-        clusters=_clusters(observed, threshold, masses, maxima),
+        clusters=_list_clusters(observed, threshold, masses, maxima),
         p=share_reaching(maxima, float(np.abs(observed).max())),
         rearrangements=len(maxima),
         exact=rearranged.exact,
     )
 
 
-def critical_value(maxima: Array, alpha: float) -> float:
+def find_critical_value(maxima: Array, alpha: float) -> float:
     """The smallest of the values that no more than a share alpha of them reach; infinite if none.
 
     ``maxima``: (n,), not negative.
@@ -300,7 +300,7 @@ def share_reaching(values: Array, size: float) -> float:
     return float(np.mean(values >= size * (1.0 - _TIE)))
 
 
-def largest_masses(curves: Array, threshold: float) -> Array:
+def find_largest_masses(curves: Array, threshold: float) -> Array:
     """The mass of each curve's largest cluster, either sign, shape (n,); zero where there is none.
 
     ``curves``: (n, n_nodes).
@@ -319,16 +319,16 @@ def largest_masses(curves: Array, threshold: float) -> Array:
     return found
 
 
-def _clusters(observed: Array, threshold: float, masses: Array, maxima: Array) -> tuple[Cluster, ...]:
+def _list_clusters(observed: Array, threshold: float, masses: Array, maxima: Array) -> tuple[Cluster, ...]:
     found = [
         _cluster(observed, sign, first, last, threshold, masses, maxima)
         for sign in (1.0, -1.0)
-        for first, last in _runs(sign * observed, threshold)
+        for first, last in _list_runs(sign * observed, threshold)
     ]
     return tuple(sorted(found, key=lambda cluster: cluster.start))
 
 
-def _runs(curve: Array, threshold: float) -> list[tuple[int, int]]:
+def _list_runs(curve: Array, threshold: float) -> list[tuple[int, int]]:
     """First and last node of each run at or above the threshold."""
     inside = np.pad(curve >= threshold * (1.0 - _TIE), 1).astype(np.int8)
     change = np.diff(inside)
@@ -345,8 +345,8 @@ def _cluster(
     mass = float(curve[first : last + 1].sum())
     at = first + int(np.argmax(curve[first : last + 1]))
     return Cluster(
-        start=step * _crossing(curve, first, first - 1, threshold),
-        end=step * _crossing(curve, last, last + 1, threshold),
+        start=step * _interpolate_crossing(curve, first, first - 1, threshold),
+        end=step * _interpolate_crossing(curve, last, last + 1, threshold),
         peak=float(observed[at]),
         peak_at=step * at,
         mass=mass,
@@ -355,7 +355,7 @@ def _cluster(
     )
 
 
-def _crossing(curve: Array, inside: int, outside: int, threshold: float) -> float:
+def _interpolate_crossing(curve: Array, inside: int, outside: int, threshold: float) -> float:
     """Where, in nodes, the curve passes the threshold between two neighbours; its end at the border."""
     if not 0 <= outside < len(curve):
         return float(inside)

@@ -12,14 +12,14 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, checked
+from scaling_service.numerics.statistics.complete import ComparisonImpossible, require_complete
 from scaling_service.numerics.statistics.permutation_tests import (
     CurveTest,
     PairedT,
     RepeatedMeasuresF,
-    curve_test,
-    orders,
-    signs,
+    assess_curve,
+    draw_orders,
+    draw_signs,
 )
 
 NODES = 101
@@ -46,13 +46,15 @@ class Curves:
     values: Array
 
     def __post_init__(self) -> None:
-        table = checked(self.values, self.subjects, self.methods, quantity=self.quantity, dimensions=3)
+        table = require_complete(
+            self.values, self.subjects, self.methods, quantity=self.quantity, dimensions=3
+        )
         if table.shape[2] < 2:
             raise ComparisonImpossible("a curve of one node is a scalar", field=self.quantity)
         object.__setattr__(self, "values", table)
 
 
-def normalised_cycles(
+def normalise_cycles(
     times: ArrayLike,
     values: ArrayLike,
     cycles: Sequence[tuple[float, float]],
@@ -77,7 +79,7 @@ def normalised_cycles(
     Examples
     --------
     >>> t = np.linspace(0.0, 2.0, 201)
-    >>> cut = normalised_cycles(t, np.column_stack([t, t**2]), [(0.5, 1.5)], ("a", "b"), trial="walk")
+    >>> cut = normalise_cycles(t, np.column_stack([t, t**2]), [(0.5, 1.5)], ("a", "b"), trial="walk")
     >>> cut.shape, [round(float(v), 6) for v in cut[0, 1, [0, 50, 100]]]
     ((1, 2, 101), [0.25, 1.0, 2.25])
     """
@@ -88,13 +90,13 @@ def normalised_cycles(
         )
     curves = np.empty((len(cycles), len(names), nodes))
     for k, (start, end) in enumerate(cycles):
-        rows = _rows(clock, start, end, trial)
+        rows = _select_rows(clock, start, end, trial)
         _refuse_gaps(clock[rows], recorded[rows], names, trial)
         curves[k] = CubicSpline(clock[rows], recorded[rows])(np.linspace(start, end, nodes)).T
     return curves
 
 
-def _rows(times: Array, start: float, end: float, trial: str) -> slice:
+def _select_rows(times: Array, start: float, end: float, trial: str) -> slice:
     """The frames of a cycle with one beside each end that falls between two."""
     if not start < end:
         raise TrialUnusable(
@@ -224,20 +226,20 @@ def compare_waveforms(
     (True, 1)
     """
     chosen = settings or WaveformSettings()
-    pairs = _pairs(curves, reference)
-    anova = repeated_measures_anova(curves.values, rng, chosen)
+    pairs = _list_pairs(curves, reference)
+    anova = analyse_repeated_measures(curves.values, rng, chosen)
     tested = pairs if anova.significant else []
     return WaveformComparison(
         quantity=curves.quantity,
         subjects=curves.subjects,
         methods=curves.methods,
         anova=anova,
-        pairs=tuple(_compared(curves, *pair, len(pairs), rng, chosen) for pair in tested),
+        pairs=tuple(_compare_pair(curves, *pair, len(pairs), rng, chosen) for pair in tested),
         n_pairs=len(pairs),
     )
 
 
-def repeated_measures_anova(
+def analyse_repeated_measures(
     values: Array, rng: np.random.Generator, settings: WaveformSettings | None = None
 ) -> CurveTest:
     """One-way analysis of variance with repeated measures along curves, by exchange within subjects.
@@ -247,11 +249,11 @@ def repeated_measures_anova(
     chosen = settings or WaveformSettings()
     statistic = RepeatedMeasuresF(values)
     n, k = values.shape[:2]
-    rearranged = orders(n, k, chosen.rearrangements, rng)
-    return curve_test("F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha)
+    rearranged = draw_orders(n, k, chosen.rearrangements, rng)
+    return assess_curve("F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha)
 
 
-def paired_t_test(
+def compare_paired(
     first: Array,
     second: Array,
     rng: np.random.Generator,
@@ -267,11 +269,11 @@ def paired_t_test(
     chosen = settings or WaveformSettings()
     scale = float(max(np.abs(first).max(), np.abs(second).max()))
     statistic = PairedT(first - second, scale)
-    rearranged = signs(len(first), chosen.rearrangements, rng)
-    return curve_test("t", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha / n_tests)
+    rearranged = draw_signs(len(first), chosen.rearrangements, rng)
+    return assess_curve("t", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha / n_tests)
 
 
-def _compared(
+def _compare_pair(
     curves: Curves,
     first: str,
     second: str,
@@ -285,11 +287,11 @@ def _compared(
         methods=(first, second),
         difference_mean=difference.mean(axis=0),
         difference_sd=difference.std(axis=0, ddof=1),
-        test=paired_t_test(ours, theirs, rng, settings, n_tests=n_pairs),
+        test=compare_paired(ours, theirs, rng, settings, n_tests=n_pairs),
     )
 
 
-def _pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
+def _list_pairs(curves: Curves, reference: str | None) -> list[tuple[str, str]]:
     if reference is None:
         return list(combinations(curves.methods, 2))
     if reference not in curves.methods:

@@ -63,7 +63,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     for router in (
         subjects.router,
         laboratory.router,
-        jobs.submission_routes(service.kinds),
+        jobs.make_submission_routes(service.kinds),
         jobs.router,
         contents.router,
         monitoring.router,

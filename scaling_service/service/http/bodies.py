@@ -64,7 +64,7 @@ async def read_json(request: Request) -> dict[str, Any]:
                 remedy="Upload recordings as files, and name them in the document",
             )
     try:
-        found = json.loads(content.decode("utf-8"), parse_constant=_no_number)
+        found = json.loads(content.decode("utf-8"), parse_constant=_refuse_constant)
         json.dumps(found, ensure_ascii=False).encode("utf-8")  # halves of characters cannot be kept
     except (ValueError, RecursionError) as error:  # decoding errors are ValueErrors
         said = error.msg if isinstance(error, json.JSONDecodeError) else "it is nested too deeply or no text"
@@ -74,7 +74,7 @@ async def read_json(request: Request) -> dict[str, Any]:
     return found
 
 
-def _no_number(text: str) -> float:
+def _refuse_constant(text: str) -> float:
     raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
 
 

@@ -73,7 +73,7 @@ class Callers:
 
     def _check_host(self, request: Request) -> None:
         """A page of another site cannot make a browser on this machine ask under that site's name."""
-        if self._loopback and not _names_this_machine(request.headers.get("host", "")):
+        if self._loopback and not _is_this_machine(request.headers.get("host", "")):
             raise WrongHost(
                 "this service answers under the names of this machine only",
                 field="Host",
@@ -81,7 +81,7 @@ class Callers:
             )
 
     def _check_keyless(self, request: Request) -> str:
-        if not self._loopback or keys.any_valid(self._database):
+        if not self._loopback or keys.has_valid(self._database):
             remedy = "Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one"
             raise KeyNeeded("a key is needed", field="Authorization", remedy=remedy)
         if request.method not in ("GET", "HEAD") and _is_foreign(request):
@@ -98,7 +98,7 @@ class Callers:
             raise KeyNeeded(
                 "only bearer keys are known", field="Authorization", remedy="Send `Authorization: Bearer KEY`"
             )
-        owner = keys.owner_of(self._database, token.strip())
+        owner = keys.find_owner(self._database, token.strip())
         if owner is None:
             raise KeyNeeded(
                 "this key opens nothing",
@@ -117,7 +117,7 @@ class Callers:
         return owner
 
 
-def _names_this_machine(host: str) -> bool:
+def _is_this_machine(host: str) -> bool:
     try:
         name = urlsplit(f"//{host}").hostname
     except ValueError:
@@ -134,19 +134,19 @@ def _is_foreign(request: Request) -> bool:
     return headers.get("sec-fetch-site", "none") not in ("same-origin", "none")
 
 
-def _owner(request: Request) -> str:
+def _find_owner(request: Request) -> str:
     callers: Callers = request.app.state.callers
     return callers.owner(request)
 
 
-async def _service(request: Request) -> Service:
+async def _find_service(request: Request) -> Service:
     service: Service = request.app.state.service
     return service
 
 
-Owner = Annotated[str, Depends(_owner)]  # of a route: the owner whose things it may see
+Owner = Annotated[str, Depends(_find_owner)]  # of a route: the owner whose things it may see
 
-ServiceDep = Annotated[Service, Depends(_service)]  # of a route: what it asks
+ServiceDep = Annotated[Service, Depends(_find_service)]  # of a route: what it asks
 
 
 class Tickets:

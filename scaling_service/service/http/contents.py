@@ -21,8 +21,8 @@ from fastapi.responses import StreamingResponse
 from scaling_service.documents.service import Link, LinkRequest
 from scaling_service.service.http.bodies import read_model
 from scaling_service.service.http.callers import PARAMETER, Owner, Tickets
-from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, refusals
+from scaling_service.service.http.documentation import describe_json_body
+from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, describe_refusals
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.tables import FileRow
@@ -64,33 +64,33 @@ def is_cached(request: Request, tag: str) -> bool:
     return "*" in known or tag in known
 
 
-def cache_headers(version: object) -> dict[str, str]:
+def make_cache_headers(version: object) -> dict[str, str]:
     """What goes with a version: keep it, but ask whether it is still the one."""
     return {"ETag": f'"{version}"', "Cache-Control": "private, no-cache"}
 
 
-def unless_cached(
+def answer_unless_cached(
     request: Request, version: object, answer: Callable[[dict[str, str]], Response]
 ) -> Response:
     """The answer, made with its headers, or 304 for a client that has this version."""
-    headers = cache_headers(version)
+    headers = make_cache_headers(version)
     if is_cached(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return answer(headers)
 
 
-def file_responses(schema: dict[str, str]) -> Responses:
+def describe_file_responses(schema: dict[str, str]) -> Responses:
     """What a route that sends a stored file answers, for the OpenAPI document."""
-    return refusals(404, 416) | {
+    return describe_refusals(404, 416) | {
         200: {"description": "The file", "content": {"*/*": {"schema": schema}}},
         206: {"description": "The range", "content": {"*/*": {"schema": schema}}},
         304: {"description": "Unchanged"},
     }
 
 
-def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
+def send_stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
     """A stored file as an answer, or the range of it that is asked for."""
-    headers = cache_headers(file.sha256)
+    headers = make_cache_headers(file.sha256)
     if is_cached(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     same = request.headers.get("if-range", headers["ETag"]) == headers["ETag"]
@@ -108,7 +108,7 @@ def stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
         headers["Content-Range"] = f"bytes {part[0]}-{part[-1]}/{file.size}"
     media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
     status = HTTPStatus.OK if part is None else HTTPStatus.PARTIAL_CONTENT
-    return StreamingResponse(_pieces(opened, sent), status, headers, media_type)
+    return StreamingResponse(_read_pieces(opened, sent), status, headers, media_type)
 
 
 def parse_range(header: str | None, size: int) -> range | None:
@@ -136,7 +136,7 @@ def parse_range(header: str | None, size: int) -> range | None:
     return wanted
 
 
-def _pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
+def _read_pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
     with opened:
         opened.seek(sent.start)
         left = len(sent)
@@ -174,8 +174,8 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=refusals(400, 408, 413, 415),
-    openapi_extra=json_body(EXAMPLE, LinkRequest),
+    responses=describe_refusals(400, 408, 413, 415),
+    openapi_extra=describe_json_body(EXAMPLE, LinkRequest),
 )
 async def make_link(request: Request, owner: Owner) -> Link:
     """Make a link to a file that works for a minute without a key.

@@ -47,20 +47,20 @@ _ANYWHERE: list[dict[str, list[str]]] = [{"key": []}, {}]
 _REFERENCE = "#/components/schemas/{model}"
 
 
-def _reference(name: str) -> dict[str, str]:
+def _make_reference(name: str) -> dict[str, str]:
     return {"$ref": _REFERENCE.format(model=name)}
 
 
-RESULT = _reference("JobResult")
+RESULT = _make_reference("JobResult")
 """The schema of what a job finds: one of the kinds' results."""
 
 
-def json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
+def describe_json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:
     """The part of a route's description that tells of its body, which the route reads itself.
 
     The example runs as it stands; the body follows one of the models, which :func:`install` is given, too.
     """
-    choices = [_reference(model.__name__) for model in models]
+    choices = [_make_reference(model.__name__) for model in models]
     schema = choices[0] if len(choices) == 1 else {"anyOf": choices}
     content = {"schema": schema, "examples": {"example": {"value": example}}}
     return {"requestBody": {"required": True, "content": {"application/json": content}}}
@@ -110,7 +110,7 @@ def _make_document(
     components = found.setdefault("components", {})
     components["schemas"] = _merge(components.get("schemas", {}), more["$defs"])
     names = sorted(model.__name__ for model in results)
-    components["schemas"]["JobResult"] = {"anyOf": [_reference(name) for name in names]} if names else {}
+    components["schemas"]["JobResult"] = {"anyOf": [_make_reference(name) for name in names]} if names else {}
     components["securitySchemes"] = _SECURITY
     for name in ("HTTPValidationError", "ValidationError"):  # problems take their place
         components["schemas"].pop(name, None)
@@ -168,7 +168,7 @@ def _describe_routes(document: Mapping[str, Any], server: str) -> Iterator[str]:
                     yield f"### {method.upper()} {path}"
                     yield re.sub(r"\n{3,}", "\n\n", operation.get("description", "").strip())
                     yield _list_fields(operation, document["components"]["schemas"])
-                    yield f"```sh\n{_curl_command(path, method.upper(), operation, server)}\n```"
+                    yield f"```sh\n{_write_curl_command(path, method.upper(), operation, server)}\n```"
                     yield _list_answers(operation["responses"])
 
 
@@ -199,7 +199,7 @@ def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
     return f"Answers: {', '.join(good)}." + (f" Problems: {', '.join(problems)}." if problems else "")
 
 
-def _curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
+def _write_curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
     """The request as a curl command."""
     address = server + path.replace("{subject}", "S01").replace("{job}", "JOB").replace("{name}", "walk.trc")
     content = operation.get("requestBody", {}).get("content", {})

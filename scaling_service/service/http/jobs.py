@@ -22,10 +22,15 @@ from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
 from scaling_service.service.http.bodies import in_writer_thread, read_json
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.contents import file_responses, stored_file, unless_cached, zip_files
-from scaling_service.service.http.documentation import RESULT, json_body
-from scaling_service.service.http.problems import refusals
-from scaling_service.service.http.subjects import Cursor, Size, as_datetime, file_entries
+from scaling_service.service.http.contents import (
+    answer_unless_cached,
+    describe_file_responses,
+    send_stored_file,
+    zip_files,
+)
+from scaling_service.service.http.documentation import RESULT, describe_json_body
+from scaling_service.service.http.problems import describe_refusals
+from scaling_service.service.http.subjects import Cursor, Size, as_datetime, list_file_entries
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store.errors import NotFound, StoreUnavailable
 from scaling_service.service.store.tables import JobRow
@@ -91,7 +96,7 @@ def _answer(
     return JSONResponse(as_document(row).model_dump(mode="json"), status, headers)
 
 
-@router.get("", responses=refusals())
+@router.get("", responses=describe_refusals())
 def list_jobs(
     owner: Owner,
     service: ServiceDep,
@@ -111,12 +116,12 @@ def list_jobs(
 @router.get(
     "/{job}",
     response_model=JobDocument,
-    responses=refusals(404) | {304: {"description": "Unchanged"}},
+    responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
 def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a job."""
     row = service.job(owner, job)
-    return unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
+    return answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
 
 
 @router.delete(
@@ -124,7 +129,7 @@ def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> 
     status_code=HTTPStatus.ACCEPTED,
     response_model=JobDocument,
     response_description="It was not over and is being cancelled",
-    responses=refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
+    responses=describe_refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
 def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
@@ -137,7 +142,7 @@ def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
 @router.get(
     "/{job}/events",
     response_class=Response,
-    responses=refusals(404)
+    responses=describe_refusals(404)
     | {
         200: {
             "description": "Events `job`, each with the job as it then is; the last one when it is over",
@@ -165,7 +170,7 @@ async def get_events(
 @router.get(
     "/{job}/result",
     response_class=Response,
-    responses=refusals(404)
+    responses=describe_refusals(404)
     | {
         200: {"description": "The result", "content": {"application/json": {"schema": RESULT}}},
         304: {"description": "Unchanged"},
@@ -175,12 +180,14 @@ def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) 
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
     row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
-        raise _no_result(row)
+        raise _report_no_result(row)
     version = f"{job[:16]}-{row.attempt}"
-    return unless_cached(request, version, lambda h: Response(text, headers=h, media_type="application/json"))
+    return answer_unless_cached(
+        request, version, lambda h: Response(text, headers=h, media_type="application/json")
+    )
 
 
-@router.get("/{job}/origin", responses=refusals(404))
+@router.get("/{job}/origin", responses=describe_refusals(404))
 def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
@@ -190,23 +197,23 @@ def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
     )
 
 
-@router.get("/{job}/files", responses=refusals(404))
+@router.get("/{job}/files", responses=describe_refusals(404))
 def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
     """List what a job made."""
-    return FileList(items=file_entries(service.files(owner, job)))
+    return FileList(items=list_file_entries(service.files(owner, job)))
 
 
 @router.get(
     "/{job}/files.zip",
     response_class=Response,
-    responses=refusals(404)
+    responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
 )
 def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     """Download all that a job made as one zip."""
     row, files = service.job(owner, job), service.files(owner, job)
     if not files:
-        raise _no_result(row)
+        raise _report_no_result(row)
     headers = {
         "Content-Disposition": f'attachment; filename="{row.kind}-{job[:8]}.zip"',
         "Cache-Control": "no-store",
@@ -215,7 +222,9 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
-@router.get("/{job}/files/{path:path}", response_class=Response, responses=file_responses({"type": "string"}))
+@router.get(
+    "/{job}/files/{path:path}", response_class=Response, responses=describe_file_responses({"type": "string"})
+)
 def get_file(
     job: JobId,
     path: Annotated[str, Path(max_length=512)],
@@ -225,10 +234,10 @@ def get_file(
 ) -> Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
-    return stored_file(request, service.store.blobs, row)
+    return send_stored_file(request, service.store.blobs, row)
 
 
-def _no_result(row: JobRow) -> NotFound:
+def _report_no_result(row: JobRow) -> NotFound:
     if not row.state.is_over:
         remedy = "Wait until the job is done; its events tell"
     elif row.failure is not None:
@@ -238,7 +247,7 @@ def _no_result(row: JobRow) -> NotFound:
     return NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
-def submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
+def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
     """The routes that ask for jobs, one for each kind that can be asked for by itself."""
     router = APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
@@ -254,21 +263,21 @@ def submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
             status_code=HTTPStatus.ACCEPTED,
             response_model=JobDocument,
             response_description="It waits or runs",
-            responses=refusals(400, 404, 408, 413, 415, 507)
+            responses=describe_refusals(400, 404, 408, 413, 415, 507)
             | {200: {"model": JobDocument, "description": "It was done before"}},
-            openapi_extra=json_body(example_of(kind.request), kind.request),
-        )(_submission(name))
+            openapi_extra=describe_json_body(make_example(kind.request), kind.request),
+        )(_make_submission(name))
     return router
 
 
-def example_of(model: type[BaseModel]) -> dict[str, Any]:
+def make_example(model: type[BaseModel]) -> dict[str, Any]:
     """A request made of the examples of its fields."""
     return {
         field.alias or name: field.examples[0] for name, field in model.model_fields.items() if field.examples
     }
 
 
-def _submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaitable[Response]]:
+def _make_submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaitable[Response]]:
     async def ask(request: Request, owner: Owner, service: ServiceDep) -> Response:
         asked = await read_json(request)
         row, _ = await in_writer_thread(service.ask, owner, kind, asked)

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Query, Request, Response
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.text import describe_effect
-from scaling_service.capabilities.scaling.clinical_gait import schwartz2008
+from scaling_service.capabilities.scaling.clinical_gait import read_schwartz2008
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents.service import (
     CoordinateWord,
@@ -28,11 +28,11 @@ from scaling_service.documents.service import (
 )
 from scaling_service.model.anatomy.frames import ANGLES, WAYS
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.service.http.bodies import in_writer_thread, read_model
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import refusals
+from scaling_service.service.http.documentation import describe_json_body
+from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
@@ -52,7 +52,8 @@ Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than o
 @router.post(
     "/examples",
     status_code=HTTPStatus.CREATED,
-    responses=refusals(409, 413, 507) | {200: {"model": ExampleList, "description": "They were there"}},
+    responses=describe_refusals(409, 413, 507)
+    | {200: {"model": ExampleList, "description": "They were there"}},
 )
 async def put_examples(
     request: Request, response: Response, owner: Owner, persons: Persons = 1
@@ -68,22 +69,22 @@ async def put_examples(
     return ExampleList(subjects=names)
 
 
-@router.get("/vocabulary", responses=refusals())
+@router.get("/vocabulary", responses=describe_refusals())
 def get_vocabulary(owner: Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
     """List the built-in models with their markers, the methods, and the bones that can be given."""
-    return vocabulary()
+    return list_vocabulary()
 
 
-@router.get("/marker-map", responses=refusals())
+@router.get("/marker-map", responses=describe_refusals())
 def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
     """Look at the laboratory's marker map: which label is which marker. It is empty until one is given."""
-    return _document(service.marker_map(owner))
+    return _make_document(service.marker_map(owner))
 
 
 @router.put(
     "/marker-map",
-    responses=refusals(400, 408, 413, 415, 507),
-    openapi_extra=json_body(EXAMPLE, MarkerMap),
+    responses=describe_refusals(400, 408, 413, 415, 507),
+    openapi_extra=describe_json_body(EXAMPLE, MarkerMap),
 )
 async def put_marker_map(request: Request, owner: Owner, service: ServiceDep) -> MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
@@ -92,33 +93,33 @@ async def put_marker_map(request: Request, owner: Owner, service: ServiceDep) ->
     """
     remedy = "Give texts of 1 to 200 letters, label first, under `labels`"
     given = await read_model(MarkerMap, request, remedy)
-    return _document(await in_writer_thread(service.put_marker_map, owner, given.labels))
+    return _make_document(await in_writer_thread(service.put_marker_map, owner, given.labels))
 
 
-def _document(row: MarkerMapRow | None) -> MarkerMapDocument:
+def _make_document(row: MarkerMapRow | None) -> MarkerMapDocument:
     if row is None:
         return MarkerMapDocument(labels={}, updated_at=None)
     return MarkerMapDocument(labels=json.loads(row.document), updated_at=as_datetime(row.updated_us))
 
 
 @cache
-def vocabulary() -> Vocabulary:
+def list_vocabulary() -> Vocabulary:
     """All names that come with the product."""
     return Vocabulary(
-        models=[_model(builtin(name)) for name in BUILTIN_NAMES],
+        models=[_describe_model(load_builtin(name)) for name in BUILTIN_NAMES],
         methods=[
             MethodWord(name=name, meaning=m.title, starts_from=m.needs, needs_images=m.needs_images)
             for name, m in METHODS.items()
         ],
         bones=list(BONES),
-        gait_angles=[_gait_angle(name) for name in ANGLES if name in WAYS],
-        hidden_in_example=[_sentence(one) for one in (SLIDING, SWAPPED)],
+        gait_angles=[_describe_gait_angle(name) for name in ANGLES if name in WAYS],
+        hidden_in_example=[_write_sentence(one) for one in (SLIDING, SWAPPED)],
     )
 
 
-def _gait_angle(name: str) -> GaitAngleWord:
+def _describe_gait_angle(name: str) -> GaitAngleWord:
     title, negative, positive = WAYS[name]
-    usual = schwartz2008().bands.get(name)
+    usual = read_schwartz2008().bands.get(name)
     return GaitAngleWord(
         name=name,
         title=title,
@@ -129,13 +130,13 @@ def _gait_angle(name: str) -> GaitAngleWord:
     )
 
 
-def _sentence(hidden: Hidden) -> str:
+def _write_sentence(hidden: Hidden) -> str:
     trials = () if hidden.trial is None else (hidden.trial,)
     sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
     return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)
 
 
-def _model(model: BodyModel) -> ModelWord:
+def _describe_model(model: BodyModel) -> ModelWord:
     return ModelWord(
         name=model.name,
         segments=list(model.segment_names),

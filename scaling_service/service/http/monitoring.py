@@ -25,7 +25,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.problems import problem_response, refusals
+from scaling_service.service.http.problems import answer_problem, describe_refusals
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import code_places
@@ -60,7 +60,7 @@ async def health() -> dict[str, str]:
     return {"status": "alive", "code_version": code_version()}
 
 
-@router.get("/ready", responses=_ANSWER | refusals())
+@router.get("/ready", responses=_ANSWER | describe_refusals())
 def ready(request: Request) -> dict[str, str]:
     """Say whether database and disk answer, so that requests can be taken."""
     request.app.state.recent.check()
@@ -70,7 +70,7 @@ def ready(request: Request) -> dict[str, str]:
 @router.get(
     "/metrics",
     response_class=Response,
-    responses=refusals()
+    responses=describe_refusals()
     | {200: {"description": "Figures", "content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
 def metrics(request: Request, _owner: Owner, _service: ServiceDep) -> Response:
@@ -155,7 +155,7 @@ class RequestMonitor:
             log.error("a request failed", extra={"error": type(error).__name__, "at": code_places(error)})
             if status:
                 raise _CutShort from None
-            await problem_response(_DEFECT, 500)(scope, receive, sending)
+            await answer_problem(_DEFECT, 500)(scope, receive, sending)
         finally:
             self._open.dec()
             whole_s = time.perf_counter() - begun

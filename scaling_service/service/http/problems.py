@@ -95,7 +95,7 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
 """The first that fits counts."""
 
 
-def problem_response(error: InputError, status: int | None = None) -> JSONResponse:
+def answer_problem(error: InputError, status: int | None = None) -> JSONResponse:
     """An error as the answer to a request."""
     name = type(error).__name__
     code = status or next(status for kind, status in _STATUS if isinstance(error, kind))
@@ -111,10 +111,10 @@ def problem_response(error: InputError, status: int | None = None) -> JSONRespon
         field=error.field,
         remedy=error.remedy,
     )
-    return JSONResponse(document.model_dump(mode="json"), code, _headers(error, code), MEDIA_TYPE)
+    return JSONResponse(document.model_dump(mode="json"), code, _make_headers(error, code), MEDIA_TYPE)
 
 
-def _headers(error: InputError, status: int) -> dict[str, str]:
+def _make_headers(error: InputError, status: int) -> dict[str, str]:
     headers = {"Cache-Control": "no-store"}
     if status in RETRY_S:
         wait_s = error.wait_s if isinstance(error, TooManyRequests) else RETRY_S[status]
@@ -129,7 +129,7 @@ def _headers(error: InputError, status: int) -> dict[str, str]:
 Responses = dict[int | str, dict[str, Any]]  # of a route, by status
 
 
-def refusals(*statuses: int) -> Responses:
+def describe_refusals(*statuses: int) -> Responses:
     """The problems that a route can answer with, for the OpenAPI document."""
     always = (401, 403, 421, 422, 429, 500, 503)
     content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
@@ -144,22 +144,22 @@ def install(app: FastAPI) -> None:
 
     async def refused(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, InputError)
-        return problem_response(error)
+        return answer_problem(error)
 
     async def invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         where, said = ".".join(str(part) for part in first["loc"][1:]), str(first["msg"])
-        return problem_response(RequestInvalid(said, field=where, remedy="Correct it; /docs shows examples"))
+        return answer_problem(RequestInvalid(said, field=where, remedy="Correct it; /docs shows examples"))
 
     async def no_route(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
         phrase = HTTPStatus(error.status_code).phrase
-        answer = problem_response(
+        answer = answer_problem(
             InputError(phrase.lower(), remedy="/docs shows what there is"), error.status_code
         )
         if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-            answer.headers["Allow"] = ", ".join(sorted(allowed_methods(request.app, request.scope)))
+            answer.headers["Allow"] = ", ".join(sorted(list_allowed_methods(request.app, request.scope)))
         return answer
 
     app.add_exception_handler(InputError, refused)
@@ -167,7 +167,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, no_route)
 
 
-def allowed_methods(app: FastAPI, scope: Scope) -> set[str]:
+def list_allowed_methods(app: FastAPI, scope: Scope) -> set[str]:
     """All methods that some route answers at the path of a request."""
     return {
         method

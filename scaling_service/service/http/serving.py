@@ -62,7 +62,7 @@ def refuse_exposed(service: Service) -> None:
     """Stop before everyone in the network can see everything, or where HTTPS cannot be spoken."""
     settings = service.settings
     _check_tls(settings)
-    if not is_loopback(settings.host) and not keys.any_valid(service.store.database):
+    if not is_loopback(settings.host) and not keys.has_valid(service.store.database):
         raise SettingsRefused(
             f"whoever reaches {settings.host} could see and change everything, for there is no API key",
             field="host",
@@ -180,13 +180,13 @@ def _allow_many_files() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
 
 
-def most_connections() -> int:
+def limit_connections() -> int:
     """As many as this process may have open files, but for those of its own."""
     most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return max(most - _OWN_FILES, most // 2)
 
 
-def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
+def configure_server(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
         app,
@@ -195,7 +195,7 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
         server_header=False,
         proxy_headers=False,
         http=PromptProtocol,
-        limit_concurrency=most_connections(),
+        limit_concurrency=limit_connections(),
         timeout_graceful_shutdown=ENDING_S,
         ssl_certfile=settings.tls_certificate,
         ssl_keyfile=settings.tls_key,
@@ -206,7 +206,7 @@ def server_config(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
 def _run_server(service: Service, listener: socket.socket) -> None:
     settings = service.settings
     app = create_app(service, loopback=is_loopback(settings.host))
-    config = server_config(app, settings)
+    config = configure_server(app, settings)
     log_as_json("uvicorn", logging.WARNING)
     host, port = listener.getsockname()[:2]
     shown = f"[{host}]" if ":" in host else host

@@ -76,7 +76,7 @@ def _send_file(request: Request, path: str, headers: dict[str, str]) -> Response
 def send(request: Request, name: str, content: bytes, headers: dict[str, str]) -> Response:
     """Answer with a file's content, compressed for who takes that, or 304 for who has it already."""
     media_type, packs = _MEDIA_TYPES.get(PurePath(name).suffix, ("application/octet-stream", False))
-    packed = packs and _takes_gzip(request)
+    packed = packs and _accepts_gzip(request)
     content, tag = _pack(content, packed)
     headers |= {"ETag": tag, "Vary": "Accept-Encoding"} | ({"Content-Encoding": "gzip"} if packed else {})
     if is_cached(request, tag):
@@ -84,7 +84,7 @@ def send(request: Request, name: str, content: bytes, headers: dict[str, str]) -
     return Response(content, media_type=media_type, headers=headers)
 
 
-def _takes_gzip(request: Request) -> bool:
+def _accepts_gzip(request: Request) -> bool:
     """Whether the client asks for gzip and does not give it the weight zero (RFC 9110, section 12.5.3)."""
     for one in request.headers.get("accept-encoding", "").lower().split(","):
         coding, _, weight = one.partition(";")

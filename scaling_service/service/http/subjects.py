@@ -16,9 +16,13 @@ from scaling_service.documents.service import FileEntry, FileList, SubjectDetail
 from scaling_service.documents.subject import SubjectDocument
 from scaling_service.service.http.bodies import in_writer_thread, read_chunks, read_json
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.contents import file_responses, stored_file, unless_cached
-from scaling_service.service.http.documentation import json_body
-from scaling_service.service.http.problems import refusals
+from scaling_service.service.http.contents import (
+    answer_unless_cached,
+    describe_file_responses,
+    send_stored_file,
+)
+from scaling_service.service.http.documentation import describe_json_body
+from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store.errors import TooLarge
@@ -55,8 +59,9 @@ _BYTES = {"type": "string", "format": "binary"}
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=refusals(400, 408, 413, 415, 507) | {200: {"model": SubjectDetail, "description": "Replaced"}},
-    openapi_extra=json_body(EXAMPLE, *DOCUMENTS),
+    responses=describe_refusals(400, 408, 413, 415, 507)
+    | {200: {"model": SubjectDetail, "description": "Replaced"}},
+    openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
 )
 async def put_subject(
     request: Request, response: Response, owner: Owner, service: ServiceDep
@@ -70,44 +75,44 @@ async def put_subject(
     row, new = await in_writer_thread(service.put_subject, owner, document)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
     response.headers["Location"] = f"/v1/subjects/{quote(row.id)}"
-    return await run_in_threadpool(_detail, service, owner, row.id)
+    return await run_in_threadpool(_make_detail, service, owner, row.id)
 
 
-@router.get("", responses=refusals())
+@router.get("", responses=describe_refusals())
 def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
-    return SubjectPage(items=[SubjectSummary(**_entry(row)) for row in page.items], next=page.following)
+    return SubjectPage(items=[SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following)
 
 
 @router.get(
     "/{subject}",
     response_model=SubjectDetail,
-    responses=refusals(404) | {304: {"description": "Unchanged"}},
+    responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
 def get_subject(subject: Named, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a subject: its document and its files."""
-    detail = _detail(service, owner, subject)
-    return unless_cached(
+    detail = _make_detail(service, owner, subject)
+    return answer_unless_cached(
         request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
     )
 
 
-@router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=refusals(404))
+@router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
 def delete_subject(subject: Named, owner: Owner, service: ServiceDep) -> None:
     """Delete a subject, its files, and all jobs on them, for good."""
     service.delete_subject(owner, subject)
 
 
-@router.get("/{subject}/files", responses=refusals(404))
+@router.get("/{subject}/files", responses=describe_refusals(404))
 def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
     """List a subject's files."""
-    return FileList(items=file_entries(service.subject_files(owner, subject)))
+    return FileList(items=list_file_entries(service.subject_files(owner, subject)))
 
 
 @router.put(
     "/{subject}/files/{name}",
-    responses=refusals(404, 408, 413, 507),
+    responses=describe_refusals(404, 408, 413, 507),
     # No body is a file without content, which is the fault of the job that reads it.
     openapi_extra={
         "requestBody": {"required": False, "content": {"application/octet-stream": {"schema": _BYTES}}}
@@ -122,18 +127,18 @@ async def put_file(
         upload = await run_in_threadpool(entered.enter_context, service.upload(owner, subject, name))
         async for chunk in read_chunks(request):
             await in_writer_thread(upload.write, chunk)
-        (entry,) = file_entries([await in_writer_thread(upload.keep)])
+        (entry,) = list_file_entries([await in_writer_thread(upload.keep)])
         return entry
 
 
-@router.get("/{subject}/files/{name}", response_class=Response, responses=file_responses(_BYTES))
+@router.get("/{subject}/files/{name}", response_class=Response, responses=describe_file_responses(_BYTES))
 def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
-    return stored_file(request, service.store.blobs, row)
+    return send_stored_file(request, service.store.blobs, row)
 
 
-@router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=refusals(404))
+@router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
 def delete_file(subject: Named, name: FileName, owner: Owner, service: ServiceDep) -> None:
     """Remove a file of a subject; jobs that were asked for before keep theirs."""
     service.remove_subject_file(owner, subject, name)
@@ -154,19 +159,19 @@ def as_datetime(microseconds: int) -> datetime:
     return datetime.fromtimestamp(microseconds / 1e6, UTC)
 
 
-def file_entries(rows: list[FileRow]) -> list[FileEntry]:
+def list_file_entries(rows: list[FileRow]) -> list[FileEntry]:
     """Files as they travel."""
     return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
-def _entry(row: SubjectRow) -> dict[str, Any]:
+def _make_entry(row: SubjectRow) -> dict[str, Any]:
     times = {"created_at": as_datetime(row.created_us), "updated_at": as_datetime(row.updated_us)}
     return {"id": row.id, "revision": row.revision} | times
 
 
-def _detail(service: Service, owner: str, subject: str) -> SubjectDetail:
+def _make_detail(service: Service, owner: str, subject: str) -> SubjectDetail:
     return SubjectDetail(
-        **_entry(service.subject(owner, subject)),
+        **_make_entry(service.subject(owner, subject)),
         document=service.subject_document(owner, subject),
-        files=file_entries(service.subject_files(owner, subject)),
+        files=list_file_entries(service.subject_files(owner, subject)),
     )

@@ -68,12 +68,12 @@ class Order:
 
 def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path) -> Order:
     """The order for an attempt at a leased job."""
-    specification, _, _ = jobs.documents(store.database, row.owner, row.id)
+    specification, _, _ = jobs.read_documents(store.database, row.owner, row.id)
     if kind.parts is None:
-        inputs, ends = jobs.inputs(store.database, row.id), None
+        inputs, ends = jobs.list_inputs(store.database, row.id), None
     else:
-        inputs = parts.files(store.database, row.id, kind.parts.file)
-        ended = [_end_of_part(end) for end in parts.ends(store.database, row.id)]
+        inputs = parts.list_files(store.database, row.id, kind.parts.file)
+        ended = [_end_of_part(end) for end in parts.list_ends(store.database, row.id)]
         ends = json.dumps(ended, ensure_ascii=False)
     return Order(
         kind=kind,
@@ -211,11 +211,11 @@ class AttemptFolder:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def executor_maker(settings: ServiceSettings) -> MakeExecutor:
+def choose_executor(settings: ServiceSettings) -> MakeExecutor:
     """The executor that the settings ask for: a Dask cluster where an address is given, else this machine."""
     address = settings.dask_address
     if address is None:
-        return lambda: local_executor(settings.workers + 1)  # one more for what is brief
+        return lambda: make_local_executor(settings.workers + 1)  # one more for what is brief
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:
@@ -227,7 +227,7 @@ def executor_maker(settings: ServiceSettings) -> MakeExecutor:
     return lambda: ClusterExecutor(distributed, address)
 
 
-def local_executor(workers: int) -> Executor:
+def make_local_executor(workers: int) -> Executor:
     """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
     warm_up()
     return ThreadPoolExecutor(workers, thread_name_prefix="attempt")

@@ -8,12 +8,12 @@ import tempfile
 import threading
 from pathlib import Path
 
-from scaling_service.capabilities.shared.job import named_files
+from scaling_service.capabilities.shared.job import list_named_files
 from scaling_service.core.errors import InputError
 from scaling_service.documents.names import DOCUMENT
 from scaling_service.documents.reading import check_document
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.sandbox.launcher import python
+from scaling_service.service.sandbox.launcher import find_python
 from scaling_service.service.store.errors import InUse, NotFound
 
 NAME = "example"
@@ -57,7 +57,7 @@ class Examples:
                 field="subject",
                 remedy="Delete it, or upload it under another name, then ask for the example again",
             )
-        wanted = set(named_files(check_document(document)).values())
+        wanted = set(list_named_files(check_document(document)).values())
         return wanted <= {file.name for file in self._service.subject_files(owner, name)}
 
     def _make(self, owner: str, name: str, seed: int) -> None:
@@ -74,7 +74,7 @@ class Examples:
 
 
 def _run(folder: Path, name: str, seed: int) -> None:
-    command, environment = python(_MAKER, str(folder), name, str(seed))
+    command, environment = find_python(_MAKER, str(folder), name, str(seed))
     try:
         done = subprocess.run(
             command,

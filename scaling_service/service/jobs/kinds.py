@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from scaling_service.capabilities import modules_named
+from scaling_service.capabilities import import_modules_named
 from scaling_service.capabilities.shared.job import Kind, Parts
 
 __all__ = ["KINDS", "Kind", "Parts"]
 
 KINDS: dict[str, Kind] = {}
-for _module in modules_named("job"):
+for _module in import_modules_named("job"):
     KINDS.update(getattr(_module, "KINDS", {}))

@@ -12,11 +12,11 @@ from sqlalchemy.exc import IntegrityError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.machine import Event, Standing, after
+from scaling_service.service.jobs.machine import Event, Standing, follow_event
 from scaling_service.service.store import jobs, parts, queueing
 from scaling_service.service.store.blobs import Content, keep
 from scaling_service.service.store.database import NowUs
-from scaling_service.service.store.errors import needed
+from scaling_service.service.store.errors import report_needed
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import FileRow, JobRow
 
@@ -66,18 +66,18 @@ class Ledger:
     def _ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
         with self.store.write() as connection:
             new = make(connection)
-            row = jobs.seen(connection, new.id)
+            row = jobs.find(connection, new.id)
             if row is not None and row.state not in _AGAIN:
                 return row, False
             room_from = most_waiting - max(len(new.parts), 1) + 1
-            if queueing.waiting_at_least(connection, new.owner, room_from):
+            if queueing.has_queued_at_least(connection, new.owner, room_from):
                 raise QueueFull(
                     f"{most_waiting} jobs are waiting, which is the most",
                     remedy="Wait until some are done, or cancel some",
                 )
             for part in sorted(new.parts, key=lambda job: job.id):  # locked before the whole, in this order
                 self._ask_part(connection, part)
-            row = jobs.locked(connection, new.id)
+            row = jobs.lock(connection, new.id)
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
             elif row.state in _AGAIN:
@@ -86,11 +86,11 @@ class Ledger:
                 return row, False
             if new.parts:
                 parts.link(connection, new.id, [part.id for part in new.parts])
-                self._await_parts(connection, _existing(connection, new.id))
-            return _existing(connection, new.id), True
+                self._await_parts(connection, _require_existing(connection, new.id))
+            return _require_existing(connection, new.id), True
 
     def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
-        row = jobs.locked(connection, part.id)
+        row = jobs.lock(connection, part.id)
         if row is None:
             jobs.add(connection, part, State.QUEUED.value, part=True)
         elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
@@ -98,25 +98,25 @@ class Ledger:
 
     def _await_parts(self, connection: Connection, row: JobRow) -> None:
         """Let a job that is queued wait for its parts, unless they are over."""
-        over, count = parts.ended(connection, row.id)
+        over, count = parts.count_ended(connection, row.id)
         if over < count:
-            self._move(connection, row, Event.WAIT, _progress_of_parts(over, count))
+            self._move(connection, row, Event.WAIT, _sum_progress(over, count))
 
     def lease(self, worker: str, host: str, kinds: Collection[str] | None = None) -> JobRow | None:
         """Take the next job, of any kind or of some; None where nothing waits."""
         with self.store.write() as connection:
-            row = queueing.next_queued(connection, kinds)
+            row = queueing.lock_next(connection, kinds)
             if row is None:
                 return None
             begun = {
                 "worker": worker,
                 "host": host,
-                "lease_until_us": queueing.lease_end(self.lease_s),
+                "lease_until_us": queueing.compute_lease_end(self.lease_s),
                 "started_us": NowUs(),
                 "progress_what": "starting",
             }
             self._move(connection, row, Event.LEASE, begun)
-            return jobs.locked(connection, row.id)
+            return jobs.lock(connection, row.id)
 
     def finish(self, held: JobRow, made: AttemptOutput, provenance: str) -> State | None:
         """Keep a result, all of it or nothing; None where the job is no longer ours."""
@@ -145,7 +145,7 @@ class Ledger:
                 return None
             if event is Event.RELEASE and row.state is State.CANCELLING:
                 event = Event.STOP
-            return self._move(connection, row, event, _failure_columns(failure, provenance))
+            return self._move(connection, row, event, _list_failure_columns(failure, provenance))
 
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is.
@@ -153,31 +153,31 @@ class Ledger:
         NotFound where this owner has no such job, InUse where it is a part of one that is not over.
         """
         with self.store.write() as connection:
-            made_of = [jobs.locked(connection, part) for part in parts.of(connection, [job])]
-            row = jobs.locked(connection, job, owner)
+            made_of = [jobs.lock(connection, part) for part in parts.of(connection, [job])]
+            row = jobs.lock(connection, job, owner)
             if row is None:
-                raise jobs.no_job(job)
+                raise jobs.report_no_job(job)
             if _is_active(row):
                 if parts.is_needed(connection, job):
-                    raise needed(job)
+                    raise report_needed(job)
                 self._move(connection, row, Event.CANCEL)
                 for part in made_of:
                     if part is not None and _is_active(part) and not parts.is_needed(connection, part.id):
                         self._move(connection, part, Event.CANCEL)
-            return _existing(connection, job)
+            return _require_existing(connection, job)
 
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         with self.store.write() as connection:
-            taken = queueing.lost(connection, dead)
+            taken = queueing.lock_lost(connection, dead)
             for row in taken:
-                why = _failure_columns(worker_lost(row, "its worker ended"), None)
+                why = _list_failure_columns(report_worker_lost(row, "its worker ended"), None)
                 self._move(connection, row, Event.LOSE, why)
         return [row.id for row in taken]
 
     def _lock_if_held(self, connection: Connection, held: JobRow) -> JobRow | None:
         """The job, locked, if this very attempt still holds it."""
-        row = jobs.locked(connection, held.id)
+        row = jobs.lock(connection, held.id)
         if row is None or (row.attempt, row.worker) != (held.attempt, held.worker):
             return None
         return row if row.state.is_leased else None
@@ -186,7 +186,7 @@ class Ledger:
         self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any] | None = None
     ) -> State:
         """Write where a locked job stands after an event, with all that changes with it."""
-        new = after(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
+        new = follow_event(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
         written: dict[str, Any] = dict(values or {})
         written |= {"state": new.state.value, "attempt": new.attempt, "losses": new.losses}
         if not new.state.is_leased:
@@ -194,7 +194,7 @@ class Ledger:
         if new.state.is_over:
             written["finished_us"] = NowUs()
         if new.state is State.QUEUED:
-            _, count = parts.ended(connection, row.id)
+            _, count = parts.count_ended(connection, row.id)
             share = PARTS_SHARE if count else 0.0
             written |= {"progress_share": share, "progress_what": WAITING, "provenance": None}
         if new.state is not State.FAILED:
@@ -206,22 +206,22 @@ class Ledger:
 
     def _update_wholes(self, connection: Connection, part: str, state: State) -> None:
         """A part is over: count again, and let go on what waited for the last one."""
-        waiting = parts.waiting_for(connection, part)
+        waiting = parts.list_waiting(connection, part)
         if waiting and state is State.CANCELLED:  # with another whole, just before this one was asked for
-            self._move(connection, _existing(connection, part), Event.ASK, _FRESH)
+            self._move(connection, _require_existing(connection, part), Event.ASK, _FRESH)
             return
         for whole in waiting:
-            row = jobs.locked(connection, whole)
+            row = jobs.lock(connection, whole)
             if row is None or row.state is not State.WAITING:
                 continue
-            over, count = parts.ended(connection, whole)
+            over, count = parts.count_ended(connection, whole)
             if over == count:
                 self._move(connection, row, Event.READY)
             else:
-                jobs.change(connection, whole, _progress_of_parts(over, count))
+                jobs.change(connection, whole, _sum_progress(over, count))
 
 
-def worker_lost(row: JobRow, reason: str) -> Failure:
+def report_worker_lost(row: JobRow, reason: str) -> Failure:
     """Why a job fails that lost its last worker."""
     return Failure(
         kind="WorkerLost",
@@ -230,9 +230,9 @@ def worker_lost(row: JobRow, reason: str) -> Failure:
     )
 
 
-def _existing(connection: Connection, job: str) -> JobRow:
+def _require_existing(connection: Connection, job: str) -> JobRow:
     """A job that is there, for it was made or locked in this transaction."""
-    row = jobs.seen(connection, job)
+    row = jobs.find(connection, job)
     assert row is not None
     return row
 
@@ -241,9 +241,9 @@ def _is_active(row: JobRow) -> bool:
     return not (row.state.is_over or row.state is State.CANCELLING)
 
 
-def _progress_of_parts(over: int, count: int) -> dict[str, Any]:
+def _sum_progress(over: int, count: int) -> dict[str, Any]:
     return {"progress_share": PARTS_SHARE * over / count, "progress_what": f"{over} of {count} ended"}
 
 
-def _failure_columns(failure: Failure, provenance: str | None) -> dict[str, Any]:
+def _list_failure_columns(failure: Failure, provenance: str | None) -> dict[str, Any]:
     return {"failure": failure.model_dump_json(), "provenance": provenance}

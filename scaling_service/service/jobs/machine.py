@@ -59,12 +59,12 @@ class NotPossible(Exception):
         self.state, self.event = state, event
 
 
-def after(standing: Standing, event: Event, most_losses: int) -> Standing:
+def follow_event(standing: Standing, event: Event, most_losses: int) -> Standing:
     """Where a job stands after an event; one that lost ``most_losses`` workers fails.
 
     Examples
     --------
-    >>> after(Standing(State.QUEUED), Event.LEASE, 3)
+    >>> follow_event(Standing(State.QUEUED), Event.LEASE, 3)
     Standing(state=<State.RUNNING: 'running'>, attempt=1, losses=0)
     """
     if event is Event.LOSE and standing.state is State.RUNNING:

@@ -22,15 +22,15 @@ from scaling_service.service.jobs.attempts import (
     AttemptFolder,
     MakeExecutor,
     Order,
-    executor_maker,
+    choose_executor,
     make_order,
     run_attempt,
 )
 from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.ledger import WAITING, AttemptOutput, Ledger, worker_lost
+from scaling_service.service.jobs.ledger import WAITING, AttemptOutput, Ledger, report_worker_lost
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.submission import code_version, provenance
+from scaling_service.service.jobs.submission import code_version, write_provenance
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Content
@@ -93,7 +93,7 @@ class Runner:
     ) -> None:
         self._store, self._settings, self._kinds = store, settings, kinds
         self._brief = [name for name, kind in kinds.items() if kind.brief]
-        self._make_executor = make_executor or executor_maker(settings)
+        self._make_executor = make_executor or choose_executor(settings)
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
         self._lock = RunnerLock(store.blobs.folder)
         self._executor: Executor | None = None
@@ -163,7 +163,7 @@ class Runner:
 
     def _stop_and_report(self) -> None:
         """Stop what is no longer wanted, and pass progress on."""
-        rows = queueing.held(self._store.database, self.name)
+        rows = queueing.list_held(self._store.database, self.name)
         for job, held in self._held.items():
             row = rows.get(job)
             wanted = row is not None and row.attempt == held.row.attempt and row.state is State.RUNNING
@@ -192,7 +192,7 @@ class Runner:
                     continue
                 except Exception as error:
                     log.exception("the outcome of a job cannot be recorded", extra={"job": job})
-                    lost = worker_lost(held.row, f"its result cannot be kept ({type(error).__name__})")
+                    lost = report_worker_lost(held.row, f"its result cannot be kept ({type(error).__name__})")
                     self._ledger.settle(held.row, Event.LOSE, lost, None)
                     held.folder.remove()
                 del self._held[job]
@@ -214,7 +214,7 @@ class Runner:
         """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
         row, outputs = held.row, held.folder.folder / "outputs"
         host = outcome.host if isinstance(outcome, Finished) else row.host
-        origin = provenance(row, held.order.specification, host, wall_s)
+        origin = write_provenance(row, held.order.specification, host, wall_s)
         match outcome:
             case Finished():
                 files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
@@ -223,15 +223,15 @@ class Runner:
             case Failed():
                 return self._ledger.settle(row, Event.FAIL, outcome.failure, origin)
             case Stopped():
-                stopped = worker_lost(row, "it was stopped")
+                stopped = report_worker_lost(row, "it was stopped")
                 return self._ledger.settle(row, Event.RELEASE, stopped, origin)
             case Lost():
-                lost = worker_lost(row, outcome.reason)
+                lost = report_worker_lost(row, outcome.reason)
                 return self._ledger.settle(row, Event.LOSE, lost, origin)
 
     def _take_back(self) -> None:
         """Queue again what dead runners held."""
-        dead = self._lock.dead(queueing.holders(self._store.database))
+        dead = self._lock.dead(queueing.list_holders(self._store.database))
         for job in self._ledger.take_back(dead):
             log.warning("job taken back", extra={"job": job})
 
@@ -240,7 +240,7 @@ class Runner:
         while len(self._held) <= self._settings.workers:
             long = sum(held.row.kind not in self._brief for held in self._held.values())
             kinds = None if long < self._settings.workers else self._brief
-            if not queueing.anything_queued(self._store.database, kinds):
+            if not queueing.has_queued(self._store.database, kinds):
                 return
             self._require_room()
             row = self._ledger.lease(self.name, socket.gethostname(), kinds)
@@ -326,7 +326,7 @@ def _log_end(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) 
     log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=entry)
 
 
-def machine_id() -> str:
+def read_machine_id() -> str:
     """A name of this machine since it was started, the same in all its containers.
 
     Where the kernel gives none, a name of this process: nothing is then concluded of others.
@@ -346,7 +346,7 @@ class RunnerLock:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "runners"
-        self._machine = machine_id()
+        self._machine = read_machine_id()
         self.name = f"{self._machine}-{os.getpid()}-{secrets.token_hex(4)}"
         with disk_errors(folder):
             self._folder.mkdir(mode=0o700, exist_ok=True)

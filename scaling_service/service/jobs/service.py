@@ -15,16 +15,16 @@ from typing import Any
 
 from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.jobs import State
-from scaling_service.documents.names import plain_name
+from scaling_service.documents.names import require_plain_name
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.ledger import Ledger
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import (
-    canonical,
-    canonical_subject,
     check_request,
     check_subject,
-    new_job,
+    make_new_job,
+    write_canonical,
+    write_canonical_subject,
 )
 from scaling_service.service.store import deletion, jobs, subjects
 from scaling_service.service.store.blobs import Incoming
@@ -73,39 +73,41 @@ class Service:
     def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[SubjectRow, bool]:
         """Keep a subject's document under the name that it gives; whether that name is new."""
         name = check_subject(document)
-        return subjects.put(self._database, owner, name, canonical_subject(document))
+        return subjects.put(self._database, owner, name, write_canonical_subject(document))
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
         """One subject."""
-        return subjects.get(self._database, owner, _known_name(subject, "subject"))
+        return subjects.get(self._database, owner, _require_known_name(subject, "subject"))
 
     def subject_document(self, owner: str, subject: str) -> dict[str, Any]:
         """A subject's document."""
-        text = subjects.document(self._database, owner, _known_name(subject, "subject"))
+        text = subjects.read_document(self._database, owner, _require_known_name(subject, "subject"))
         document: dict[str, Any] = json.loads(text)
         return document
 
     def subjects(self, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
         """An owner's subjects, newest first."""
-        return subjects.page(self._database, owner, cursor, limit)
+        return subjects.list_page(self._database, owner, cursor, limit)
 
     def delete_subject(self, owner: str, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
-        deletion.delete_subject(self._database, self.store.blobs, owner, _known_name(subject, "subject"))
+        deletion.delete_subject(
+            self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
+        )
 
     # Files of subjects
 
     @contextmanager
     def upload(self, owner: str, subject: str, name: str) -> Iterator[Upload]:
         """Take a file for a subject: ``upload.write(chunk)``, and at last ``upload.keep()``."""
-        plain_name(name)
+        require_plain_name(name)
         self.subject(owner, subject)
         with self.store.incoming(self.settings.limit_upload_mb * 1_000_000) as incoming:
             yield Upload(self, owner, subject, name, incoming)
 
     def subject_files(self, owner: str, subject: str) -> list[FileRow]:
         """A subject's files, by name."""
-        return subjects.files(self._database, owner, _known_name(subject, "subject"))
+        return subjects.list_files(self._database, owner, _require_known_name(subject, "subject"))
 
     def subject_file(self, owner: str, subject: str, name: str) -> tuple[FileRow, Path]:
         """One file of a subject and where its content lies."""
@@ -120,11 +122,11 @@ class Service:
 
     def marker_map(self, owner: str) -> MarkerMapRow | None:
         """Which label is which marker in an owner's laboratory; None where that was never said."""
-        return subjects.marker_map(self._database, owner)
+        return subjects.read_marker_map(self._database, owner)
 
     def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
-        subjects.put_marker_map(self._database, owner, canonical(dict(labels)))
+        subjects.put_marker_map(self._database, owner, write_canonical(dict(labels)))
         return self.marker_map(owner)
 
     # Jobs
@@ -140,12 +142,13 @@ class Service:
             raise NotFound(f"there is no kind of job '{kind}'", field="kind")
         checked = check_request(row, request)
         return self._ledger.ask(
-            lambda connection: new_job(connection, owner, kind, checked, row.parts), self.settings.limit_queue
+            lambda connection: make_new_job(connection, owner, kind, checked, row.parts),
+            self.settings.limit_queue,
         )
 
     def job(self, owner: str, job: str) -> JobRow:
         """One job; ``revision`` grows with any change."""
-        return jobs.get(self._database, owner, _known_name(job, "job"))
+        return jobs.get(self._database, owner, _require_known_name(job, "job"))
 
     def jobs(
         self,
@@ -159,26 +162,26 @@ class Service:
     ) -> Page[JobRow]:
         """An owner's jobs, newest first."""
         for what, name in (("kind", kind), ("subject", subject)):
-            _known_name(name or "", what)
-        return jobs.page(
+            _require_known_name(name or "", what)
+        return jobs.list_page(
             self._database, owner, state=state, kind=kind, subject=subject, cursor=cursor, limit=limit
         )
 
     def specification(self, owner: str, job: str) -> str:
         """What was asked for, as canonical JSON; its SHA-256 is the job's name."""
-        return jobs.documents(self._database, owner, _known_name(job, "job"))[0]
+        return jobs.read_documents(self._database, owner, _require_known_name(job, "job"))[0]
 
     def result(self, owner: str, job: str) -> str | None:
         """The result as JSON; None where there is none (yet)."""
-        return jobs.documents(self._database, owner, _known_name(job, "job"))[1]
+        return jobs.read_documents(self._database, owner, _require_known_name(job, "job"))[1]
 
     def provenance(self, owner: str, job: str) -> str | None:
         """Where the result came from, as JSON; None where there is none (yet)."""
-        return jobs.documents(self._database, owner, _known_name(job, "job"))[2]
+        return jobs.read_documents(self._database, owner, _require_known_name(job, "job"))[2]
 
     def files(self, owner: str, job: str) -> list[FileRow]:
         """What a job made, by path."""
-        return jobs.files(self._database, owner, _known_name(job, "job"))
+        return jobs.list_files(self._database, owner, _require_known_name(job, "job"))
 
     def file(self, owner: str, job: str, path: str) -> tuple[FileRow, Path]:
         """One file that a job made and where its content lies."""
@@ -186,17 +189,17 @@ class Service:
 
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is, a part of one that is not is InUse."""
-        return self._ledger.cancel(owner, _known_name(job, "job"))
+        return self._ledger.cancel(owner, _require_known_name(job, "job"))
 
     def delete_job(self, owner: str, job: str) -> None:
         """Delete a job with all that it made, for good; if it runs, it is stopped."""
-        deletion.delete_job(self._database, self.store.blobs, owner, _known_name(job, "job"))
+        deletion.delete_job(self._database, self.store.blobs, owner, _require_known_name(job, "job"))
 
     # The whole
 
     def counts(self) -> dict[State, int]:
         """Jobs of all owners by state, for monitoring."""
-        return jobs.counts(self._database)
+        return jobs.count_by_state(self._database)
 
     def check(self) -> None:
         """Whether database and disk answer; StoreUnavailable says which does not."""
@@ -219,7 +222,7 @@ def open_store(settings: ServiceSettings) -> Store:
     return Store.open(settings.data_directory, None if url is None else url.get_secret_value())
 
 
-def _known_name(name: str, what: str) -> str:
+def _require_known_name(name: str, what: str) -> str:
     """A name that something can have; others count as not found before a database sees them."""
     if not name.isprintable():
         raise NotFound(f"there is no such {what}", field=what)

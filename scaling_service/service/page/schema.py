@@ -17,7 +17,7 @@ _HEAD = "/** What travels between service and page, made from the OpenAPI docume
 _PLAIN = {"integer": "number", "number": "number", "string": "string", "boolean": "boolean", "null": "null"}
 
 
-def typescript(document: Mapping[str, Any]) -> str:
+def write_typescript(document: Mapping[str, Any]) -> str:
     """An exported type for each schema of an OpenAPI document, and where each kind of job is asked for."""
     schemas = document["components"]["schemas"]
     routes = {
@@ -27,42 +27,42 @@ def typescript(document: Mapping[str, Any]) -> str:
         if "asking" in operation.get("tags", ())
     }
     kinds = f"export const ROUTES: Record<string, string> = {json.dumps(routes, indent=2)};"
-    types = (_declaration(name, schemas[name]) for name in sorted(schemas))
+    types = (_write_declaration(name, schemas[name]) for name in sorted(schemas))
     return "\n".join((_HEAD, "/** Kind of job to its route. */", kinds, "")) + "".join(types)
 
 
-def _declaration(name: str, schema: Mapping[str, Any]) -> str:
+def _write_declaration(name: str, schema: Mapping[str, Any]) -> str:
     if "properties" not in schema:
-        return f"\nexport type {name} = {_type(schema)};\n"
-    return f"\nexport interface {name} {{\n{_fields(schema)}}}\n"
+        return f"\nexport type {name} = {_write_type(schema)};\n"
+    return f"\nexport interface {name} {{\n{_write_fields(schema)}}}\n"
 
 
-def _fields(schema: Mapping[str, Any]) -> str:
+def _write_fields(schema: Mapping[str, Any]) -> str:
     always = schema.get("required", ())
     return "".join(
-        f"  {name}{'' if name in always else '?'}: {_type(field)};\n"
+        f"  {name}{'' if name in always else '?'}: {_write_type(field)};\n"
         for name, field in schema["properties"].items()
     )
 
 
-def _type(schema: Mapping[str, Any]) -> str:
+def _write_type(schema: Mapping[str, Any]) -> str:
     match schema:
         case {"$ref": str(place)}:
             return place.rpartition("/")[2]
         case {"anyOf": choices}:
-            return " | ".join(dict.fromkeys(map(_type, choices)))
+            return " | ".join(dict.fromkeys(map(_write_type, choices)))
         case {"const": value}:
             return json.dumps(value)
         case {"enum": values}:
             return " | ".join(map(json.dumps, values))
         case {"type": "array", "prefixItems": items}:
-            return f"[{', '.join(map(_type, items))}]"
+            return f"[{', '.join(map(_write_type, items))}]"
         case {"type": "array", "items": item}:
-            return f"Array<{_type(item)}>"
+            return f"Array<{_write_type(item)}>"
         case {"type": "object", "additionalProperties": dict(value)}:
-            return f"Record<string, {_type(value)}>"
+            return f"Record<string, {_write_type(value)}>"
         case {"type": "object", "patternProperties": dict(values)}:
-            return f"Record<string, {' | '.join(map(_type, values.values()))}>"
+            return f"Record<string, {' | '.join(map(_write_type, values.values()))}>"
         case {"type": "object"}:
             return "Record<string, unknown>"
         case {"type": str(kind)}:
@@ -70,7 +70,7 @@ def _type(schema: Mapping[str, Any]) -> str:
     return "unknown"
 
 
-def openapi() -> dict[str, Any]:
+def make_openapi() -> dict[str, Any]:
     """The OpenAPI document of a service without anything in it."""
     from scaling_service.service.http.app import create_app
     from scaling_service.service.jobs.service import Service
@@ -83,4 +83,4 @@ def openapi() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    TARGET.write_text(typescript(openapi()), encoding="utf-8")
+    TARGET.write_text(write_typescript(make_openapi()), encoding="utf-8")

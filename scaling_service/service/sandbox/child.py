@@ -21,7 +21,7 @@ from typing import Any
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import failure_of
+from scaling_service.service.sandbox.outcomes import make_failure
 
 RESULT = "result.json"
 SECRETS = "SCALING_SERVICE_"
@@ -67,7 +67,7 @@ class Child:
         return {"finished": True}
 
     def _explain(self, error: BaseException) -> dict[str, Any]:
-        for cause in _causes(error):
+        for cause in _list_causes(error):
             number = cause.errno if isinstance(cause, OSError) else None
             if number in _HINDRANCES:
                 return {"hindered": os.strerror(number or 0)}
@@ -87,7 +87,7 @@ class Child:
 
     def _failure_message(self, error: InputError) -> dict[str, Any]:
         """The failure without the places on this machine, which mean nothing to a client."""
-        fields = failure_of(error).model_dump()
+        fields = make_failure(error).model_dump()
         for name, text in fields.items():
             for place in (self.folder / "inputs", self.folder / "outputs", self.folder):
                 text = text and text.replace(f"{place}/", "").replace(str(place), "")
@@ -101,7 +101,7 @@ def code_places(error: BaseException) -> str:
     return " < ".join(reversed(lines))[:_LONGEST]
 
 
-def _causes(error: BaseException) -> Iterator[BaseException]:
+def _list_causes(error: BaseException) -> Iterator[BaseException]:
     """An error and what it came from."""
     seen: BaseException | None = error
     while seen is not None:

@@ -19,7 +19,7 @@ _CONTEXT = multiprocessing.get_context("forkserver")
 _GONE_S = 10.0  # chosen: SIGKILL takes effect at once, unless the machine itself is stuck
 
 
-def python(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
+def find_python(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
     """Command line and environment of a process of ours that finds this very package."""
     path = os.pathsep.join(filter(None, [str(_ROOT), os.environ.get("PYTHONPATH")]))
     return [sys.executable, "-m", module, *arguments], {**os.environ, "PYTHONPATH": path}

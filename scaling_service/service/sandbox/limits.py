@@ -30,7 +30,7 @@ class Limits:
         """Bound this process and all that it starts; there is no way back."""
         cpu = max(1, round(self.cpu_s))
         _set(resource.RLIMIT_CORE, 0, 0)  # a dump would hold a patient's data
-        _set(resource.RLIMIT_AS, *2 * (_address_space() + self.memory_bytes,))
+        _set(resource.RLIMIT_AS, *2 * (_measure_address_space() + self.memory_bytes,))
         _set(resource.RLIMIT_CPU, cpu, cpu + GRACE_CPU_S)
         _set(resource.RLIMIT_FSIZE, self.file_bytes, self.file_bytes)
 
@@ -49,7 +49,7 @@ class Limits:
         return LimitExceeded(f"the job needed more than {limit} of {what}", field=setting, remedy=remedy)
 
 
-def _address_space() -> int:
+def _measure_address_space() -> int:
     """Bytes of address space that this process has now."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     return pages * resource.getpagesize()

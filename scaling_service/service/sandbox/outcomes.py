@@ -28,7 +28,7 @@ class Failed:
     @classmethod
     def of(cls, error: InputError) -> Failed:
         """By an error that a user can act on."""
-        return cls(failure_of(error))
+        return cls(make_failure(error))
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Stopped:
 Outcome: TypeAlias = Finished | Failed | Lost | Stopped
 
 
-def failure_of(error: InputError) -> Failure:
+def make_failure(error: InputError) -> Failure:
     """An error that a user can act on, as it travels."""
     fields = {name: getattr(error, name) for name in ("problem", "file", "field", "remedy")}
     return Failure(kind=type(error).__name__, **fields)

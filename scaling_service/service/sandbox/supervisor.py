@@ -111,7 +111,7 @@ def _report(message: object, progress: Progress) -> None:
     match message:
         case [str() as what, int() | float() as share]:
             progress(
-                _printable(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0
+                _make_printable(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0
             )
 
 
@@ -119,10 +119,10 @@ def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
     """A child's last message as an outcome, with its files counted and synced by us."""
     try:
         if "failure" in answer:
-            fields = {k: v if v is None else _printable(v) for k, v in dict(answer["failure"]).items()}
-            return Failed(Failure.model_validate(fields), _printable(answer.get("trace", ""))[:4000])
+            fields = {k: v if v is None else _make_printable(v) for k, v in dict(answer["failure"]).items()}
+            return Failed(Failure.model_validate(fields), _make_printable(answer.get("trace", ""))[:4000])
         if "hindered" in answer:
-            return Lost(_printable(answer["hindered"])[:200])
+            return Lost(_make_printable(answer["hindered"])[:200])
         if _count_bytes(child.folder) > child.limits.output_bytes:
             return Failed.of(child.limits.exceeded("limit_output_mb"))
         return Finished(_read_result(child.folder / RESULT), _list_files(child.folder / "outputs"))
@@ -158,7 +158,7 @@ def _reject_constant(name: str) -> None:
     raise ValueError(f"{name} is no number of JSON")
 
 
-def _printable(text: object) -> str:
+def _make_printable(text: object) -> str:
     """A text that any database takes: no control characters, no halves of characters."""
     return "".join(c if c.isprintable() else " " for c in str(text))
 

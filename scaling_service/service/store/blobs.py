@@ -116,7 +116,7 @@ class Blobs:
                 content.scratch.replace(target)
                 sync_folder(target.parent)
             elif not target.exists():
-                raise _content_missing(content.sha256)
+                raise _report_content_missing(content.sha256)
 
     def remove(self, sha256: str) -> None:
         """Remove content, within the transaction that holds the lock of its row."""
@@ -129,7 +129,7 @@ class Blobs:
             try:
                 return self.path(sha256).open("rb")
             except FileNotFoundError:
-                raise _content_missing(sha256) from None
+                raise _report_content_missing(sha256) from None
 
     def copy(self, sha256: str, target: Path) -> None:
         """Copy content to a file and check on the way that it is what its name says."""
@@ -179,7 +179,7 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _content_missing(sha256: str) -> ContentMissing:
+def _report_content_missing(sha256: str) -> ContentMissing:
     return ContentMissing(
         f"the stored content {sha256[:12]}… is not there",
         remedy="Upload the file again, or restore the data directory from a backup",

@@ -23,7 +23,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
 from scaling_service.core.errors import DependencyMissing, InputError
-from scaling_service.service.store.errors import StoreUnavailable, full, of_sqlite
+from scaling_service.service.store.errors import StoreUnavailable, of_sqlite, report_full
 
 CONNECT_S = 5
 """Chosen: a PostgreSQL that does not answer by then is reported as unavailable, and tried again later."""
@@ -52,13 +52,13 @@ class NowUs(FunctionElement[int]):
 
 
 @compiles(NowUs, "sqlite")
-def _sqlite(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+def _open_sqlite(_element: NowUs, _compiler: Any, **_options: Any) -> str:
     # 2440587.5: the Julian day of 1970-01-01 (Meeus 1998, Astronomical Algorithms, chapter 7).
     return "CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS INTEGER) * 1000"
 
 
 @compiles(NowUs, "postgresql")
-def _postgresql(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+def _open_postgresql(_element: NowUs, _compiler: Any, **_options: Any) -> str:
     return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000000 AS BIGINT)"
 
 
@@ -71,7 +71,7 @@ class Database:
     """A pool of connections to ``sqlite:////path`` or ``postgresql://user:password@host/name``."""
 
     def __init__(self, url: str | URL) -> None:
-        self._engine = _engine(_checked(url))
+        self._engine = _make_engine(_check_url(url))
         self.is_sqlite = self._engine.dialect.name == "sqlite"
         self._turn: AbstractContextManager[object] = threading.Lock() if self.is_sqlite else nullcontext()
 
@@ -167,7 +167,7 @@ class SqliteFile:
         return found.st_dev, found.st_ino
 
 
-def _checked(text_url: str | URL) -> URL:
+def _check_url(text_url: str | URL) -> URL:
     try:
         url = make_url(text_url)
     except ArgumentError:
@@ -182,7 +182,7 @@ def _checked(text_url: str | URL) -> URL:
     return url.set(drivername="postgresql+psycopg") if kind == "postgresql" else url
 
 
-def _engine(url: URL) -> Engine:
+def _make_engine(url: URL) -> Engine:
     if url.get_backend_name() == "sqlite":
         file = SqliteFile(Path(url.database or ""))
         engine = create_engine(url, creator=file.connect)
@@ -225,7 +225,7 @@ def database_errors() -> Iterator[None]:
 def _of_postgres(error: DBAPIError) -> StoreUnavailable | None:
     state = getattr(error.orig, "sqlstate", None)
     if state == _POSTGRES_FULL:
-        return full()
+        return report_full()
     # Classes 08 connection, 53 resources, 57 operator intervention, 25006 read-only, 40 rolled back; or none
     # at all where the server was not reached (PostgreSQL manual, appendix A).
     unreached = state is None and type(error.orig).__module__.startswith("psycopg")

@@ -16,9 +16,9 @@ from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 from scaling_service.service.store import parts
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
-from scaling_service.service.store.errors import needed
-from scaling_service.service.store.jobs import no_job
-from scaling_service.service.store.subjects import no_subject
+from scaling_service.service.store.errors import report_needed
+from scaling_service.service.store.jobs import report_no_job
+from scaling_service.service.store.subjects import report_no_subject
 from scaling_service.service.store.tables import (
     REFERENCES,
     job_files,
@@ -46,9 +46,9 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
         mine = select(jobs.c.id).where(jobs.c.id == job, jobs.c.owner == owner).with_for_update()
         found = list(connection.scalars(mine))
         if not found:
-            raise no_job(job)
+            raise report_no_job(job)
         if parts.is_needed(connection, job):
-            raise needed(job)
+            raise report_needed(job)
         gone, digests = _delete_jobs(connection, found)
     erase(database, blobs, gone, digests)
 
@@ -115,7 +115,7 @@ def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[
     """The jobs that went with it, and the contents that nothing of it refers to any more."""
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     if connection.scalar(select(subjects.c.id).where(mine).with_for_update()) is None:
-        raise no_subject(identity)
+        raise report_no_subject(identity)
     resting = (job_subjects.c.owner == owner) & (job_subjects.c.subject == identity)
     found = list(connection.scalars(select(job_subjects.c.job).where(resting)))
     gone, digests = _delete_jobs(connection, found)
@@ -136,6 +136,6 @@ def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str
             referred = (select(t.c.sha256).where(t.c.job.in_(some)) for t in (job_inputs, job_files))
             digests += connection.scalars(union(*referred))
             connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
-        found = parts.unneeded(connection, made_of)
+        found = parts.list_unneeded(connection, made_of)
         gone += found
     return gone, digests

@@ -57,7 +57,7 @@ def disk_errors(place: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in NO_ROOM:
-            raise full(place) from error
+            raise report_full(place) from error
         if error.errno in NO_ACCESS:
             raise StoreUnavailable(
                 f"the data directory cannot be used: {error.strerror}",
@@ -67,7 +67,7 @@ def disk_errors(place: Path) -> Iterator[None]:
         raise
 
 
-def full(place: Path | None = None) -> StoreFull:
+def report_full(place: Path | None = None) -> StoreFull:
     """There is no room left."""
     return StoreFull(
         "there is no room left on the disk",
@@ -80,7 +80,7 @@ def of_sqlite(error: BaseException | None) -> StoreUnavailable | None:
     """The store's word for an error of SQLite that concerns its file and not the statement."""
     name = getattr(error, "sqlite_errorname", "")
     if name == "SQLITE_FULL":
-        return full()
+        return report_full()
     if isinstance(error, sqlite3.DatabaseError) and name.startswith(_SQLITE_NO_FILE):
         return StoreUnavailable(
             f"the database cannot be used now ({name})",
@@ -89,7 +89,7 @@ def of_sqlite(error: BaseException | None) -> StoreUnavailable | None:
     return None
 
 
-def needed(job: str) -> InUse:
+def report_needed(job: str) -> InUse:
     """The error for a part that is needed."""
     return InUse(
         f"the job '{job[:12]}…' is a part of another one that is not over",

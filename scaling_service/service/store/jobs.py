@@ -18,9 +18,9 @@ from scaling_service.service.store.tables import (
     Page,
     job_files,
     job_inputs,
-    job_row,
     job_subjects,
     jobs,
+    make_job_row,
     read_page,
 )
 
@@ -72,21 +72,21 @@ def add_files(connection: Connection, job: str, files: Iterable[FileRow]) -> Non
     _add_files(connection, job_files, job, files)
 
 
-def seen(connection: Connection, job: str) -> JobRow | None:
+def find(connection: Connection, job: str) -> JobRow | None:
     """A job as this transaction sees it; None if there is none."""
-    return first(connection, select(*SHOWN).where(jobs.c.id == job))
+    return find_first(connection, select(*SHOWN).where(jobs.c.id == job))
 
 
-def locked(connection: Connection, job: str, owner: str | None = None) -> JobRow | None:
+def lock(connection: Connection, job: str, owner: str | None = None) -> JobRow | None:
     """A job that nobody else can change before this write transaction ends; None if there is none."""
     statement = select(*SHOWN).where(jobs.c.id == job).with_for_update()
-    return first(connection, statement if owner is None else statement.where(jobs.c.owner == owner))
+    return find_first(connection, statement if owner is None else statement.where(jobs.c.owner == owner))
 
 
-def first(connection: Connection, statement: Select[Any], **values: str) -> JobRow | None:
+def find_first(connection: Connection, statement: Select[Any], **values: str) -> JobRow | None:
     """The one job that a statement finds, if any; ``values``: of its parameters."""
     found = connection.execute(statement, values).mappings().one_or_none()
-    return None if found is None else job_row(found)
+    return None if found is None else make_job_row(found)
 
 
 def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
@@ -98,39 +98,39 @@ def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
 def get(database: Database, owner: str, job: str) -> JobRow:
     """One job; NotFound where this owner has none of that name."""
     with database.read() as connection:
-        found = first(connection, _ONE, job=job, owner=owner)
+        found = find_first(connection, _ONE, job=job, owner=owner)
     if found is None:
-        raise no_job(job)
+        raise report_no_job(job)
     return found
 
 
-def documents(database: Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
+def read_documents(database: Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
     """A job's specification, result and provenance as JSON texts; NotFound as in :func:`get`."""
     wanted = select(jobs.c.specification, jobs.c.result, jobs.c.provenance)
     with database.read() as connection:
         found = connection.execute(wanted.where(jobs.c.id == job, jobs.c.owner == owner)).one_or_none()
     if found is None:
-        raise no_job(job)
+        raise report_no_job(job)
     return found.specification, found.result, found.provenance
 
 
-def files(database: Database, owner: str, job: str) -> list[FileRow]:
+def list_files(database: Database, owner: str, job: str) -> list[FileRow]:
     """What a job made, by path; NotFound as in :func:`get`."""
     get(database, owner, job)
-    return _files(database, job_files, job)
+    return _list_files_of(database, job_files, job)
 
 
-def inputs(database: Database, job: str) -> list[FileRow]:
+def list_inputs(database: Database, job: str) -> list[FileRow]:
     """What a job was asked to work on, by path."""
-    return _files(database, job_inputs, job)
+    return _list_files_of(database, job_inputs, job)
 
 
-def no_job(job: str) -> NotFound:
+def report_no_job(job: str) -> NotFound:
     """The error for a job that this owner has not."""
     return NotFound(f"there is no job '{job[:64]}'", field="job", remedy="List the jobs")
 
 
-def page(
+def list_page(
     database: Database,
     owner: str,
     *,
@@ -153,17 +153,17 @@ def page(
     if kind is not None:
         statement = statement.where(jobs.c.kind == kind)
     with database.read() as connection:
-        return read_page(connection, statement, order, cursor, limit, job_row)
+        return read_page(connection, statement, order, cursor, limit, make_job_row)
 
 
-def counts(database: Database) -> dict[State, int]:
+def count_by_state(database: Database) -> dict[State, int]:
     """Jobs of all owners by state, for monitoring."""
     with database.read() as connection:
         rows = connection.execute(select(jobs.c.state, func.count()).group_by(jobs.c.state)).all()
     return dict.fromkeys(State, 0) | {State(state): number for state, number in rows}
 
 
-def _files(database: Database, table: Table, job: str) -> list[FileRow]:
+def _list_files_of(database: Database, table: Table, job: str) -> list[FileRow]:
     wanted = select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
     with database.read() as connection:
         return [FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]

@@ -40,7 +40,7 @@ def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str
     return KeyRow(*row), token
 
 
-def owner_of(database: Database, token: str) -> str | None:
+def find_owner(database: Database, token: str) -> str | None:
     """The owner whose key this is; None for one that is unknown or revoked."""
     parts = token.split("_", 2)
     if len(parts) != 3 or parts[0] != PREFIX or not (token.isascii() and token.isprintable()):
@@ -55,14 +55,14 @@ def owner_of(database: Database, token: str) -> str | None:
     return str(found.owner)
 
 
-def every(database: Database) -> list[KeyRow]:
+def list_all(database: Database) -> list[KeyRow]:
     """All keys, revoked ones too, oldest first."""
     with database.read() as connection:
         rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id))
         return [KeyRow(*row) for row in rows]
 
 
-def any_valid(database: Database) -> bool:
+def has_valid(database: Database) -> bool:
     """Whether a key exists that is not revoked."""
     with database.read() as connection:
         return connection.scalar(_ANY_VALID) is not None

@@ -29,7 +29,7 @@ def upgrade(database: Database, folder: Path) -> None:
     StoreTooNew is raised where a later version of the program has been here.
     """
     with _alone(database, folder), database.write() as connection:
-        config = configuration(connection)
+        config = configure(connection)
         there = MigrationContext.configure(connection).get_current_revision()
         if there is None:
             metadata.create_all(connection)
@@ -39,7 +39,7 @@ def upgrade(database: Database, folder: Path) -> None:
             command.upgrade(config, "head")
 
 
-def configuration(connection: Connection) -> Config:
+def configure(connection: Connection) -> Config:
     """What Alembic's commands take, to work over a connection."""
     config = Config()
     config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))

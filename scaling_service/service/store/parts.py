@@ -38,28 +38,28 @@ def of(connection: Connection, wholes: Iterable[str]) -> list[str]:
     return sorted(connection.scalars(wanted))
 
 
-def waiting_for(connection: Connection, part: str) -> list[str]:
+def list_waiting(connection: Connection, part: str) -> list[str]:
     """The jobs that wait for a part, sorted by name."""
-    return _wholes(connection, part, [State.WAITING])
+    return _list_wholes(connection, part, [State.WAITING])
 
 
 def is_needed(connection: Connection, part: str) -> bool:
     """Whether it belongs to a job that is not over."""
-    return bool(_wholes(connection, part, [state for state in State if not state.is_over]))
+    return bool(_list_wholes(connection, part, [state for state in State if not state.is_over]))
 
 
 def is_counted_on(connection: Connection, part: str) -> bool:
     """Whether it belongs to a job that no longer waits and is not over: it must stay as it ended."""
-    return bool(_wholes(connection, part, _SETTLED))
+    return bool(_list_wholes(connection, part, _SETTLED))
 
 
-def _wholes(connection: Connection, part: str, states: Iterable[State]) -> list[str]:
+def _list_wholes(connection: Connection, part: str, states: Iterable[State]) -> list[str]:
     wanted = select(job_parts.c.whole).join(jobs, jobs.c.id == job_parts.c.whole)
     chosen = jobs.c.state.in_([state.value for state in states])
     return sorted(connection.scalars(wanted.where(job_parts.c.part == part, chosen)))
 
 
-def ended(connection: Connection, whole: str) -> tuple[int, int]:
+def count_ended(connection: Connection, whole: str) -> tuple[int, int]:
     """How many of a job's parts are over, and how many there are."""
     wanted = (
         select(jobs.c.state, func.count().label("number"))
@@ -71,13 +71,13 @@ def ended(connection: Connection, whole: str) -> tuple[int, int]:
     return sum(counts.get(state, 0) for state in OVER), sum(counts.values())
 
 
-def unneeded(connection: Connection, parts: Iterable[str]) -> list[str]:
+def list_unneeded(connection: Connection, parts: Iterable[str]) -> list[str]:
     """Those that no job is made of any more."""
     left = jobs.c.id.in_(list(parts)) & ~exists().where(job_parts.c.part == jobs.c.id)
     return list(connection.scalars(select(jobs.c.id).where(left)))
 
 
-def ends(database: Database, whole: str) -> list[PartRow]:
+def list_ends(database: Database, whole: str) -> list[PartRow]:
     """How a job's parts ended, in their order."""
     wanted = (
         select(jobs.c.state, jobs.c.specification, jobs.c.result, jobs.c.failure)
@@ -89,7 +89,7 @@ def ends(database: Database, whole: str) -> list[PartRow]:
         return [PartRow(State(state), *rest) for state, *rest in connection.execute(wanted)]
 
 
-def files(database: Database, whole: str, name: str) -> list[FileRow]:
+def list_files(database: Database, whole: str, name: str) -> list[FileRow]:
     """The files of that name, in whichever folder, which a job's parts made."""
     wanted = (
         select(job_files.c.path, job_files.c.sha256, job_files.c.size)

@@ -14,7 +14,7 @@ from sqlalchemy import URL, Connection, text
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
-from scaling_service.service.store.errors import disk_errors, full
+from scaling_service.service.store.errors import disk_errors, report_full
 from scaling_service.service.store.migrate import upgrade
 
 SQLITE_NAME = "store.sqlite"
@@ -60,7 +60,7 @@ class Store:
         with disk_errors(self.blobs.folder):
             self.blobs.remove_dead_uploads()
             found = list(self.blobs.work.iterdir())
-        alive = {f"{job}.{attempt}" for job, attempt in queueing.running_attempts(self.database)}
+        alive = {f"{job}.{attempt}" for job, attempt in queueing.list_running_attempts(self.database)}
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
@@ -80,7 +80,7 @@ class Store:
         """Raise StoreFull where fewer bytes are free on the disk."""
         with disk_errors(self.blobs.folder):
             if shutil.disk_usage(self.blobs.folder).free < least:
-                raise full(self.blobs.folder)
+                raise report_full(self.blobs.folder)
 
     def close(self) -> None:
         """Give all connections back."""

@@ -51,26 +51,26 @@ def get(database: Database, owner: str, identity: str) -> SubjectRow:
     with database.read() as connection:
         found = connection.execute(select(*_SHOWN).where(mine)).one_or_none()
     if found is None:
-        raise no_subject(identity)
+        raise report_no_subject(identity)
     return SubjectRow(*found)
 
 
-def document(database: Database, owner: str, identity: str) -> str:
+def read_document(database: Database, owner: str, identity: str) -> str:
     """A subject's document as it was put; NotFound where this owner has none of that name."""
     with database.read() as connection:
-        return document_in(connection, owner, identity)
+        return read_document_in(connection, owner, identity)
 
 
-def document_in(connection: Connection, owner: str, identity: str) -> str:
-    """:func:`document` within a transaction."""
+def read_document_in(connection: Connection, owner: str, identity: str) -> str:
+    """:func:`read_document` within a transaction."""
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     found = connection.scalar(select(subjects.c.document).where(mine))
     if found is None:
-        raise no_subject(identity)
+        raise report_no_subject(identity)
     return str(found)
 
 
-def page(database: Database, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
+def list_page(database: Database, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
     """An owner's subjects, newest first."""
     mine = select(*_SHOWN).where(subjects.c.owner == owner)
     order = (subjects.c.created_us, subjects.c.id)
@@ -78,7 +78,7 @@ def page(database: Database, owner: str, cursor: str | None = None, limit: int =
         return read_page(connection, mine, order, cursor, limit, lambda row: SubjectRow(**row))
 
 
-def no_subject(identity: str) -> NotFound:
+def report_no_subject(identity: str) -> NotFound:
     """The error for a subject that this owner has not."""
     return NotFound(f"there is no subject '{identity}'", field="subject", remedy="Upload its document first")
 
@@ -88,7 +88,7 @@ def attach(
 ) -> FileRow:
     """Keep an upload as a subject's file, of which it may have ``most``; one of the same name is replaced."""
     row = FileRow(name, content.sha256, content.size)
-    mine = _files_of(owner, identity)
+    mine = _select_files(owner, identity)
     with database.write() as connection:
         _touch(connection, owner, identity)
         replaced = connection.scalars(
@@ -117,7 +117,7 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
         for name in names:
             found = connection.scalar(
                 delete(subject_files)
-                .where(_files_of(owner, identity), subject_files.c.name == name)
+                .where(_select_files(owner, identity), subject_files.c.name == name)
                 .returning(subject_files.c.sha256)
             )
             if found is None:
@@ -127,24 +127,24 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
     remove_unreferenced(database, blobs, gone)
 
 
-def files(database: Database, owner: str, identity: str) -> list[FileRow]:
+def list_files(database: Database, owner: str, identity: str) -> list[FileRow]:
     """A subject's files, by name; NotFound where this owner has no such subject."""
     get(database, owner, identity)
     with database.read() as connection:
-        return files_in(connection, owner, identity)
+        return list_files_in(connection, owner, identity)
 
 
-def files_in(connection: Connection, owner: str, identity: str) -> list[FileRow]:
-    """:func:`files` within a transaction."""
+def list_files_in(connection: Connection, owner: str, identity: str) -> list[FileRow]:
+    """:func:`list_files` within a transaction."""
     rows = connection.execute(
         select(subject_files.c.name, subject_files.c.sha256, subject_files.c.size)
-        .where(_files_of(owner, identity))
+        .where(_select_files(owner, identity))
         .order_by(subject_files.c.name)
     )
     return [FileRow(*row) for row in rows]
 
 
-def _files_of(owner: str, identity: str) -> ColumnElement[bool]:
+def _select_files(owner: str, identity: str) -> ColumnElement[bool]:
     return and_(subject_files.c.owner == owner, subject_files.c.subject == identity)
 
 
@@ -156,10 +156,10 @@ def _touch(connection: Connection, owner: str, identity: str) -> None:
         .values(updated_us=NowUs(), revision=subjects.c.revision + 1)
     )
     if done.rowcount == 0:
-        raise no_subject(identity)
+        raise report_no_subject(identity)
 
 
-def marker_map(database: Database, owner: str) -> MarkerMapRow | None:
+def read_marker_map(database: Database, owner: str) -> MarkerMapRow | None:
     """Which label is which marker in an owner's laboratory; None where that was never said."""
     wanted = select(marker_maps.c.document, marker_maps.c.updated_us).where(marker_maps.c.owner == owner)
     with database.read() as connection:

@@ -248,7 +248,7 @@ class JobRow:
     failure: Failure | None
 
 
-def job_row(row: RowMapping) -> JobRow:
+def make_job_row(row: RowMapping) -> JobRow:
     """A job from what the database gave."""
     failure = row["failure"]
     read = {

@@ -31,44 +31,47 @@ CLAIMS: list[Claim[FutamureDocument]] = []
 _claim = partial(claim, CLAIMS)
 
 
-def less(first: Array, second: Array) -> float:
+def assess_less(first: Array, second: Array) -> float:
     """One-sided p of Wilcoxon's signed-rank test that the first are smaller; NaN below five pairs."""
     if len(first) < 5:
         return float("nan")
     return float(scipy.stats.wilcoxon(first, second, alternative="less").pvalue)
 
 
-def _recordings(study: FutamureDocument, way: str, *, held_out: bool = False) -> list[WayEntry]:
+def _list_recordings(study: FutamureDocument, way: str, *, held_out: bool = False) -> list[WayEntry]:
     """One way's errors in all persons' recordings."""
     return [getattr(p.held_out if held_out else p.fitted, way) for p in study.persons]
 
 
-def _wrenches(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
+def _list_wrenches(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
     """RMS errors of all persons, (n, 3)."""
-    return np.array([found.wrench_rmse for found in _recordings(study, way, held_out=held_out)])
+    return np.array([found.wrench_rmse for found in _list_recordings(study, way, held_out=held_out)])
 
 
-def _angle_errors(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
+def _average_angle_errors(study: FutamureDocument, way: str, *, held_out: bool = False) -> Array:
     """Mean RMS error of each person's angles, (n,), deg."""
-    return np.array([np.mean(f.angle_rmse_deg) for f in _recordings(study, way, held_out=held_out)])
+    return np.array([np.mean(f.angle_rmse_deg) for f in _list_recordings(study, way, held_out=held_out)])
 
 
-def _words(values: Array | list[float], digits: int = 1) -> str:
+def _describe_errors(values: Array | list[float], digits: int = 1) -> str:
     return ", ".join(f"{v:.{digits}f}" for v in np.atleast_1d(values))
 
 
 @_claim("table 2", "The ground wrench is tracked within 3 N, 4 N and 3 N m", "3, 4, 3 (SD 0)")
 def _as_low(study: FutamureDocument) -> Answer:
-    mean = _wrenches(study, "consistent").mean(axis=0)
-    return Answer(bool((mean <= PAPER["consistent"]).all()), f"{_words(mean)} N, N, N m")
+    mean = _list_wrenches(study, "consistent").mean(axis=0)
+    return Answer(bool((mean <= PAPER["consistent"]).all()), f"{_describe_errors(mean)} N, N, N m")
 
 
 @_claim("V", "The classical method misses it by two to five times as much", "7, 8, 8 (SD 2, 2, 3)")
 def _lower(study: FutamureDocument) -> Answer:
-    classical, ours = _wrenches(study, "classical"), _wrenches(study, "consistent")
+    classical, ours = _list_wrenches(study, "classical"), _list_wrenches(study, "consistent")
     ratio = classical.mean(axis=0) / ours.mean(axis=0)
-    p = [less(ours[:, k], classical[:, k]) for k in range(3)]
-    figures = f"classical {_words(classical.mean(axis=0))}, {_words(ratio)} times as large; p {_words(p, 3)}"
+    p = [assess_less(ours[:, k], classical[:, k]) for k in range(3)]
+    figures = (
+        f"classical {_describe_errors(classical.mean(axis=0))}, {_describe_errors(ratio)} times as large; "
+        f"p {_describe_errors(p, 3)}"
+    )
     return _tested(figures, p, bool((ratio >= 2.0).all()))
 
 
@@ -81,10 +84,10 @@ def _tested(figures: str, p: Sequence[float], holds: bool = True) -> Answer:
 @_claim("V", "The classical method follows the markers better", "4-7 against 14-17 mm")
 def _markers(study: FutamureDocument) -> Answer:
     classical, ours = (
-        np.array([found.marker_rms_mm for found in _recordings(study, way)])
+        np.array([found.marker_rms_mm for found in _list_recordings(study, way)])
         for way in ("classical", "consistent")
     )
-    p = less(classical, ours)
+    p = assess_less(classical, ours)
     return _tested(
         f"classical {classical.mean():.1f}, consistent {ours.mean():.1f} mm over all markers; p {p:.3f}", [p]
     )
@@ -110,13 +113,13 @@ def _loops(study: FutamureDocument) -> Answer:
 
 @_claim("abstract", "Joint angles are nearer the truth than the classical ones", "no truth was known")
 def _angles(study: FutamureDocument) -> Answer:
-    classical, ours = (_angle_errors(study, way) for way in ("classical", "consistent"))
-    held = [_angle_errors(study, way, held_out=True) for way in ("classical", "consistent")]
-    p = [less(ours, classical), less(held[1], held[0])]
+    classical, ours = (_average_angle_errors(study, way) for way in ("classical", "consistent"))
+    held = [_average_angle_errors(study, way, held_out=True) for way in ("classical", "consistent")]
+    p = [assess_less(ours, classical), assess_less(held[1], held[0])]
     figures = (
         f"mean RMS error {classical.mean():.2f} and {ours.mean():.2f} deg, "
         f"nearer in {(ours < classical).sum()} of {len(ours)}; "
-        f"held out {held[0].mean():.2f} and {held[1].mean():.2f} deg; p {_words(p, 3)}"
+        f"held out {held[0].mean():.2f} and {held[1].mean():.2f} deg; p {_describe_errors(p, 3)}"
     )
     return _tested(figures, p)
 
@@ -125,8 +128,8 @@ def _angles(study: FutamureDocument) -> Answer:
 def _inertia(study: FutamureDocument) -> Answer:
     before, after = np.moveaxis(np.array([p.inertia_distance for p in study.persons]), 1, 0)
     whole = [np.sqrt((x**2).mean(axis=1)) for x in (before, after)]
-    p = less(whole[1], whole[0])
-    tested = [less(after[:, k], before[:, k]) for k in range(3)]
+    p = assess_less(whole[1], whole[0])
+    tested = [assess_less(after[:, k], before[:, k]) for k in range(3)]
     parts = "; ".join(
         f"{name} {before[:, k].mean():.2f} to {after[:, k].mean():.2f} (p {tested[k]:.3f})"
         for k, name in enumerate(("masses", "centres of mass", "moments of inertia"))
@@ -137,20 +140,24 @@ def _inertia(study: FutamureDocument) -> Answer:
 
 @_claim("beyond", "A held-out recording is followed as well as the fitted one", "not asked")
 def _held_out(study: FutamureDocument) -> Answer:
-    fitted, held = (_wrenches(study, "consistent", held_out=h).mean(axis=0) for h in (False, True))
+    fitted, held = (_list_wrenches(study, "consistent", held_out=h).mean(axis=0) for h in (False, True))
     ratio = held / fitted
-    return Answer(bool((ratio <= WITHIN).all()), f"held out {_words(held)}, {_words(ratio, 2)} of fitted")
+    return Answer(
+        bool((ratio <= WITHIN).all()),
+        f"held out {_describe_errors(held)}, {_describe_errors(ratio, 2)} of fitted",
+    )
 
 
 @_claim("beyond", "From its markers alone it is predicted better than with the table", "not asked")
 def _predicted(study: FutamureDocument) -> Answer:
-    fitted, held = (_wrenches(study, "predicted", held_out=h) for h in (False, True))
-    classical = _wrenches(study, "classical", held_out=True)
-    p = [less(held[:, k], classical[:, k]) for k in range(3)]
+    fitted, held = (_list_wrenches(study, "predicted", held_out=h) for h in (False, True))
+    classical = _list_wrenches(study, "classical", held_out=True)
+    p = [assess_less(held[:, k], classical[:, k]) for k in range(3)]
     ratio = held.mean(axis=0) / fitted.mean(axis=0)
     figures = (
-        f"{_words(held.mean(axis=0))} against {_words(classical.mean(axis=0))} with the table, "
-        f"p {_words(p, 3)}; {_words(ratio, 2)} of fitted"
+        f"{_describe_errors(held.mean(axis=0))} against {_describe_errors(classical.mean(axis=0))} "
+        f"with the table, "
+        f"p {_describe_errors(p, 3)}; {_describe_errors(ratio, 2)} of fitted"
     )
     return _tested(figures, p, bool((ratio <= WITHIN).all()))
 

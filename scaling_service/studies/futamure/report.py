@@ -9,10 +9,10 @@ import plotly.graph_objects as go
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
-from scaling_service.report.figures import Figure, chart, grouped_bars
+from scaling_service.report.figures import Figure, draw_grouped_bars, make_chart
 from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Page, Section
-from scaling_service.studies.claims import study_page
+from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.futamure.claims import PAPER
 from scaling_service.studies.futamure.study import WAYS, FutamureDocument, SquatterEntry, WayEntry
 
@@ -23,31 +23,31 @@ _JOINTS = ("ankle", "knee", "hip", "shoulder")
 _INERTIA = ("masses", "centres of mass", "moments of inertia")
 
 
-def page(document: FutamureDocument) -> Page:
+def build_page(document: FutamureDocument) -> Page:
     """The page of the study, all from ``study.json``."""
     persons = document.persons
-    real = [Section("Real recordings", [_real_table(document)])] if document.recordings else []
-    return study_page(
+    real = [Section("Real recordings", [_tabulate_real(document)])] if document.recordings else []
+    return build_study_page(
         "Futamure et al.",
         document,
         [
-            Section("Table 2: ground wrench and markers", _wrench_blocks(persons), new_page=True),
-            Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
+            Section("Table 2: ground wrench and markers", _build_wrench_blocks(persons), new_page=True),
+            Section("What only virtual persons can tell", list(_build_truth(persons)), new_page=True),
             *real,
         ],
     )
 
 
-def tables(document: FutamureDocument) -> Iterator[Table]:
+def make_tables(document: FutamureDocument) -> Iterator[Table]:
     """What the paper's table 2 has, of virtual persons and of real recordings."""
-    yield _persons_table(document.persons)
+    yield _tabulate_persons(document.persons)
     if document.recordings:
-        yield _real_table(document)
+        yield _tabulate_real(document)
 
 
-def _persons_table(persons: Sequence[SquatterEntry]) -> Table:
+def _tabulate_persons(persons: Sequence[SquatterEntry]) -> Table:
     rows = [
-        Row(f"{way}, {said}", _cells([getattr(getattr(p, part), way) for p in persons]))
+        Row(f"{way}, {said}", _format_cells([getattr(getattr(p, part), way) for p in persons]))
         for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
         for way in WAYS
     ]
@@ -61,9 +61,9 @@ def _persons_table(persons: Sequence[SquatterEntry]) -> Table:
     )
 
 
-def _real_table(document: FutamureDocument) -> Table:
+def _tabulate_real(document: FutamureDocument) -> Table:
     rows = [
-        Row(f"{r.name}, {r.model}, {said}, {way}", _cells([getattr(getattr(r, part), way)]))
+        Row(f"{r.name}, {r.model}, {said}, {way}", _format_cells([getattr(getattr(r, part), way)]))
         for r in document.recordings
         for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
         for way in WAYS
@@ -71,7 +71,7 @@ def _real_table(document: FutamureDocument) -> Table:
     return Table("RMS errors of real squats", _COLUMNS, rows)
 
 
-def _cells(found: Sequence[WayEntry]) -> list[str]:
+def _format_cells(found: Sequence[WayEntry]) -> list[str]:
     """Of all recordings in one way."""
     values = np.array([[*entry.wrench_rmse, entry.marker_rms_mm] for entry in found])
     angles = np.array([np.mean(entry.angle_rmse_deg) for entry in found if entry.angle_rmse_deg])
@@ -83,31 +83,33 @@ def _spread(values: Array, digits: int = 2) -> str:
     return f"{values.mean():.{digits}f}{spread}"
 
 
-def _wrench_blocks(persons: Sequence[SquatterEntry]) -> list[Block]:
+def _build_wrench_blocks(persons: Sequence[SquatterEntry]) -> list[Block]:
     legend = Legend([(way, colour, "solid") for way, colour in _COLOURS.items()])
-    return [_persons_table(persons), legend, Grid([_bars(persons, k) for k in range(3)])]
+    return [_tabulate_persons(persons), legend, Grid([_draw_bars(persons, k) for k in range(3)])]
 
 
-def _bars(persons: Sequence[SquatterEntry], k: int) -> Figure:
+def _draw_bars(persons: Sequence[SquatterEntry], k: int) -> Figure:
     series = [
         (way, colour, [getattr(p.fitted, way).wrench_rmse[k] for p in persons])
         for way, colour in _COLOURS.items()
     ]
     return Figure(
-        grouped_bars([p.name for p in persons], series, y_title=_WRENCH[k]),
+        draw_grouped_bars([p.name for p in persons], series, y_title=_WRENCH[k]),
         f"RMS error of {_WRENCH[k]}",
         f"RMS error of {_WRENCH[k]} of every person in three ways.",
     )
 
 
-def _truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
+def _build_truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     rows = []
     for way in WAYS:
         errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in persons])
         rows.append(Row(way, [_spread(errors[:, k]) for k in range(4)] + [_spread(errors.mean(axis=1))]))
     yield Table("RMS error of joint angles, degrees, mean ± SD over persons", ["", *_JOINTS, "mean"], rows)
     yield Figure(
-        _pairs([[np.mean(getattr(p.fitted, w).angle_rmse_deg) for p in persons] for w in WAYS[:2]], "deg"),
+        _draw_pairs(
+            [[np.mean(getattr(p.fitted, w).angle_rmse_deg) for p in persons] for w in WAYS[:2]], "deg"
+        ),
         "Mean RMS error of the angles: each line a person, classical to consistent",
         "Each person's mean angle error, classical and consistent.",
         260,
@@ -129,7 +131,7 @@ def _truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     )
 
 
-def _pairs(values: Sequence[Sequence[float]], unit: str) -> go.Figure:
+def _draw_pairs(values: Sequence[Sequence[float]], unit: str) -> go.Figure:
     traces = [
         go.Scatter(
             x=["classical", "consistent"],
@@ -139,4 +141,4 @@ def _pairs(values: Sequence[Sequence[float]], unit: str) -> go.Figure:
         )
         for a, b in zip(*values, strict=True)
     ]
-    return chart(traces, y_title=unit)
+    return make_chart(traces, y_title=unit)

@@ -7,24 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.recording import artefact_m
+from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
-from scaling_service.model.scaling import scaled
+from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
-from scaling_service.numerics.multibody.tree import forward, positions
-from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench import root_wrench
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.splines import differentiate_spline
+from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual.artefact import draw_shared
-from scaling_service.virtual.motion import wander
+from scaling_service.virtual.motion import draw_wandering
 
 SUBJECTS = 8
 STATURE_M = (1.68, 0.11)
@@ -115,14 +115,14 @@ class VirtualSquatter:
     held_out: Squats
 
 
-def virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
+def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     """A person by seed.
 
     ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
     height, mass = _build(seed)
-    model = _with_placement(seed, _person(seed, height, mass), faults)
-    fitted, held_out = (_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
+    model = _with_placement(seed, _draw_person(seed, height, mass), faults)
+    fitted, held_out = (_perform_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
     return VirtualSquatter(f"squatter_{seed}", height, mass, model, fitted, held_out)
 
 
@@ -135,22 +135,22 @@ def _build(seed: int) -> tuple[float, float]:
             return height, mass
 
 
-def _person(seed: int, height: float, mass: float) -> BodyModel:
+def _draw_person(seed: int, height: float, mass: float) -> BodyModel:
     """Lengths and inertia."""
-    generic = builtin(SQUAT)
+    generic = load_builtin(SQUAT)
     rng = stream(seed, "squatter", "lengths")
     factors = {}
     for name, sd in LENGTH_SD.items():
         usual = height / STATURE_M[0]
-        factors[name] = usual + sd * float(rng.normal()) / _reach(generic, name)
+        factors[name] = usual + sd * float(rng.normal()) / _measure_reach(generic, name)
     factors["foot"] = height / STATURE_M[0]
-    model = scaled(generic, {name: (k, k, k) for name, k in factors.items()})
+    model = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
     table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
     mean = apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
-    return _scattered(seed, mean, mass)
+    return _scatter_model(seed, mean, mass)
 
 
-def _reach(generic: BodyModel, name: str) -> float:
+def _measure_reach(generic: BodyModel, name: str) -> float:
     """The generic length of a segment, m."""
     child = generic.children(name)
     if not child:
@@ -158,8 +158,8 @@ def _reach(generic: BodyModel, name: str) -> float:
     return sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
 
 
-def _scattered(seed: int, model: BodyModel, mass: float) -> BodyModel:
-    rng, mean = stream(seed, "squatter", "inertia"), inertias_of(model)
+def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
+    rng, mean = stream(seed, "squatter", "inertia"), gather_inertias(model)
     count = len(mean.mass)
     heavy = mean.mass * (1.0 + MASS_SD * rng.normal(size=count))
     heavy *= mass / heavy.sum()
@@ -180,37 +180,37 @@ def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
     return model.with_markers(tuple(map(moved, model.markers)))
 
 
-def _squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
+def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
     times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
-    q = _posture(seed, name, model, times)
-    qdot, qddot = spline_rates(times, q)
+    q = _choose_posture(seed, name, model, times)
+    qdot, qddot = differentiate_spline(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
-    wrench = root_wrench(mechanism_of(model), truth.rates, parameter_values(model))[0].T
+    wrench = compute_root_wrench(compile_mechanism(model), truth.rates, list_parameter_values(model))[0].T
     return Squats(
         name,
         truth,
-        Trial(name, times, model.marker_names, _markers(seed, name, model, truth, faults), RATE_HZ),
-        _plate(seed, name, times, wrench, faults),
+        Trial(name, times, model.marker_names, _record_markers(seed, name, model, truth, faults), RATE_HZ),
+        _record_plate(seed, name, times, wrench, faults),
         wrench,
     )
 
 
-def _posture(seed: int, name: str, model: BodyModel, times: Array) -> Array:
+def _choose_posture(seed: int, name: str, model: BodyModel, times: Array) -> Array:
     """Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot."""
     rng, own = stream(seed, "motion", name), stream(seed, "motion")
     depth, period = float(own.normal(*DEPTH_DEG)), float(own.normal(*PERIOD_S))
     lean, reach = float(own.normal(*LEAN_DEG)), float(own.normal(*REACH_DEG))
-    down = _bouts(rng, times, period)
+    down = _draw_bouts(rng, times, period)
     degrees = np.zeros((len(times), 4))
     degrees[:, 0] = -3.0 - 0.3 * depth * down
-    degrees[:, 1] = 6.0 + depth * down + wander(rng, times, 0.7, 1.0)
-    degrees[:, 2] = -2.0 - lean * down + wander(rng, times, 0.7, 1.0) - degrees[:, 0] - degrees[:, 1]
-    degrees[:, 3] = 5.0 + (reach + lean) * down + wander(rng, times, 2.0, 1.0)
-    over = OVER_FOOT_M + 0.004 * own.normal() + wander(rng, times, 0.004, 0.8)
+    degrees[:, 1] = 6.0 + depth * down + draw_wandering(rng, times, 0.7, 1.0)
+    degrees[:, 2] = -2.0 - lean * down + draw_wandering(rng, times, 0.7, 1.0) - degrees[:, 0] - degrees[:, 1]
+    degrees[:, 3] = 5.0 + (reach + lean) * down + draw_wandering(rng, times, 2.0, 1.0)
+    over = OVER_FOOT_M + 0.004 * own.normal() + draw_wandering(rng, times, 0.004, 0.8)
     return _in_balance(model, np.radians(degrees), over)
 
 
-def _bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
+def _draw_bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
     """How deep, 0 standing to 1: squats one after the other, each a little different."""
     down, begin = np.zeros(len(times)), 0.7
     while begin + period < times[-1] - 0.2:
@@ -223,12 +223,12 @@ def _bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
 
 def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
     """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
-    tree, p = mechanism_of(model).tree, parameter_values(model)
-    masses = inertias_of(model).mass / inertias_of(model).mass.sum()
+    tree, p = compile_mechanism(model).tree, list_parameter_values(model)
+    masses = gather_inertias(model).mass / gather_inertias(model).mass.sum()
 
     def ahead(turn: Array) -> Array:
         at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])
-        centres = positions(tree, forward(tree, np.ascontiguousarray(at.T), p))
+        centres = place_tree_markers(tree, pose_links(tree, np.ascontiguousarray(at.T), p))
         return np.asarray(masses @ centres[:, 0])
 
     turn, step = np.zeros(len(q)), 1e-5
@@ -238,14 +238,14 @@ def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
     return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
 
 
-def _markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults: float) -> Array:
+def _record_markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults: float) -> Array:
     """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
-    tree, p = compile_model(model), parameter_values(model)
-    poses = forward(tree, np.ascontiguousarray(truth.q.T), p)
-    placed = np.moveaxis(positions(tree, poses), -1, 0)
+    tree, p = compile_model(model), list_parameter_values(model)
+    poses = pose_links(tree, np.ascontiguousarray(truth.q.T), p)
+    placed = np.moveaxis(place_tree_markers(tree, poses), -1, 0)
     n, count = placed.shape[:2]
     local = np.zeros((n, count, 3))
-    expected = artefact_m(model)
+    expected = expect_artefacts(model)
     bend = truth.q - truth.q[:50].mean(axis=0)
     bend = bend / np.abs(bend).max(axis=0)
     for k, marker in enumerate(model.markers):
@@ -256,14 +256,16 @@ def _markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults:
             local[:, k, :2] += size * mixed * bend[:, [driver]]
         rng = stream(seed, "artefact", name, marker.name)
         if drivers:
-            local[:, k, :2] += np.column_stack([wander(rng, truth.times, RESIDUAL_M, 2.0) for _ in range(2)])
+            local[:, k, :2] += np.column_stack(
+                [draw_wandering(rng, truth.times, RESIDUAL_M, 2.0) for _ in range(2)]
+            )
     axes = poses.axes[tree.marker_link]
     noise = CAMERA_M * stream(seed, "camera", name).normal(size=(n, count, 3)) * np.array([1.0, 1.0, 0.0])
     moved: Array = placed + faults * (np.einsum("mjan,nmj->nma", axes, local) + noise)
     return moved
 
 
-def _plate(seed: int, name: str, times: Array, wrench: Array, faults: float) -> SegmentLoads:
+def _record_plate(seed: int, name: str, times: Array, wrench: Array, faults: float) -> SegmentLoads:
     rng = stream(seed, "plate", name)
     force = wrench[:, :3].copy()
     sd = np.maximum(PLATE_SHARE * np.abs(force), PLATE_LEAST_N) / 3.0

@@ -11,12 +11,12 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, consistent
+from scaling_service.capabilities.consistent.estimate import ConsistentResult, estimate_consistent
 from scaling_service.capabilities.consistent.planar import (
     SagittalPlane,
+    find_sagittal_plane,
     in_plane,
-    loads_in_plane,
-    plane_of,
+    project_loads,
     scale_squat,
 )
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
@@ -28,16 +28,16 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
-from scaling_service.core.progress import silent
+from scaling_service.core.progress import show_nothing
 from scaling_service.documents.base import Part, Rounded
 from scaling_service.documents.writing import code_version
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import inertias_of
+from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
 from scaling_service.studies.futamure.claims import CLAIMS
@@ -49,7 +49,7 @@ from scaling_service.studies.futamure.squatters import (
     SUBJECTS,
     Squats,
     VirtualSquatter,
-    virtual_squatter,
+    make_virtual_squatter,
 )
 
 SOURCE = (
@@ -150,17 +150,17 @@ class FutamureDocument(StudyDocument):
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     """Record one person, explain the recordings, and compare with the truth.
 
-    ``faults``: see :func:`virtual_squatter`.
+    ``faults``: see :func:`make_virtual_squatter`.
     """
-    person = virtual_squatter(seed, faults=faults)
-    plane = plane_of(person.fitted.trial)
+    person = make_virtual_squatter(seed, faults=faults)
+    plane = find_sagittal_plane(person.fitted.trial)
     model = start_model(person, plane)
-    fitted, held_out = (recording_of(model, squats, plane) for squats in (person.fitted, person.held_out))
+    fitted, held_out = (make_recording(model, squats, plane) for squats in (person.fitted, person.held_out))
     clock = time.perf_counter()
-    found = consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
+    found = estimate_consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
     seconds = time.perf_counter() - clock
-    inertia = [inertia_distance(m, person.model).tolist() for m in (model, found.model)]
-    lengths = [_MM * (lengths_of(m) - lengths_of(person.model)) for m in (model, found.model)]
+    inertia = [compute_inertia_distance(m, person.model).tolist() for m in (model, found.model)]
+    lengths = [_MM * (measure_lengths(m) - measure_lengths(person.model)) for m in (model, found.model)]
     rms = [
         _MM * np.sqrt((way[0].gaps.marker_gaps ** 2).sum(axis=2).mean(axis=0))
         for way in (found.classical, found.consistent)
@@ -200,38 +200,38 @@ def describe_recording(found: ConsistentResult, k: int, truth: Array | None = No
 
 def start_model(person: VirtualSquatter, plane: SagittalPlane) -> BodyModel:
     """What a laboratory would start from: it knows the recording, the stature and what the plate bears."""
-    sized = scale_squat(builtin(SQUAT), in_plane(person.fitted.trial, plane))
+    sized = scale_squat(load_builtin(SQUAT), in_plane(person.fitted.trial, plane))
     borne = float(person.fitted.loads.total[:, 1].mean() / -GRAVITY[1])
     return apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
 
 
-def recording_of(model: BodyModel, squats: Squats, plane: SagittalPlane) -> ConsistentRecording:
+def make_recording(model: BodyModel, squats: Squats, plane: SagittalPlane) -> ConsistentRecording:
     """Markers and filtered forces in the plane, and what inverse kinematics makes of the markers."""
     trial = in_plane(squats.trial, plane)
     count = len(trial.times)
     return ConsistentRecording(
         trial,
         inverse_kinematics(model, trial),
-        _filtered(loads_in_plane(squats.loads, plane)),
+        _filter_loads(project_loads(squats.loads, plane)),
         np.ones(count, dtype=bool),
         np.zeros((count, 3)),
         SAGITTAL,
     )
 
 
-def _filtered(loads: SegmentLoads) -> SegmentLoads:
+def _filter_loads(loads: SegmentLoads) -> SegmentLoads:
     def smooth(values: Array) -> Array:
         flat = values.reshape(len(values), -1)
-        return butterworth(flat, rate_hz=RATE_HZ, cutoff_hz=CUTOFF_HZ, order=ORDER).values.reshape(
+        return filter_butterworth(flat, rate_hz=RATE_HZ, cutoff_hz=CUTOFF_HZ, order=ORDER).values.reshape(
             values.shape
         )
 
     return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
 
 
-def inertia_distance(model: BodyModel, truth: BodyModel) -> Array:
+def compute_inertia_distance(model: BodyModel, truth: BodyModel) -> Array:
     """RMS distance of masses, centres of mass and moments of inertia from the truth, (3,), in tables' SDs."""
-    ours, true = inertias_of(model), inertias_of(truth)
+    ours, true = gather_inertias(model), gather_inertias(truth)
     moving = slice(1, None)
     gyration = np.sqrt(true.tensor[:, 2, 2] / true.mass)
     parts = (
@@ -242,7 +242,7 @@ def inertia_distance(model: BodyModel, truth: BodyModel) -> Array:
     return np.array([np.sqrt(np.mean(part[moving] ** 2)) for part in parts])
 
 
-def lengths_of(model: BodyModel) -> Array:
+def measure_lengths(model: BodyModel) -> Array:
     """Shank, thigh, trunk, (3,), m: how far each joint lies from the one before."""
     return np.array(
         [
@@ -271,7 +271,7 @@ def reproduce_futamure(
     subject is asked for, or a real one cannot be used.
     """
     clock, count = time.perf_counter(), SUBJECTS if subjects is None else subjects
-    real = [_real(Path(file)) for file in recordings]
+    real = [_study_real(Path(file)) for file in recordings]
     document = FutamureDocument(
         source=SOURCE,
         code_version=code_version(),
@@ -285,19 +285,19 @@ def reproduce_futamure(
     return answer_claims(document, CLAIMS)
 
 
-def _real(file: Path) -> RealEntry:
+def _study_real(file: Path) -> RealEntry:
     """A real person's first recording: its beginning fitted, its end held out."""
     loaded = open_subject(file, UNSMOOTHED)
     subject = loaded.session.subject
     given = subject.model.lower().endswith(".osim") and subject.static is None
     chosen = DynamicsSettings(start=AS_IT_IS if given else None)
     with loaded.blamed():
-        ready = read(loaded, chosen, UNSMOOTHED, progress=silent)
+        ready = read(loaded, chosen, UNSMOOTHED, progress=show_nothing)
         whole = ready.fitted[0]
         cut = int(FITTED_SHARE * len(whole.trial.times))
         parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]
         clock = time.perf_counter()
-        found = consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
+        found = estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
     return RealEntry(
         name=f"{subject.id} {whole.name}",
         model=Path(subject.model).name,

@@ -56,7 +56,7 @@ def _of(study: Muller2017Document, name: str) -> Array:
     return np.array([getattr(person, name) for person in study.persons])
 
 
-def _flags(study: Muller2017Document, name: str) -> NDArray[np.bool_]:
+def _list_flags(study: Muller2017Document, name: str) -> NDArray[np.bool_]:
     return np.array([getattr(person, name) for person in study.persons])
 
 
@@ -64,7 +64,7 @@ def _by_component(values: Iterable[float], digits: int = 0) -> str:
     return ", ".join(f"{name} {value:.{digits}f}" for name, value in zip(COMPONENTS, values, strict=True))
 
 
-def _p(difference: Array) -> float:
+def _assess_positive(difference: Array) -> float:
     """One-sided signed-rank test that paired differences are positive."""
     if not np.any(difference):
         return 1.0
@@ -95,13 +95,13 @@ def _least_vertical(study: Muller2017Document) -> Answer:
         slopes[:, list(flat)].min(axis=1) - slopes[:, up]
         for up, flat in zip(VERTICAL, HORIZONTAL, strict=True)
     ]
-    p = [_p(difference) for difference in smaller]
+    p = [_assess_positive(difference) for difference in smaller]
     counts = [int((difference > 0).sum()) for difference in smaller]
     said = f"force in {counts[0]} of {len(slopes)} (p = {p[0]:.3g}), moment in {counts[1]} (p = {p[1]:.3g})"
-    return Answer(_significant(max(p), study), said)
+    return Answer(_is_significant(max(p), study), said)
 
 
-def _significant(p: float, study: Muller2017Document) -> bool | None:
+def _is_significant(p: float, study: Muller2017Document) -> bool | None:
     """A signed-rank test of fewer than five pairs can never be significant."""
     return None if len(study.persons) < 5 else p < ALPHA
 
@@ -150,7 +150,7 @@ def _uncertainty_exceeds(study: Muller2017Document) -> Answer:
 
 @_claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons")
 def _calibration_refused(study: Muller2017Document) -> Answer:
-    supported = _flags(study, "calibration_supported")
+    supported = _list_flags(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
     counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
     said = ", ".join(f"{word}: {count}" for word, count in counts.items())
@@ -163,7 +163,7 @@ def _calibration_refused(study: Muller2017Document) -> Answer:
     "cannot be known",
 )
 def _refusal_is_right(study: Muller2017Document) -> Answer:
-    refused, blamed = ~_flags(study, "calibration_supported"), _flags(study, "blamed")
+    refused, blamed = ~_list_flags(study, "calibration_supported"), _list_flags(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
     said = f"{int((refused & ~blamed).sum())} of {int(refused.sum())} refusals are right"
@@ -202,7 +202,7 @@ def _linear_agrees(study: Muller2017Document) -> Answer:
     return Answer(bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}")
 
 
-def _growth(study: Muller2017Document) -> Array:
+def _compute_growth(study: Muller2017Document) -> Array:
     """True held-out error after over before an identification with hardly any tables, (n, 6)."""
     return np.array([person.identified_freely.growth for person in study.persons])
 
@@ -214,10 +214,10 @@ def _growth(study: Muller2017Document) -> Array:
 )
 def _identification_worse(study: Muller2017Document) -> Answer:
     worse = np.array([person.identified_freely.worse for person in study.persons])
-    median = _by_component(np.median(_growth(study), axis=0), 2)
-    p = _p(np.log(worse))
+    median = _by_component(np.median(_compute_growth(study), axis=0), 2)
+    p = _assess_positive(np.log(worse))
     return Answer(
-        _significant(p, study),
+        _is_significant(p, study),
         f"worse in {int((worse > 1).sum())} of {len(worse)} persons, p = {p:.3g}; ratio (median): {median}",
     )
 
@@ -226,13 +226,13 @@ def _identification_worse(study: Muller2017Document) -> Answer:
     "truth", "It does so in components whose residual is mostly the measurement's", "expected: overfitting"
 )
 def _worse_where_forbidden(study: Muller2017Document) -> Answer:
-    logs, blamed = np.log(_growth(study)), _flags(study, "blamed")
+    logs, blamed = np.log(_compute_growth(study)), _list_flags(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
-    p = _p(refused)
+    p = _assess_positive(refused)
     better = f"{np.exp(np.median(allowed)):.2f} in the {len(allowed)} others" if len(allowed) else "no others"
     said = f"after over before {np.exp(np.median(refused)):.2f} there (p = {p:.3g}), {better}"
-    return Answer(_significant(p, study), said)
+    return Answer(_is_significant(p, study), said)
 
 
 @_claim(
@@ -241,10 +241,10 @@ def _worse_where_forbidden(study: Muller2017Document) -> Answer:
     "not in the paper",
 )
 def _markers_verdict(study: Muller2017Document) -> Answer:
-    supported, blamed = _flags(study, "supported_by_markers"), _flags(study, "blamed")
+    supported, blamed = _list_flags(study, "supported_by_markers"), _list_flags(study, "blamed")
     if not supported.any():
         return Answer(None, "nothing is supported")
-    logs = np.log(_growth(study))
+    logs = np.log(_compute_growth(study))
     allowed, refused = (float(np.exp(np.median(logs[which]))) for which in (supported, ~supported))
     right = int((supported & blamed).sum())
     said = (

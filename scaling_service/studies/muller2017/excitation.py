@@ -15,24 +15,24 @@ import numpy as np
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.inertia import apply_inertia_table, possible_tensor
-from scaling_service.model.body import BodyModel, Marker, vector
-from scaling_service.model.builtin import builtin, generic_person
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
+from scaling_service.model.body import BodyModel, Marker, to_vector
+from scaling_service.model.builtin import load_builtin, load_generic_person
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import inertias_of, mechanism_of, with_inertias
-from scaling_service.model.scaling import scaled
+from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.numerics.signals.filters import butterworth
-from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench import root_wrench
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.numerics.signals.filters import filter_butterworth
+from scaling_service.numerics.signals.splines import differentiate_spline
+from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual.artefact import draw_shared, glide_marker, shift_marker
-from scaling_service.virtual.motion import wander
-from scaling_service.virtual.sequence import sequence
+from scaling_service.virtual.motion import draw_wandering
+from scaling_service.virtual.sequence import simulate_sequence
 
 MODEL = "full_body_35dof"
 
@@ -109,7 +109,7 @@ class ExcitedPerson:
     performances: Mapping[str, Performance]  # in_order, and shuffled, which is never fitted
 
 
-def excited_person(
+def make_excited_person(
     seed: int, settings: ExcitationSettings = WHOLE, names: tuple[str, ...] = ("in_order", "shuffled")
 ) -> ExcitedPerson:
     """Draw a person and record them.
@@ -118,26 +118,26 @@ def excited_person(
     """
     rng = stream(seed, "excited", "person")
     height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
-    truth = _truth(seed, height, mass, settings.inertia)
-    model = _calibrated(seed, truth, height, mass, settings.calibration)
-    performances = {name: _performance(seed, name, truth, model, height, settings) for name in names}
+    truth = _draw_truth(seed, height, mass, settings.inertia)
+    model = _calibrate_model(seed, truth, height, mass, settings.calibration)
+    performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
     return ExcitedPerson(seed, height, mass, truth, model, performances)
 
 
-def _truth(seed: int, height: float, mass: float, size: float) -> BodyModel:
-    generic = builtin(MODEL)
-    stature = height / generic_person(MODEL).height_m
+def _draw_truth(seed: int, height: float, mass: float, size: float) -> BodyModel:
+    generic = load_builtin(MODEL)
+    stature = height / load_generic_person(MODEL).height_m
     factors = {}
     for name in generic.segment_names:
         both_sides = name.removesuffix("_r").removesuffix("_l")
         own = stature * (1.0 + PROPORTION_SD * stream(seed, "excited", "length", both_sides).normal())
         factors[name] = (own, own, own)
-    model = scaled(generic, factors, mass_kg=mass)
+    model = scale_model(generic, factors, mass_kg=mass)
     table = apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
-    return with_inertias(table, _missed(seed, inertias_of(table), mass, size))
+    return with_inertias(table, _miss_inertia(seed, gather_inertias(table), mass, size))
 
 
-def _missed(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
+def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
     """The inertia of a person for whom a table says something else."""
     rng = stream(seed, "excited", "inertia")
     n = len(table.mass)
@@ -145,54 +145,54 @@ def _missed(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
     own *= mass / own.sum()
     com = table.com + COM_M * size * rng.normal(size=(n, 3))
     spread = np.exp(TENSOR_SD * size * rng.normal(size=n)) * own / table.mass
-    tensors = np.array([possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
+    tensors = np.array([find_possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
     return Inertias(own, com, tensors)
 
 
-def _calibrated(seed: int, truth: BodyModel, height: float, mass: float, size: float) -> BodyModel:
+def _calibrate_model(seed: int, truth: BodyModel, height: float, mass: float, size: float) -> BodyModel:
     rng = stream(seed, "excited", "calibration")
     factors = {}
     for name in truth.segment_names:
         own = float(1.0 + LENGTH_LEFT * size * rng.normal())
         factors[name] = (own, own, own)
-    model = scaled(truth, factors)
+    model = scale_model(truth, factors)
     markers = tuple(shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
     return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
 
 
-def _performance(
+def _perform(
     seed: int, name: str, truth: BodyModel, model: BodyModel, height: float, settings: ExcitationSettings
 ) -> Performance:
     times = np.arange(round(settings.seconds * settings.rate_hz)) / settings.rate_hz
     rng = stream(seed, "excited", "motion", name)
-    q, right = sequence(truth, times, rng, height, in_order=name == "in_order")
-    loads = _true_loads(truth, times, q, right)
+    q, right = simulate_sequence(truth, times, rng, height, in_order=name == "in_order")
+    loads = _compute_true_loads(truth, times, q, right)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
     trial = Trial(
-        name, times, labels, _markers(seed, name, truth, labels, times, q, settings), settings.rate_hz
+        name, times, labels, _record_markers(seed, name, truth, labels, times, q, settings), settings.rate_hz
     )
     motion = inverse_kinematics(model, trial)
     inner = (times >= EDGE_S) & (times <= times[-1] - EDGE_S)
-    measured = _measured(seed, name, loads, settings)
+    measured = _measure_loads(seed, name, loads, settings)
     return Performance(name, times, q, loads, Recording(model, motion, measured, height, inner))
 
 
-def _true_loads(truth: BodyModel, times: Array, q: Array, right: Array) -> SegmentLoads:
+def _compute_true_loads(truth: BodyModel, times: Array, q: Array, right: Array) -> SegmentLoads:
     """What both plates give: the force shared as the load is, centres of pressure as far apart as the feet.
 
     Both forces are parallel and the common centre of pressure lies between, so that their sum is the net
     wrench.
     """
-    first, second = spline_rates(times, q)
-    p = parameter_values(truth)
-    wrench, _ = root_wrench(mechanism_of(truth), Rates.of_frames(q, first, second), p)
+    first, second = differentiate_spline(times, q)
+    p = list_parameter_values(truth)
+    wrench, _ = compute_root_wrench(compile_mechanism(truth), Rates.of_frames(q, first, second), p)
     force, moment = wrench[:3].T, wrench[3:].T
     vertical = force[:, 1]
     centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
     free = moment - np.cross(centre, force)  # about the vertical
     feet = truth.with_markers(tuple(Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
-    ankles = marker_positions(compile_model(feet), q, p)
+    ankles = pose_markers(compile_model(feet), q, p)
     apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
     share = np.column_stack([right, 1.0 - right])[..., None]
     centres = np.stack([centre + (1.0 - right)[:, None] * apart, centre - right[:, None] * apart], axis=1)
@@ -201,7 +201,7 @@ def _true_loads(truth: BodyModel, times: Array, q: Array, right: Array) -> Segme
     return SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
 
 
-def _measured(seed: int, name: str, loads: SegmentLoads, settings: ExcitationSettings) -> SegmentLoads:
+def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: ExcitationSettings) -> SegmentLoads:
     """Loads with the plates' noise, through the filter of inverse dynamics."""
     rng = stream(seed, "excited", "plates", name)
     load = np.linalg.norm(loads.force, axis=2, keepdims=True)
@@ -213,13 +213,13 @@ def _measured(seed: int, name: str, loads: SegmentLoads, settings: ExcitationSet
     force = loads.force + pushed
     moment = loads.moment + np.cross(centre + shifted, pushed) + np.cross(shifted, loads.force)
     both = np.stack([force, moment])
-    slow = butterworth(
+    slow = filter_butterworth(
         np.moveaxis(both, 1, 0), rate_hz=settings.rate_hz, cutoff_hz=_CUTOFF_HZ, order=_ORDER
     ).values
     return replace(loads, force=slow[:, 0], moment=slow[:, 1])
 
 
-def _markers(
+def _record_markers(
     seed: int,
     name: str,
     truth: BodyModel,
@@ -229,26 +229,26 @@ def _markers(
     settings: ExcitationSettings,
 ) -> Array:
     """What the cameras see, shape (n, n_markers, 3), m."""
-    skin = truth.with_markers(tuple(_gliding(seed, m, truth, settings.skin) for m in truth.markers))
-    seen = marker_positions(compile_model(skin, labels), q, parameter_values(skin))
+    skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
+    seen = pose_markers(compile_model(skin, labels), q, list_parameter_values(skin))
     for k, label in enumerate(labels):
         rng = stream(seed, "excited", "markers", name, label)
         for axis in range(3):
-            seen[:, k, axis] += wander(rng, times, settings.skin * WANDER_M, WANDER_HZ)
+            seen[:, k, axis] += draw_wandering(rng, times, settings.skin * WANDER_M, WANDER_HZ)
         seen[:, k] += settings.noise * CAMERA_M * rng.normal(size=(len(times), 3))
     return seen
 
 
-def _gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker:
+def _make_gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker:
     """A marker that moves over its segment with the angles of the segment's joints."""
     per_rad = {}
-    for coordinate in _joints_about(model, marker.segment):
+    for coordinate in _list_joints_about(model, marker.segment):
         drawn = draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
-        per_rad[coordinate] = vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
+        per_rad[coordinate] = to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
     return glide_marker(marker, per_rad)
 
 
-def _joints_about(model: BodyModel, segment: str) -> list[str]:
+def _list_joints_about(model: BodyModel, segment: str) -> list[str]:
     """Angles of the joint that carries a segment and of those that it carries, the root's own apart."""
     near = [s for s in model.segments if s.name == segment or s.parent == segment]
     joints = [joint for s in near if s.parent != "ground" for joint in s.joints]

@@ -9,10 +9,10 @@ import plotly.graph_objects as go
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, grouped_bars
+from scaling_service.report.figures import Figure, draw_grouped_bars, make_chart
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
-from scaling_service.studies.claims import study_page
+from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.muller2017.study import Muller2017Document, PersonEntry, PropagatedEntry
 
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
@@ -37,39 +37,43 @@ _MEANS = (
 )
 
 
-def page(document: Muller2017Document) -> Page:
+def build_page(document: Muller2017Document) -> Page:
     """The page of the study, all from ``study.json``."""
     persons = document.persons
-    return study_page(
+    return build_study_page(
         "Muller et al. 2017",
         document,
         [
-            Section("The paper's figures", list(_figures(persons)), new_page=True),
-            Section("What only virtual persons can tell", list(_truth(persons)), new_page=True),
-            Section("Where the uncertainty comes from", list(_sources(persons)), new_page=True),
-            *([Section("Real recordings", _real(document.recordings))] if document.recordings else []),
+            Section("The paper's figures", list(_build_figures(persons)), new_page=True),
+            Section("What only virtual persons can tell", list(_build_truth(persons)), new_page=True),
+            Section("Where the uncertainty comes from", list(_build_sources(persons)), new_page=True),
+            *(
+                [Section("Real recordings", _tabulate_real(document.recordings))]
+                if document.recordings
+                else []
+            ),
         ],
     )
 
 
-def tables(document: Muller2017Document) -> list[Table]:
+def make_tables(document: Muller2017Document) -> list[Table]:
     """Means over persons, and real recordings."""
-    return [_means(document.persons), *_real(document.recordings)]
+    return [_tabulate_means(document.persons), *_tabulate_real(document.recordings)]
 
 
-def _percent(shares: Iterable[float]) -> list[str]:
+def _format_percent(shares: Iterable[float]) -> list[str]:
     return [f"{100 * share:.2f}" for share in shares]
 
 
-def _figures(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+def _build_figures(persons: Sequence[PersonEntry]) -> Iterator[Block]:
     yield Text(_AXES, quiet=True)
-    yield Grid([_growth(persons, k) for k in range(len(COMPONENTS))])
-    yield _boxes(persons)
+    yield Grid([_draw_growth(persons, k) for k in range(len(COMPONENTS))])
+    yield _draw_boxes(persons)
     yield Legend(_BARS)
-    yield Grid([_beside(person) for person in persons])
+    yield Grid([_draw_beside(person) for person in persons])
 
 
-def _growth(persons: Sequence[PersonEntry], k: int) -> Figure:
+def _draw_growth(persons: Sequence[PersonEntry], k: int) -> Figure:
     """Figure 7: dispersion against added error, each person's points and line."""
     traces = []
     for person in persons:
@@ -95,14 +99,14 @@ def _growth(persons: Sequence[PersonEntry], k: int) -> Figure:
         )
     name = COMPONENTS[k]
     steepest = max(person.slopes_per_cm[k] for person in persons)
-    figure = chart(traces, x_title="added error, cm", y_title=name, hovermode=False)
+    figure = make_chart(traces, x_title="added error, cm", y_title=name, hovermode=False)
     said = (
         f"Dispersion of {name} grows with the added reconstruction error, by at most {steepest:.3f} per cm."
     )
     return Figure(figure, f"Figure 7, {name}: dispersion against added reconstruction error", said, 220)
 
 
-def _boxes(persons: Sequence[PersonEntry]) -> Figure:
+def _draw_boxes(persons: Sequence[PersonEntry]) -> Figure:
     """Figure 8: slopes over persons."""
     slopes = np.array([person.slopes_per_cm for person in persons])
     traces = [
@@ -110,15 +114,15 @@ def _boxes(persons: Sequence[PersonEntry]) -> Figure:
         for k, name in enumerate(COMPONENTS)
     ]
     described = "; ".join(f"{n} {np.median(slopes[:, k]):.3f}" for k, n in enumerate(COMPONENTS))
-    figure = chart(traces, y_title="slope, 1/cm", hovermode="closest")
+    figure = make_chart(traces, y_title="slope, 1/cm", hovermode="closest")
     return Figure(figure, "Figure 8: slopes over persons", f"Median slopes per cm: {described}.", 300)
 
 
-def _beside(person: PersonEntry) -> Figure:
+def _draw_beside(person: PersonEntry) -> Figure:
     """Figure 10: residuals beside their uncertainty, and what the truth adds; a scale of powers of ten."""
     values = (person.dr, person.total, person.markers_sd, person.true_measurement_error)
     series = [(name, colour, row) for (name, colour, _), row in zip(_BARS, values, strict=True)]
-    figure = grouped_bars(
+    figure = draw_grouped_bars(
         COMPONENTS,
         series,
         y_title="share of weight",
@@ -128,9 +132,9 @@ def _beside(person: PersonEntry) -> Figure:
     return Figure(figure, f"Figure 10, {person.name}", f"{said}.", 260)
 
 
-def _means(persons: Sequence[PersonEntry]) -> Table:
+def _tabulate_means(persons: Sequence[PersonEntry]) -> Table:
     rows = [
-        Row(title, _percent(np.mean([getattr(person, name) for person in persons], axis=0)))
+        Row(title, _format_percent(np.mean([getattr(person, name) for person in persons], axis=0)))
         for title, name in _MEANS
     ]
     coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
@@ -140,16 +144,16 @@ def _means(persons: Sequence[PersonEntry]) -> Table:
     )
 
 
-def _truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
-    yield _means(persons)
+def _build_truth(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+    yield _tabulate_means(persons)
     for title, name in (
         ("Identified beside the tables", "identified_beside_tables"),
         ("Identified with hardly any tables", "identified_freely"),
     ):
-        yield _identified(title, [getattr(person, name) for person in persons])
+        yield _tabulate_identified(title, [getattr(person, name) for person in persons])
 
 
-def _identified(title: str, entries: Sequence[object]) -> Table:
+def _tabulate_identified(title: str, entries: Sequence[object]) -> Table:
     rows = []
     for said, before, after in (
         ("held-out residual", "residual_before", "residual_after"),
@@ -163,14 +167,14 @@ def _identified(title: str, entries: Sequence[object]) -> Table:
     return Table(f"{title}, against the verdict: means, %", ["", *COMPONENTS], rows)
 
 
-def _real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
+def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
     return [
         Table(
             f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} frames",
             ["", *COMPONENTS],
             [
-                Row("residual dr, %", _percent(recording.dr)),
-                Row("uncertainty, %", _percent(recording.total)),
+                Row("residual dr, %", _format_percent(recording.dr)),
+                Row("uncertainty, %", _format_percent(recording.total)),
                 Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
                 Row("R2", [f"{v:.3f}" for v in recording.r2]),
             ],
@@ -180,7 +184,7 @@ def _real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
     ]
 
 
-def _sources(persons: Sequence[PersonEntry]) -> Iterator[Block]:
+def _build_sources(persons: Sequence[PersonEntry]) -> Iterator[Block]:
     person = persons[0]
     yield Table(
         f"Markers that carry most of the uncertainty, {person.name}: % of the variance",

@@ -23,27 +23,27 @@ from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
-    marker_uncertainty,
+    propagate_marker_errors,
 )
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     UncertaintySettings,
     WrenchUncertainty,
-    blames_inertia,
+    is_inertia_dominant,
     propagate,
 )
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
-    dynamics_of,
+    compute_dynamics,
+    compute_residual_indicator,
     inverse_dynamics,
     rated_motion,
-    residual_indicator,
 )
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.documents.base import Part
 from scaling_service.documents.writing import code_version
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import inertias_of, total_mass, with_inertias
+from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
@@ -52,7 +52,7 @@ from scaling_service.studies.muller2017.excitation import (
     ExcitationSettings,
     ExcitedPerson,
     Performance,
-    excited_person,
+    make_excited_person,
 )
 
 SUBJECTS = 10
@@ -96,21 +96,21 @@ _SAME = (
 _DIGITS = 8
 
 
-def _plain(values: Any) -> Any:
+def _to_plain(values: Any) -> Any:
     """Arrays as tuples."""
     return tuple(values.tolist()) if isinstance(values, np.ndarray) else values
 
 
-def _rounded(value: float) -> float:
+def _round_digits(value: float) -> float:
     """Eight digits after the point; smaller numbers, such as the plates', to four that count."""
     return float(f"{value:.4g}") if abs(value) < 1e-4 else round(value, _DIGITS)
 
 
-_Number = Annotated[float, AfterValidator(_rounded)]
-Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_plain)]
+_Number = Annotated[float, AfterValidator(_round_digits)]
+Six = Annotated[tuple[_Number, _Number, _Number, _Number, _Number, _Number], BeforeValidator(_to_plain)]
 """fx, fy, fz over body weight, mx, my, mz over body weight times stature; X forward, Y up, Z right."""
 
-SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_plain)]
+SixFlags = Annotated[tuple[bool, bool, bool, bool, bool, bool], BeforeValidator(_to_plain)]
 
 
 class IdentificationEntry(Part):
@@ -217,25 +217,25 @@ def study_person(
 
     ``seed``: of the person. ``settings``: its seed is replaced by the person's.
     """
-    person = excited_person(seed, recorded)
+    person = make_excited_person(seed, recorded)
     performance = person.performances["in_order"]
     recording = performance.recording
     found = propagate(recording, replace(settings, seed=seed))
     linear = propagate_linearly(recording, settings.levels, settings.noise_on)
-    markers = marker_uncertainty(recording)
+    markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
-    error, inertial = _true_errors(person, performance)
+    error, inertial = _compute_true_errors(person, performance)
     rows, scale = markers.frames, _scale(person)
-    markers_sd = _rms(markers.sd) / scale
+    markers_sd = _compute_rms(markers.sd) / scale
     largest = np.argsort(-markers.shares.mean(axis=1))[:SHOWN].tolist()
     return PersonEntry.model_validate(
         {
             **describe_uncertainty(f"excited_{seed}", found),
             "linear_slopes_per_cm": linear.slopes_per_cm,
-            "true_measurement_error": _rms(error[rows]) / scale,
-            "true_inertial_error": _rms(inertial[rows]) / scale,
+            "true_measurement_error": _compute_rms(error[rows]) / scale,
+            "true_inertial_error": _compute_rms(inertial[rows]) / scale,
             "markers_sd": markers_sd,
-            "supported_by_markers": blames_inertia(found.dr, markers_sd),
+            "supported_by_markers": is_inertia_dominant(found.dr, markers_sd),
             "coverage": (np.abs(error[rows]) <= INTERVAL * markers.sd).mean(axis=0),
             "markers": [
                 {
@@ -257,7 +257,7 @@ def study_person(
             "windows_share": round(choice.share, 4),
             "identified_beside_tables": _identify(person, IdentificationSettings(despite_verdict=True)),
             "identified_freely": _identify(
-                person, IdentificationSettings(spread=_wide(), despite_verdict=True)
+                person, IdentificationSettings(spread=_widen_prior(), despite_verdict=True)
             ),
         }
     )
@@ -280,33 +280,35 @@ def describe_uncertainty(name: str, found: WrenchUncertainty) -> dict[str, Any]:
     }
 
 
-def _wide() -> PriorSpread:
+def _widen_prior() -> PriorSpread:
     usual = PriorSpread()
     return PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length)
 
 
 def _scale(person: ExcitedPerson) -> Array:
-    return np.asarray(1.0 / residual_indicator(np.ones((1, 6)), total_mass(person.model), person.height_m))
+    return np.asarray(
+        1.0 / compute_residual_indicator(np.ones((1, 6)), sum_mass(person.model), person.height_m)
+    )
 
 
-def _rms(values: Array) -> Array:
+def _compute_rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
-def _true_errors(person: ExcitedPerson, performance: Performance) -> tuple[Array, Array]:
+def _compute_true_errors(person: ExcitedPerson, performance: Performance) -> tuple[Array, Array]:
     """Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m."""
-    table = with_inertias(person.truth, inertias_of(person.model))
-    inertial = _true_residual(table, performance)
-    return _measured(person.model, performance).residual - inertial, inertial
+    table = with_inertias(person.truth, gather_inertias(person.model))
+    inertial = _compute_true_residual(table, performance)
+    return _measure_dynamics(person.model, performance).residual - inertial, inertial
 
 
-def _true_residual(model: BodyModel, performance: Performance) -> Array:
+def _compute_true_residual(model: BodyModel, performance: Performance) -> Array:
     """What a model's inertia leaves of the true motion and the true forces, (n, 6)."""
     rated = rated_motion(model, performance.times, performance.q, cutoff_hz=None)
-    return dynamics_of(model, rated, performance.loads).residual
+    return compute_dynamics(model, rated, performance.loads).residual
 
 
-def _measured(model: BodyModel, performance: Performance) -> InverseDynamics:
+def _measure_dynamics(model: BodyModel, performance: Performance) -> InverseDynamics:
     recording = performance.recording
     return inverse_dynamics(model, recording.motion, recording.loads)
 
@@ -315,13 +317,13 @@ def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> Identi
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
     scale, inner = _scale(person), other.recording.frames
-    evidence = ForceRecording(_measured(person.model, fit), fit.recording.frames)
+    evidence = ForceRecording(_measure_dynamics(person.model, fit), fit.recording.frames)
     found = identify_inertia(person.model, [evidence], settings=settings)
     entry = {}
     for when, model in (("before", person.model), ("after", found.model)):
-        true = with_inertias(person.truth, inertias_of(model))
-        entry[f"residual_{when}"] = _rms(_measured(model, other).residual[inner]) / scale
-        entry[f"true_error_{when}"] = _rms(_true_residual(true, other)[inner]) / scale
+        true = with_inertias(person.truth, gather_inertias(model))
+        entry[f"residual_{when}"] = _compute_rms(_measure_dynamics(model, other).residual[inner]) / scale
+        entry[f"true_error_{when}"] = _compute_rms(_compute_true_residual(true, other)[inner]) / scale
     return IdentificationEntry.model_validate(entry)
 
 
@@ -341,7 +343,7 @@ def reproduce_muller2017(
     asked for, or a real one cannot be used.
     """
     clock = time.perf_counter()
-    real = [entry for file in recordings for entry in _real(file, settings)]
+    real = [entry for file in recordings for entry in _study_real(file, settings)]
     persons = study_persons(
         study_person,
         settings.seed,
@@ -366,7 +368,7 @@ def reproduce_muller2017(
     return answer_claims(document, CLAIMS)
 
 
-def _real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEntry]:
+def _study_real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEntry]:
     """A real person's recordings, with the model as it is."""
     found = dynamics(
         file,

@@ -29,11 +29,11 @@ def _test(study: Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry
     return found.friedman
 
 
-def _p(value: float) -> str:
+def _format_p(value: float) -> str:
     return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
-def _difference(test: FriedmanEntry, method: str, reference: str) -> float:
+def _average_difference(test: FriedmanEntry, method: str, reference: str) -> float:
     """Mean of the method minus the reference."""
     pair = test.pair(method, reference)
     return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
@@ -44,7 +44,7 @@ def _lengths_differ(study: Puchaud2019Document) -> Answer:
     tests = {name: _test(study, "segment_lengths_mm", name) for name in LENGTHS}
     return Answer(
         all(t.significant for t in tests.values()),
-        ", ".join(f"{name} {_p(t.p)}" for name, t in tests.items()),
+        ", ".join(f"{name} {_format_p(t.p)}" for name, t in tests.items()),
     )
 
 
@@ -57,7 +57,8 @@ def _compare_with_image(
     return Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
-            f"{name} {_difference(tests[name], method, 'EB'):+.1f} ± {p.difference_sd:.1f} mm ({_p(p.p)})"
+            f"{name} {_average_difference(tests[name], method, 'EB'):+.1f} ± {p.difference_sd:.1f} mm "
+            f"({_format_p(p.p)})"
             for name, p in pairs.items()
         ),
     )
@@ -141,7 +142,7 @@ def _largest_error(study: Puchaud2019Document) -> Answer:
     means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in METHODS)
     return Answer(
         max(found.mean, key=found.mean.__getitem__) == "MB" and all(p.significant for p in pairs.values()),
-        f"{means} mm; MB against " + ", ".join(f"{m} {_p(p.p)}" for m, p in pairs.items()),
+        f"{means} mm; MB against " + ", ".join(f"{m} {_format_p(p.p)}" for m, p in pairs.items()),
     )
 
 
@@ -160,7 +161,7 @@ def _errors_differ(study: Puchaud2019Document, method: str, others: Sequence[str
     return Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
-            f"against {other} {_difference(test, method, other):+.1f} mm ({_p(p.p)})"
+            f"against {other} {_average_difference(test, method, other):+.1f} mm ({_format_p(p.p)})"
             for other, p in pairs.items()
         ),
     )
@@ -204,12 +205,12 @@ def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
     if anova is None:
         return None, "not compared"
     if not anova.significant:
-        return False if anova.can_decide else None, f"no difference between models ({_p(anova.p)})"
+        return False if anova.can_decide else None, f"no difference between models ({_format_p(anova.p)})"
     pair = curve.pair(method, "EB_am").test
     if not pair.can_decide:
         return None, "models differ, but the subjects are too few for any pair to be significant"
     if not pair.significant:
-        return False, f"does not differ ({_p(pair.p)})"
+        return False, f"does not differ ({_format_p(pair.p)})"
     return True, "differs at " + ", ".join(f"{start:.0f}-{end:.0f} %" for start, end in pair.spans)
 
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
 from scaling_service.documents.base import Part, Rounded
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.studies.claims import StudyDocument
 
 
@@ -71,17 +71,17 @@ Spread = tuple[float, float]
 
 
 @cache
-def paper() -> Mapping[str, Any]:
+def read_paper() -> Mapping[str, Any]:
     """The paper's numbers as ``puchaud2019.yaml`` has them, read once."""
-    return MappingProxyType(read_reference(reference_folder() / "puchaud2019.yaml"))
+    return MappingProxyType(read_reference(find_reference_folder() / "puchaud2019.yaml"))
 
 
-def lengths(found: StatisticsDocument) -> list[Beside]:
+def compare_lengths(found: StatisticsDocument) -> list[Beside]:
     """Table 2."""
-    theirs = paper()["segment_lengths_mm"]
+    theirs = read_paper()["segment_lengths_mm"]
     stars = theirs["differs_from_EB"]
     return [
-        _against_image(
+        _put_against_image(
             found.quantity("segment_lengths_mm", name),
             method,
             theirs[SAME_LENGTHS.get(method, method)][name],
@@ -92,29 +92,31 @@ def lengths(found: StatisticsDocument) -> list[Beside]:
     ]
 
 
-def knee_axes(found: StatisticsDocument) -> list[Beside]:
+def compare_knee_axes(found: StatisticsDocument) -> list[Beside]:
     """Table 3."""
     return [
-        _beside(found.quantity("knee_axis_deg", name), method, row[name])
-        for method, row in paper()["knee_axis_deg"].items()
+        _put_beside(found.quantity("knee_axis_deg", name), method, row[name])
+        for method, row in read_paper()["knee_axis_deg"].items()
         for name in AXES
     ]
 
 
-def errors(found: StatisticsDocument) -> list[Beside]:
+def compare_errors(found: StatisticsDocument) -> list[Beside]:
     """Figure 5, of which table 5 repeats some means."""
     entry = found.quantity("kinematic_error_mm", "calibration")
-    return [_against_image(entry, method, paper()["kinematic_error_mm"][method]) for method in METHODS]
+    return [
+        _put_against_image(entry, method, read_paper()["kinematic_error_mm"][method]) for method in METHODS
+    ]
 
 
-def length_differences(found: StatisticsDocument) -> list[Beside]:
+def compare_length_differences(found: StatisticsDocument) -> list[Beside]:
     """Figure 4: method minus EB."""
     cells = []
     for method in ("MB", "MB_lam"):
         for name in LENGTHS:
             values = found.quantity("segment_lengths_mm", name).values
             gaps = np.array([of[method] - of["EB"] for of in values.values()])
-            theirs = paper()["length_difference_mm"][method].get(name, (None, None))
+            theirs = read_paper()["length_difference_mm"][method].get(name, (None, None))
             cells.append(
                 Beside(
                     quantity=name,
@@ -128,13 +130,13 @@ def length_differences(found: StatisticsDocument) -> list[Beside]:
     return cells
 
 
-def marker_shifts(found: StatisticsDocument) -> list[Beside]:
+def compare_marker_shifts(found: StatisticsDocument) -> list[Beside]:
     """Section 3.1. The paper's scatter is over coordinates, ours over subjects."""
     entry = found.quantity("marker_shift_mm", "mean_over_markers")
-    return [_beside(entry, method, spread) for method, spread in paper()["marker_shift_mm"].items()]
+    return [_put_beside(entry, method, spread) for method, spread in read_paper()["marker_shift_mm"].items()]
 
 
-def _beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
+def _put_beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
     return Beside(
         quantity=found.quantity,
         method=method,
@@ -145,8 +147,8 @@ def _beside(found: QuantityEntry, method: str, theirs: Spread) -> Beside:
     )
 
 
-def _against_image(found: QuantityEntry, method: str, theirs: Spread, stars: str = "") -> Beside:
-    plain = _beside(found, method, theirs)
+def _put_against_image(found: QuantityEntry, method: str, theirs: Spread, stars: str = "") -> Beside:
+    plain = _put_beside(found, method, theirs)
     if method == "EB" or found.friedman is None:
         return plain
     pair = found.friedman.pair(method, "EB")

@@ -4,45 +4,49 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from scaling_service.capabilities.cohort.report import angle_blocks, quantity_words, statistics_sections
-from scaling_service.core.text import p_words
+from scaling_service.capabilities.cohort.report import (
+    build_angle_blocks,
+    build_statistics_sections,
+    describe_quantity,
+)
+from scaling_service.core.text import format_p
 from scaling_service.report.blocks import Cell, Grid, Row, Table
-from scaling_service.report.figures import Figure, grouped_bars
-from scaling_service.report.methods import FAINT, method_columns, styles
+from scaling_service.report.figures import Figure, draw_grouped_bars
+from scaling_service.report.methods import FAINT, list_method_columns, list_styles
 from scaling_service.report.page import Page, Section
-from scaling_service.studies.claims import study_page
+from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document
 
 
-def page(document: Puchaud2019Document) -> Page:
+def build_page(document: Puchaud2019Document) -> Page:
     """The page of the study."""
-    return study_page(
+    return build_study_page(
         "Puchaud et al. 2019",
         document,
         [
-            Section("The paper's tables beside ours", list(tables(document)), new_page=True),
-            Section("The paper's figures beside ours", [_figures(document)], new_page=True),
+            Section("The paper's tables beside ours", list(make_tables(document)), new_page=True),
+            Section("The paper's figures beside ours", [_build_figures(document)], new_page=True),
             Section(
                 f"Figure 6: joint angles of {len(document.walkers)} walkers",
-                list(angle_blocks(document.walkers_statistics.joint_angles)),
+                list(build_angle_blocks(document.walkers_statistics.joint_angles)),
                 new_page=True,
             ),
-            *statistics_sections(document.statistics),
+            *build_statistics_sections(document.statistics),
         ],
     )
 
 
-def tables(document: Puchaud2019Document) -> Iterator[Table]:
+def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
     """The paper's tables beside ours."""
-    yield _beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
-    yield _beside("Table 3: knee axes, degrees", document.knee_axis_deg)
+    yield _tabulate_beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
+    yield _tabulate_beside("Table 3: knee axes, degrees", document.knee_axis_deg)
     literature = ", ".join(f"{who} {value:.1f}" for who, value in document.literature_error_mm.items())
-    yield _beside(
+    yield _tabulate_beside(
         "Table 5 and figure 5: kinematic error on hip and knee movements, mm",
         document.kinematic_error_mm,
         f"Others, as table 5 gives them: {literature} mm.",
     )
-    yield _beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
+    yield _tabulate_beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
 
 
 def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
@@ -53,44 +57,44 @@ def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
     return found
 
 
-def _beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
+def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
     rows: list[Row] = []
     for quantity, of in _by_quantity(cells).items():
-        rows.append(Row(f"{quantity_words(quantity)}, paper", [_paper(of.get(m)) for m in methods]))
-        rows.append(Row("here", [_ours(of.get(m)) for m in methods]))
+        rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
+        rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
-    return Table(caption, ["", *method_columns(methods)], rows, f"{said} {note}".strip())
+    return Table(caption, ["", *list_method_columns(methods)], rows, f"{said} {note}".strip())
 
 
-def _paper(cell: Beside | None) -> str:
+def _format_paper(cell: Beside | None) -> str:
     if cell is None or cell.paper_mean is None:
         return "–"
     return f"{cell.paper_mean:.1f} ± {cell.paper_sd or 0.0:.1f}{cell.paper_stars}"
 
 
-def _ours(cell: Beside | None) -> Cell:
+def _format_ours(cell: Beside | None) -> Cell:
     if cell is None:
         return Cell("–")
-    tested = f" (p {p_words(cell.p_from_EB)})" if cell.p_from_EB is not None and cell.significant else ""
+    tested = f" (p {format_p(cell.p_from_EB)})" if cell.p_from_EB is not None and cell.significant else ""
     return Cell(f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}")
 
 
-def _figures(document: Puchaud2019Document) -> Grid:
+def _build_figures(document: Puchaud2019Document) -> Grid:
     return Grid(
         [
-            _bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),
-            _bars("Figure 5: kinematic error, mm", document.kinematic_error_mm),
+            _draw_bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),
+            _draw_bars("Figure 5: kinematic error, mm", document.kinematic_error_mm),
         ]
     )
 
 
-def _bars(caption: str, cells: Sequence[Beside]) -> Figure:
+def _draw_bars(caption: str, cells: Sequence[Beside]) -> Figure:
     """The paper's means in grey, ours in the method's colour, each with its SD."""
-    known = styles(list(dict.fromkeys(cell.method for cell in cells)))
+    known = list_styles(list(dict.fromkeys(cell.method for cell in cells)))
     many = len({cell.quantity for cell in cells}) > 1
-    names = [f"{quantity_words(c.quantity)} {c.method}" if many else c.method for c in cells]
-    figure = grouped_bars(
+    names = [f"{describe_quantity(c.quantity)} {c.method}" if many else c.method for c in cells]
+    figure = draw_grouped_bars(
         names,
         [
             ("paper", FAINT, [cell.paper_mean for cell in cells]),
@@ -100,7 +104,7 @@ def _bars(caption: str, cells: Sequence[Beside]) -> Figure:
         y_title="mm",
     )
     described = "; ".join(
-        f"{name}: paper {_paper(cell)}, here {cell.mean:.1f} ± {cell.sd:.1f}"
+        f"{name}: paper {_format_paper(cell)}, here {cell.mean:.1f} ± {cell.sd:.1f}"
         for name, cell in zip(names, cells, strict=True)
     )
     return Figure(figure, f"{caption}. Grey: the paper.", f"{caption}. {described}.", 320)

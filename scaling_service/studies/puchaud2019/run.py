@@ -16,7 +16,7 @@ from typing import Literal
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.outcomes import Done, Outcome, run_members
 from scaling_service.capabilities.cohort.run import Watcher
-from scaling_service.capabilities.cohort.statistics import cohort_statistics
+from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import SubjectSummary, Truth, summarise
 from scaling_service.capabilities.scaling.methods.placement import move_markers, with_centre
 from scaling_service.capabilities.scaling.run import run
@@ -24,23 +24,23 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
-from scaling_service.core.threads import cores
+from scaling_service.core.threads import count_cores
 from scaling_service.documents.writing import code_version
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.builtin import generic_person
-from scaling_service.studies.claims import answer_claims, person_seeds
+from scaling_service.model.builtin import load_generic_person
+from scaling_service.studies.claims import answer_claims, draw_person_seeds
 from scaling_service.studies.puchaud2019.claims import CLAIMS
 from scaling_service.studies.puchaud2019.paper import (
     METHODS,
     Puchaud2019Document,
-    errors,
-    knee_axes,
-    length_differences,
-    lengths,
-    marker_shifts,
-    paper,
+    compare_errors,
+    compare_knee_axes,
+    compare_length_differences,
+    compare_lengths,
+    compare_marker_shifts,
+    read_paper,
 )
-from scaling_service.virtual.subject import VirtualSettings, demo_session
+from scaling_service.virtual.subject import VirtualSettings, make_demo_session
 
 SUBJECTS = 26
 """Puchaud 2019, section 2.1."""
@@ -111,29 +111,29 @@ class VirtualPerson:
 
     def work(self, methods: Sequence[str] | None, settings: Settings, progress: Progress) -> Done:
         """Record the person, and scale."""
-        session, person = demo_session(self.seed, self.settings, images=self.images)
+        session, person = make_demo_session(self.seed, self.settings, images=self.images)
         if self.generic == "custom":
-            session = replace(session, model=custom_legs(session.model))
+            session = replace(session, model=make_custom_legs(session.model))
         results = run(Loaded(session), methods, settings, progress=progress)
         return Done(summarise(results, Truth(person.model, person.motions)))
 
 
-def custom_legs(mean: BodyModel) -> BodyModel:
+def make_custom_legs(mean: BodyModel) -> BodyModel:
     """The built-in ``lower_limb_14dof`` with joint centres and markers where CusToM's legs have them."""
-    k = generic_person(mean.name).height_m / _STATURE_M
+    k = load_generic_person(mean.name).height_m / _STATURE_M
     local = {
-        f"{letter}{name}": _sided(place, k, side)
+        f"{letter}{name}": _mirror_side(place, k, side)
         for name, place in _MARKERS.items()
         for letter, side in (("R", 1.0), ("L", -1.0))
     }
     model = move_markers(mean, local)
     for segment, place in _CENTRES.items():
         for letter, side in (("r", 1.0), ("l", -1.0)):
-            model = with_centre(model, f"{segment}_{letter}", _sided(place, k, side))
+            model = with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
     return replace(model, name=f"{mean.name}, as CusToM")
 
 
-def _sided(place: Vector, k: float, side: float) -> Vector:
+def _mirror_side(place: Vector, k: float, side: float) -> Vector:
     x, y, z = place
     return (k * x, k * y, k * side * z)
 
@@ -162,9 +162,9 @@ def reproduce_puchaud2019(
         update={"calibration": settings.calibration.model_copy(update={"sizes": "measured"})}
     )  # as the paper
     people = [
-        VirtualPerson(seed, images=True, generic=generic) for seed in person_seeds(settings.seed, count)
+        VirtualPerson(seed, images=True, generic=generic) for seed in draw_person_seeds(settings.seed, count)
     ]
-    processes = min(worker_count or cores(), count)
+    processes = min(worker_count or count_cores(), count)
     if watcher is not None:
         watcher.started(count, processes)
     with workers(processes, None if watcher is None else watcher.stage) as executor:
@@ -173,11 +173,11 @@ def reproduce_puchaud2019(
         )
     slowest = max(outcome.wall_s for outcome in outcomes)
     return build_document(
-        _all_summaries(outcomes), settings, generic=generic, slowest_s=slowest, started=clock
+        _require_all_summaries(outcomes), settings, generic=generic, slowest_s=slowest, started=clock
     )
 
 
-def _all_summaries(outcomes: Sequence[Outcome]) -> list[SubjectSummary]:
+def _require_all_summaries(outcomes: Sequence[Outcome]) -> list[SubjectSummary]:
     """A study with a person missing is another study."""
     for outcome in outcomes:
         if outcome.status != "done":
@@ -202,21 +202,22 @@ def build_document(
     ``slowest_s``: the most time that one person's models took. ``started``: by ``time.perf_counter``.
     """
     everybody, walkers = (
-        cohort_statistics(some, METHODS, seed=settings.seed) for some in (summaries, summaries[:WALKERS])
+        compute_cohort_statistics(some, METHODS, seed=settings.seed)
+        for some in (summaries, summaries[:WALKERS])
     )
     document = Puchaud2019Document(
-        source=" ".join(paper()["source"].split()),
+        source=" ".join(read_paper()["source"].split()),
         code_version=code_version(),
         settings={**settings.resolved(), "generic": generic},
         seed=settings.seed,
         subjects=[summary.subject for summary in summaries],
         walkers=[summary.subject for summary in summaries[:WALKERS]],
-        segment_lengths_mm=lengths(everybody),
-        knee_axis_deg=knee_axes(everybody),
-        kinematic_error_mm=errors(everybody),
-        literature_error_mm=dict(paper()["literature_error_mm"]),
-        length_difference_mm=length_differences(everybody),
-        marker_shift_mm=marker_shifts(everybody),
+        segment_lengths_mm=compare_lengths(everybody),
+        knee_axis_deg=compare_knee_axes(everybody),
+        kinematic_error_mm=compare_errors(everybody),
+        literature_error_mm=dict(read_paper()["literature_error_mm"]),
+        length_difference_mm=compare_length_differences(everybody),
+        marker_shift_mm=compare_marker_shifts(everybody),
         notes=list(DIFFERENCES),
         statistics=everybody,
         walkers_statistics=walkers,

@@ -21,15 +21,15 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.bones.shapes import (
     Part,
     Shape,
-    at_mm,
-    ball,
-    chain,
-    grown,
-    half_space,
-    plate,
-    rod,
-    shaft,
-    solid,
+    grow_shape,
+    join_parts,
+    make_ball,
+    make_chain,
+    make_half_space,
+    make_plate,
+    make_rod,
+    make_shaft,
+    place_at_mm,
 )
 from scaling_service.virtual.subject import Sex
 
@@ -103,24 +103,25 @@ class LegShape:
         )
 
 
-def leg_shape(seed: int, side: Side, sex: Sex, length: float) -> LegShape:
+def make_leg_shape(seed: int, side: Side, sex: Sex, length: float) -> LegShape:
     """The bones of one leg of a person.
 
     ``length``: of the person's femurs and tibias, in standard deviations from the mean of the sex.
 
     Examples
     --------
-    >>> leg_shape(1, "r", "M", 0.0) == leg_shape(1, "r", "M", 0.0)
+    >>> make_leg_shape(1, "r", "M", 0.0) == make_leg_shape(1, "r", "M", 0.0)
     True
     """
-    sizes = {name: 1e-3 * _drawn(seed, name, side, sex, length, s) for name, s in SIZES_MM.items()}
+    sizes = {name: 1e-3 * _draw_size(seed, name, side, sex, length, s) for name, s in SIZES_MM.items()}
     angles = {
-        name: float(np.radians(_drawn(seed, name, side, sex, length, s))) for name, s in ANGLES_DEG.items()
+        name: float(np.radians(_draw_size(seed, name, side, sex, length, s)))
+        for name, s in ANGLES_DEG.items()
     }
     return LegShape(**sizes, **angles)
 
 
-def _drawn(seed: int, name: str, side: Side, sex: Sex, length: float, spread: Spread) -> float:
+def _draw_size(seed: int, name: str, side: Side, sex: Sex, length: float, spread: Spread) -> float:
     mean, sd = spread.men if sex == "M" else spread.women
     both, one = stream(seed, "bones", name).normal(), stream(seed, "bones", name, side).normal()
     own = np.sqrt(SIDES_ALIKE) * both + np.sqrt(1.0 - SIDES_ALIKE) * one
@@ -149,7 +150,7 @@ class Femur:
     landmarks: dict[str, Array]
 
 
-def femur(shape: LegShape, length: float, axis: Array) -> Femur:
+def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
     """Build a right femur.
 
     ``length`` (m): from hip to knee centre. ``axis`` (3,): unit vector along the knee's true axis, to the
@@ -161,21 +162,24 @@ def femur(shape: LegShape, length: float, axis: Array) -> Femur:
     medial, lateral = knee - half * axis, knee + half * axis
     tips = {"MFE": knee - _to_side(shape), "LFE": knee + _to_side(shape)}
     parts = [
-        Part(_femoral_shaft(shape, length, w)),
-        *_upper_end(shape, w),
-        Part(_condyles(shape, knee, axis, w), 6e-3),
-        *(_epicondyle(tips[name], sign * axis, knee, w) for name, sign in (("MFE", -1.0), ("LFE", 1.0))),
-        *_hollows(knee, w),
-        Part(ball(np.zeros(3), shape.head_radius), 3e-3),
+        Part(_build_femoral_shaft(shape, length, w)),
+        *_build_upper_end(shape, w),
+        Part(_build_condyles(shape, knee, axis, w), 6e-3),
+        *(
+            _build_epicondyle(tips[name], sign * axis, knee, w)
+            for name, sign in (("MFE", -1.0), ("LFE", 1.0))
+        ),
+        *_build_hollows(knee, w),
+        Part(make_ball(np.zeros(3), shape.head_radius), 3e-3),
     ]
-    return Femur(solid(parts), (medial, lateral), tips)
+    return Femur(join_parts(parts), (medial, lateral), tips)
 
 
 def _to_side(shape: LegShape) -> Array:
     return np.array([0.0, 0.0, 0.5 * shape.epicondylar_breadth])
 
 
-def _neck_base(shape: LegShape) -> Array:
+def _find_neck_base(shape: LegShape) -> Array:
     """Where the neck's axis meets the shaft's."""
     from_shaft = np.pi - shape.neck_shaft
     down = from_shaft - _SHAFT_TILT
@@ -186,17 +190,17 @@ def _neck_base(shape: LegShape) -> Array:
     )
 
 
-def _femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
+def _build_femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
     """From the neck's base into the condyles, bowed forward, flaring at both ends."""
-    top = np.add(_neck_base(shape), [0.0, 8e-3, 0.0])
-    bottom = _beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
+    top = np.add(_find_neck_base(shape), [0.0, 8e-3, 0.0])
+    bottom = _place_beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
     share = np.concatenate([1e-3 * w * np.array([0.0, 18.0, 38.0, 70.0]) / (top - bottom)[1], _UPPER])
     line = bottom + share[:, None] * (top - bottom)
     line[:, 0] += shape.femoral_bow * 4.0 * share * (1.0 - share)
     r, mm = shape.shaft_radius, 1e-3 * w
     half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
     half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
-    return shaft(
+    return make_shaft(
         heights=line[:, 1],
         x=line[:, 0],
         z=line[:, 2],
@@ -207,18 +211,18 @@ def _femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
     )
 
 
-def _upper_end(shape: LegShape, w: float) -> list[Part]:
+def _build_upper_end(shape: LegShape, w: float) -> list[Part]:
     """Neck and trochanters."""
-    base, r = _neck_base(shape), shape.head_radius
-    corners = [_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
+    base, r = _find_neck_base(shape), shape.head_radius
+    corners = [_place_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
     return [
-        Part(plate(np.array(corners), 11.5e-3 * w), 9e-3),
-        Part(ball(_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
-        Part(rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
+        Part(make_plate(np.array(corners), 11.5e-3 * w), 9e-3),
+        Part(make_ball(_place_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
+        Part(make_rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
     ]
 
 
-def _condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shape:
+def _build_condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shape:
     """Both condyles with the trochlea, their sides cut square to the axis.
 
     Behind and below, each is a sphere about its centre on the axis; in front it grows into the trochlea.
@@ -228,36 +232,36 @@ def _condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shape:
     for sign, radius in zip((-1.0, 1.0), shape.condyle_radii, strict=True):
         centre = knee + sign * half * axis
         ahead = centre + 1e-3 * w * np.array([22.0, 3.0, -3.0 * sign])
-        parts.append(Part(rod(centre, ahead, radius, 0.97 * radius)))
-    front = [_beside(knee, at, w) for at in ((24, 9, -17), (27, 11, 18))]
-    parts.append(Part(rod(front[0], front[1], 18e-3 * w, 19e-3 * w), 5e-3))
-    above = [_beside(knee, at, w) for at in ((12, 20, -14), (12, 20, 14))]
-    parts.append(Part(rod(above[0], above[1], 20e-3 * w), 6e-3))
+        parts.append(Part(make_rod(centre, ahead, radius, 0.97 * radius)))
+    front = [_place_beside(knee, at, w) for at in ((24, 9, -17), (27, 11, 18))]
+    parts.append(Part(make_rod(front[0], front[1], 18e-3 * w, 19e-3 * w), 5e-3))
+    above = [_place_beside(knee, at, w) for at in ((12, 20, -14), (12, 20, 14))]
+    parts.append(Part(make_rod(above[0], above[1], 20e-3 * w), 6e-3))
     wall = 0.5 * shape.epicondylar_breadth - _WALL_M
-    parts += [Part(half_space(knee + s * wall * axis, s * axis), 5e-3, "trim") for s in (-1.0, 1.0)]
-    return solid(parts)
+    parts += [Part(make_half_space(knee + s * wall * axis, s * axis), 5e-3, "trim") for s in (-1.0, 1.0)]
+    return join_parts(parts)
 
 
-def _epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> Part:
+def _build_epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> Part:
     """A bump whose furthest point along the knee's axis is the tip."""
     radius = _EPICONDYLE_M * w
     centre = tip - radius * outward
     inner = np.array([0.012 * w, knee[1] + 0.024 * w, 0.6 * centre[2]])
-    return Part(rod(centre, inner, radius, 1.4 * radius), 4e-3)
+    return Part(make_rod(centre, inner, radius, 1.4 * radius), 4e-3)
 
 
-def _hollows(knee: Array, w: float) -> list[Part]:
+def _build_hollows(knee: Array, w: float) -> list[Part]:
     """The groove of the kneecap in front and the notch between the condyles."""
-    groove = [_beside(knee, at, w) for at in ((52, 40, 2), (57, 14, 2), (50, -14, 1), (30, -31, 0))]
-    notch = [_beside(knee, at, w) for at in ((-34, -4, 0), (-12, -16, 0), (6, -24, 0))]
+    groove = [_place_beside(knee, at, w) for at in ((52, 40, 2), (57, 14, 2), (50, -14, 1), (30, -31, 0))]
+    notch = [_place_beside(knee, at, w) for at in ((-34, -4, 0), (-12, -16, 0), (6, -24, 0))]
     return [
-        Part(chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
-        Part(chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
+        Part(make_chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
+        Part(make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
     ]
 
 
-def _beside(point: Array, by_mm: ArrayLike, w: float) -> Array:
-    return point + at_mm(by_mm, w)
+def _place_beside(point: Array, by_mm: ArrayLike, w: float) -> Array:
+    return point + place_at_mm(by_mm, w)
 
 
 JOINT_SPACE_M = 4.5e-3  # chosen: both cartilages, about 2 mm each (J Orthop Surg 2016;24, posterior condyles)
@@ -285,7 +289,7 @@ class Tibia:
     landmarks: dict[str, Array]
 
 
-def tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places: Places) -> Tibia:
+def build_tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places: Places) -> Tibia:
     """Build a right tibia with its fibula.
 
     ``length`` (m): from knee to ankle centre. ``condyles`` (two (3,), m): centres of the femur's medial and
@@ -298,30 +302,32 @@ def tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], places:
     medial = np.add(places.malleolus_medial, [0.0, end, end])
     lateral = np.add(places.malleolus_lateral, [0.0, end, -end])
     upper = places.fibula_head - [0.0, 0.0, head]
-    fibula = _fibula(upper, lateral, head, end, w)
+    fibula = _build_fibula(upper, lateral, head, end, w)
     bone = [
-        Part(_column(shape, length, w)),
-        Part(rod(at_mm((23, -58, 1), w), at_mm((17, -95, 1), w), 11e-3 * w, 8e-3 * w), 10e-3),
+        Part(_build_column(shape, length, w)),
+        Part(
+            make_rod(place_at_mm((23, -58, 1), w), place_at_mm((17, -95, 1), w), 11e-3 * w, 8e-3 * w), 10e-3
+        ),
         *(
-            Part(rod(at_mm((2, -32, z), w), at_mm((1, -19, z), w), 7e-3 * w, 3e-3 * w), 5e-3)
+            Part(make_rod(place_at_mm((2, -32, z), w), place_at_mm((1, -19, z), w), 7e-3 * w, 3e-3 * w), 5e-3)
             for z in (-5.0, 6.0)
         ),
-        Part(rod(ankle + at_mm((2, 30, -13), w), medial, 12e-3 * w, end), 5e-3),
+        Part(make_rod(ankle + place_at_mm((2, 30, -13), w), medial, 12e-3 * w, end), 5e-3),
         *(
-            Part(ball(centre, radius + JOINT_SPACE_M), 2e-3, "cut")
+            Part(make_ball(centre, radius + JOINT_SPACE_M), 2e-3, "cut")
             for centre, radius in zip(condyles, shape.condyle_radii, strict=True)
         ),
-        Part(grown(fibula, _APART_M), 2e-3, "cut"),
+        Part(grow_shape(fibula, _APART_M), 2e-3, "cut"),
     ]
     landmarks = {
         "MM": medial - [0.0, end, 0.0],
         "LM": lateral - [0.0, end, 0.0],
         "FH": np.add(upper, [0.0, head, 0.0]),
     }
-    return Tibia(solid(bone), fibula, landmarks)
+    return Tibia(join_parts(bone), fibula, landmarks)
 
 
-def _column(shape: LegShape, length: float, w: float) -> Shape:
+def _build_column(shape: LegShape, length: float, w: float) -> Shape:
     """From the plateau, three-sided in the shaft, to the ankle."""
     top = max(shape.condyle_radii) + JOINT_SPACE_M - 2e-3 * w  # the condyles' dishes are cut 2 mm deep
     upper = np.array([0.0, 10.0, 26.0, 45.0, 75.0]) * 1e-3 * w
@@ -330,7 +336,7 @@ def _column(shape: LegShape, length: float, w: float) -> Shape:
     middle = low + np.array([0.4, 0.62]) * (high - low)
     r, mm = 0.82 * shape.shaft_radius, 1e-3 * w
     unit = np.repeat([mm, r, mm], [3, 4, 5])  # the ends follow the knee's size, the shaft its own radius
-    return shaft(
+    return make_shaft(
         heights=np.concatenate([low + lower, middle, (high - upper)[::-1]]),
         x=mm * np.array([0.0, 0.0, 0.0, 0.0, 1.0, 4.0, 6.0, 6.0, 3.0, 0.0, 0.0, 0.0]),
         z=mm * np.array([-3.0, -3.0, -2.0, -1.0, 0.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
@@ -341,9 +347,9 @@ def _column(shape: LegShape, length: float, w: float) -> Shape:
     )
 
 
-def _fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Shape:
+def _build_fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Shape:
     """Head, a thin shaft, and the lateral malleolus."""
-    under, above = upper + at_mm((2, -32, -1), w), lateral + at_mm((1, 45, -3), w)
-    middle = 0.5 * (under + above) + at_mm((-4, 0, 2), w)
-    line = np.array([upper, under, middle, above, lateral + at_mm((0, 14, 0), w), lateral])
-    return chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])
+    under, above = upper + place_at_mm((2, -32, -1), w), lateral + place_at_mm((1, 45, -3), w)
+    middle = 0.5 * (under + above) + place_at_mm((-4, 0, 2), w)
+    line = np.array([upper, under, middle, above, lateral + place_at_mm((0, 14, 0), w), lateral])
+    return make_chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])

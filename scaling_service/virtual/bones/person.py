@@ -14,24 +14,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.progress import silent
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
-from scaling_service.model.parameters import axis_of
+from scaling_service.core.progress import show_nothing
+from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
+from scaling_service.model.parameters import compute_axis
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.virtual.bones.leg import SOCKET_GAP_M, LegShape, Places, Side, femur, leg_shape, tibia
+from scaling_service.virtual.bones.leg import (
+    SOCKET_GAP_M,
+    LegShape,
+    Places,
+    Side,
+    build_femur,
+    build_tibia,
+    make_leg_shape,
+)
 from scaling_service.virtual.bones.shapes import (
     Part,
     Shape,
-    at_mm,
-    ball,
-    chain,
-    half_space,
-    rod,
-    solid,
+    contour_shape,
+    join_parts,
+    make_ball,
+    make_chain,
+    make_half_space,
+    make_rod,
+    place_at_mm,
     strip,
-    surface_of,
 )
-from scaling_service.virtual.subject import FEMUR, VirtualSubject, stature_spread
+from scaling_service.virtual.subject import FEMUR, VirtualSubject, read_stature_spread
 
 HALF_WIDTH_M = 0.08675  # of the generic model, for which places below are given
 SPINE_M = 6e-3  # chosen: radius of the anterior spine's tip
@@ -55,7 +63,7 @@ class HipBone:
     landmarks: dict[str, Array]
 
 
-def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
+def build_hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
     """Build a right hip bone.
 
     ``hip`` ((3,), m): the hip centre, in the middle of the socket. ``socket`` (m): its radius. ``asis``,
@@ -65,72 +73,77 @@ def hip_bone(hip: Array, socket: float, asis: Array, psis: Array) -> HipBone:
     forward = np.array([w, 0.0, 0.0])
     front, rear = asis - SPINE_M * forward, psis + POSTERIOR_SPINE_M * forward
     parts = [
-        *_ilium(front, rear, w),
-        *_ischium_and_pubis(w),
-        *_socket(hip, socket, w),
+        *_build_ilium(front, rear, w),
+        *_build_ischium_and_pubis(w),
+        *_build_socket(hip, socket, w),
         # What marks the spines stands on its own, so that no blend moves its tip.
-        Part(ball(front, SPINE_M * w)),
-        Part(ball(rear, POSTERIOR_SPINE_M * w)),
+        Part(make_ball(front, SPINE_M * w)),
+        Part(make_ball(rear, POSTERIOR_SPINE_M * w)),
     ]
-    return HipBone(solid(parts), {"ASIS": asis, "PSIS": psis})
+    return HipBone(join_parts(parts), {"ASIS": asis, "PSIS": psis})
 
 
-def _ilium(front: Array, rear: Array, w: float) -> list[Part]:
+def _build_ilium(front: Array, rear: Array, w: float) -> list[Part]:
     """The wing between its crest and the bone above the socket, thick where it meets the sacrum."""
-    crest = np.vstack([front, at_mm(_CREST, w), rear])
-    lower = np.vstack([at_mm(_LOWER, w), at_mm(_REAR, w)])
-    over_socket = at_mm(((-32, -31, 104), (-35, -42, 101), (-41, -52, 96), (-57, -54, 90), (-76, -58, 82)), w)
+    crest = np.vstack([front, place_at_mm(_CREST, w), rear])
+    lower = np.vstack([place_at_mm(_LOWER, w), place_at_mm(_REAR, w)])
+    over_socket = place_at_mm(
+        ((-32, -31, 104), (-35, -42, 101), (-41, -52, 96), (-57, -54, 90), (-76, -58, 82)), w
+    )
     return [
-        Part(chain(crest, [1e-3 * w * r for r in _CREST_RADII])),
+        Part(make_chain(crest, [1e-3 * w * r for r in _CREST_RADII])),
         Part(strip(crest, lower, _WING_M * w), 4e-3),
-        Part(chain(over_socket, [1e-3 * w * r for r in (5.0, 8.0, 12.0, 15.0, 13.0)]), 8e-3),
-        Part(chain(at_mm((_LOWER[4], _LOWER[5], _REAR[1]), w), [11e-3 * w, 9e-3 * w, 7e-3 * w]), 8e-3),
-        Part(rod(at_mm((-114, -8, 48), w), at_mm((-106, 16, 53), w), 9e-3 * w), 8e-3),
+        Part(make_chain(over_socket, [1e-3 * w * r for r in (5.0, 8.0, 12.0, 15.0, 13.0)]), 8e-3),
+        Part(
+            make_chain(place_at_mm((_LOWER[4], _LOWER[5], _REAR[1]), w), [11e-3 * w, 9e-3 * w, 7e-3 * w]),
+            8e-3,
+        ),
+        Part(make_rod(place_at_mm((-114, -8, 48), w), place_at_mm((-106, 16, 53), w), 9e-3 * w), 8e-3),
     ]
 
 
-def _ischium_and_pubis(w: float) -> list[Part]:
+def _build_ischium_and_pubis(w: float) -> list[Part]:
     """The ring around the obturator foramen, the spine above the lesser notch, the tubercle."""
-    ischium = at_mm(((-72, -62, 84), (-72, -108, 76), (-68, -138, 58), (-54, -146, 46)), w)
-    lower_ramus = at_mm(((-54, -146, 46), (-32, -136, 28), (-16, -122, 13)), w)
-    upper_ramus = at_mm(((-34, -80, 74), (-22, -88, 50), (-14, -95, 24)), w)
-    symphysis = at_mm(((-13, -98, 10.5), (-20, -124, 10.5)), w)
-    spine = at_mm(((-78, -84, 74), (-96, -96, 58)), w)
+    ischium = place_at_mm(((-72, -62, 84), (-72, -108, 76), (-68, -138, 58), (-54, -146, 46)), w)
+    lower_ramus = place_at_mm(((-54, -146, 46), (-32, -136, 28), (-16, -122, 13)), w)
+    upper_ramus = place_at_mm(((-34, -80, 74), (-22, -88, 50), (-14, -95, 24)), w)
+    symphysis = place_at_mm(((-13, -98, 10.5), (-20, -124, 10.5)), w)
+    spine = place_at_mm(((-78, -84, 74), (-96, -96, 58)), w)
     mm = 1e-3 * w
     return [
-        Part(chain(ischium, [14 * mm, 12 * mm, 14 * mm, 11 * mm]), 8e-3),
-        Part(chain(lower_ramus, [9 * mm, 5.5 * mm, 7 * mm]), 5e-3),
-        Part(chain(upper_ramus, [10 * mm, 7.5 * mm, 8 * mm]), 6e-3),
-        Part(rod(symphysis[0], symphysis[1], 8 * mm), 4e-3),
-        Part(rod(spine[0], spine[1], 8 * mm, 3.5 * mm), 6e-3),
-        Part(ball(at_mm((-11, -94, 22), w), 5.5 * mm), 3e-3),
+        Part(make_chain(ischium, [14 * mm, 12 * mm, 14 * mm, 11 * mm]), 8e-3),
+        Part(make_chain(lower_ramus, [9 * mm, 5.5 * mm, 7 * mm]), 5e-3),
+        Part(make_chain(upper_ramus, [10 * mm, 7.5 * mm, 8 * mm]), 6e-3),
+        Part(make_rod(symphysis[0], symphysis[1], 8 * mm), 4e-3),
+        Part(make_rod(spine[0], spine[1], 8 * mm, 3.5 * mm), 6e-3),
+        Part(make_ball(place_at_mm((-11, -94, 22), w), 5.5 * mm), 3e-3),
     ]
 
 
-def _socket(hip: Array, radius: float, w: float) -> list[Part]:
+def _build_socket(hip: Array, radius: float, w: float) -> list[Part]:
     """Bone around the head, opened to its side; only then the sphere itself, sharp-edged."""
     out = np.array(_OPENING) / np.linalg.norm(_OPENING)
-    cup = solid(
+    cup = join_parts(
         (
-            Part(ball(hip, radius + _WALL_M * w)),
-            Part(half_space(hip - _DEPTH * radius * out, out), 3e-3, "trim"),
+            Part(make_ball(hip, radius + _WALL_M * w)),
+            Part(make_half_space(hip - _DEPTH * radius * out, out), 3e-3, "trim"),
         )
     )
     aside = radius * out
-    inward = _unit(np.array([0.1, -0.45, -0.85]))  # of the fossa, from the hip centre
-    below = _unit(np.array([0.35, -0.9, 0.0]))
+    inward = _normalise(np.array([0.1, -0.45, -0.85]))  # of the fossa, from the hip centre
+    below = _normalise(np.array([0.35, -0.9, 0.0]))
     fossa = hip + 0.6 * radius * inward
     return [
         Part(cup, 7e-3),
         # Room for the neck, which passes over nothing but the rim.
-        Part(rod(hip + 0.2 * aside, hip + 2.5 * aside, 0.97 * radius, 1.1 * radius), 2e-3, "cut"),
-        Part(ball(fossa, 0.55 * radius), 2e-3, "cut"),
-        Part(rod(fossa, fossa + 1.2 * radius * below, 0.38 * radius), 2e-3, "cut"),
-        Part(ball(hip, radius), 2e-3, "cut"),
+        Part(make_rod(hip + 0.2 * aside, hip + 2.5 * aside, 0.97 * radius, 1.1 * radius), 2e-3, "cut"),
+        Part(make_ball(fossa, 0.55 * radius), 2e-3, "cut"),
+        Part(make_rod(fossa, fossa + 1.2 * radius * below, 0.38 * radius), 2e-3, "cut"),
+        Part(make_ball(hip, radius), 2e-3, "cut"),
     ]
 
 
-def _unit(vector: Array) -> Array:
+def _normalise(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
@@ -160,7 +173,9 @@ class PersonBones:
     """Points on bone by the name of the marker that is put on them, to (segment, position)."""
 
 
-def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | None = None) -> PersonBones:
+def make_virtual_bones(
+    person: VirtualSubject, *, progress: Callable[[str], None] | None = None
+) -> PersonBones:
     """Make the bones of a person.
 
     ``progress``: called with the name of each bone before its turn.
@@ -170,14 +185,14 @@ def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | N
     tips its ankle centres. The posterior condylar angle is therefore not drawn: it follows from axis and
     radii.
     """
-    report = progress or silent
-    shapes = leg_shapes(person)
+    report = progress or show_nothing
+    shapes = make_leg_shapes(person)
     meshes: dict[str, tuple[Array, Faces]] = {}
     landmarks: dict[str, tuple[str, Array]] = {}
     report("pelvis")
-    meshes["pelvis"] = _pelvis(person, shapes, landmarks)
+    meshes["pelvis"] = _build_pelvis(person, shapes, landmarks)
     for side in _SIDES:
-        for bone, mesh in _leg(person, shapes[side], side, landmarks, report):
+        for bone, mesh in _build_leg(person, shapes[side], side, landmarks, report):
             meshes[f"{bone}_{side}"] = mesh
     return PersonBones(meshes, landmarks)
 
@@ -185,32 +200,32 @@ def virtual_bones(person: VirtualSubject, *, progress: Callable[[str], None] | N
 _SIDES: tuple[Side, Side] = ("r", "l")
 
 
-def leg_shapes(person: VirtualSubject) -> dict[Side, LegShape]:
+def make_leg_shapes(person: VirtualSubject) -> dict[Side, LegShape]:
     """Sizes and angles of a person's bones, those of long bones larger; drawn, nothing is made."""
-    mean, sd = stature_spread(person.sex)
-    lengths = segment_lengths(person.model)
+    mean, sd = read_stature_spread(person.sex)
+    lengths = measure_segment_lengths(person.model)
     own = 0.5 * (lengths["femur_r"] + lengths["femur_l"])
     usual = float(np.hypot(FEMUR[0] * sd, FEMUR[1]))
     length = (own - FEMUR[0] * mean) / usual
-    return {side: leg_shape(person.seed, side, person.sex, length) for side in _SIDES}
+    return {side: make_leg_shape(person.seed, side, person.sex, length) for side in _SIDES}
 
 
-def _pelvis(
+def _build_pelvis(
     person: VirtualSubject, shapes: Mapping[Side, LegShape], landmarks: dict[str, tuple[str, Array]]
 ) -> tuple[Array, Faces]:
     """Both hip bones, mirror images of each other as the model's pelvis is."""
-    hip = np.array(joint_centres(person.model)["hip_r"][1])
+    hip = np.array(find_joint_centres(person.model)["hip_r"][1])
     socket = max(shape.head_radius for shape in shapes.values()) + SOCKET_GAP_M
-    asis = _skin(person, "RASIS") - [_depth("ASIS"), 0.0, 0.0]
-    psis = np.add(_skin(person, "RPSIS"), [_depth("PSIS"), 0.0, 0.0])
-    bone = hip_bone(hip, socket, asis, psis)
+    asis = _find_skin_place(person, "RASIS") - [_measure_depth("ASIS"), 0.0, 0.0]
+    psis = np.add(_find_skin_place(person, "RPSIS"), [_measure_depth("PSIS"), 0.0, 0.0])
+    bone = build_hip_bone(hip, socket, asis, psis)
     for name, at in bone.landmarks.items():
         landmarks |= {f"R{name}": ("pelvis", at), f"L{name}": ("pelvis", at * _LEFT)}
-    right = surface_of(bone.solid, STEP_M)
-    return _joined(right, _of_side(right, "l"))
+    right = contour_shape(bone.solid, STEP_M)
+    return _join_surfaces(right, _of_side(right, "l"))
 
 
-def _leg(
+def _build_leg(
     person: VirtualSubject,
     shape: LegShape,
     side: Side,
@@ -218,46 +233,48 @@ def _leg(
     report: Callable[[str], None],
 ) -> Iterator[tuple[str, tuple[Array, Faces]]]:
     """Femur and tibia, built as a right leg's."""
-    lengths, letter = segment_lengths(person.model), side.upper()
+    lengths, letter = measure_segment_lengths(person.model), side.upper()
     sign = 1.0 if side == "r" else -1.0
     x, y = person.tilts[f"knee_{side}"]
-    axis = axis_of((sign * x, sign * y))
-    thigh = femur(shape, lengths[f"femur_{side}"], axis)
+    axis = compute_axis((sign * x, sign * y))
+    thigh = build_femur(shape, lengths[f"femur_{side}"], axis)
     knee = np.array([0.0, lengths[f"femur_{side}"], 0.0])
     medial, lateral = (centre + knee for centre in thigh.condyles)
-    shank = tibia(shape, lengths[f"shank_{side}"], (medial, lateral), _places(person, side))
+    shank = build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), _find_places(person, side))
     for segment, found in ((f"femur_{side}", thigh.landmarks), (f"tibia_{side}", shank.landmarks)):
         landmarks |= {
             f"{letter}{name}": (segment, at if side == "r" else at * _LEFT) for name, at in found.items()
         }
     report(f"femur_{side}")
-    yield "femur", _of_side(surface_of(thigh.solid, STEP_M), side)
+    yield "femur", _of_side(contour_shape(thigh.solid, STEP_M), side)
     report(f"tibia_{side}")
-    both = _joined(surface_of(shank.tibia, STEP_M), surface_of(shank.fibula, STEP_M))
+    both = _join_surfaces(contour_shape(shank.tibia, STEP_M), contour_shape(shank.fibula, STEP_M))
     yield "tibia", _of_side(both, side)
 
 
-def _places(person: VirtualSubject, side: Side) -> Places:
+def _find_places(person: VirtualSubject, side: Side) -> Places:
     """Under the skin of malleoli and fibula's head, as of a right leg."""
     outward = np.array([0.0, 0.0, 1.0])
-    lateral, medial, head = (_right(person, side, name) for name in ("LM", "MM", "FH"))
+    lateral, medial, head = (_take_right(person, side, name) for name in ("LM", "MM", "FH"))
     return Places(
-        lateral - _depth("LM") * outward, medial + _depth("MM") * outward, head - _depth("FH") * outward
+        lateral - _measure_depth("LM") * outward,
+        medial + _measure_depth("MM") * outward,
+        head - _measure_depth("FH") * outward,
     )
 
 
-def _right(person: VirtualSubject, side: Side, name: str) -> Array:
-    at = _skin(person, f"{side.upper()}{name}")
+def _take_right(person: VirtualSubject, side: Side, name: str) -> Array:
+    at = _find_skin_place(person, f"{side.upper()}{name}")
     return at if side == "r" else at * _LEFT
 
 
-def _skin(person: VirtualSubject, marker: str) -> Array:
+def _find_skin_place(person: VirtualSubject, marker: str) -> Array:
     """Where a marker belongs in its segment's frame: the person's without its misplacement."""
     place = person.generic.marker(marker)
     return person.factors[place.segment] * np.array(place.nominal)
 
 
-def _depth(name: str) -> float:
+def _measure_depth(name: str) -> float:
     """From a marker's centre to bone, m."""
     return SKIN_M[name] + MARKER_RADIUS_M
 
@@ -267,5 +284,5 @@ def _of_side(mesh: tuple[Array, Faces], side: Side) -> tuple[Array, Faces]:
     return mesh if side == "r" else (mesh[0] * _LEFT, mesh[1][:, ::-1])
 
 
-def _joined(first: tuple[Array, Faces], second: tuple[Array, Faces]) -> tuple[Array, Faces]:
+def _join_surfaces(first: tuple[Array, Faces], second: tuple[Array, Faces]) -> tuple[Array, Faces]:
     return np.vstack([first[0], second[0]]), np.vstack([first[1], second[1] + len(first[0])])

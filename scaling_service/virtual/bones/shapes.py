@@ -47,7 +47,7 @@ class Part:
     how: Literal["add", "cut", "trim"] = "add"
 
 
-def rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float | None = None) -> Shape:
+def make_rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float | None = None) -> Shape:
     """A rod between two points with round ends, as thick all along by default, in m."""
     first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     growth = 0.0 if end_radius is None else end_radius - start_radius
@@ -59,17 +59,17 @@ def rod(start: ArrayLike, end: ArrayLike, start_radius: float, end_radius: float
         offset = points - first
         share = np.clip(offset @ along / square, 0.0, 1.0) if square > 0.0 else np.zeros(len(points))
         offset -= share[:, None] * along
-        return np.asarray(_length(offset) - start_radius - share * growth)
+        return np.asarray(_measure_length(offset) - start_radius - share * growth)
 
     return Shape(np.minimum(first, last) - thick, np.maximum(first, last) + thick, distance)
 
 
-def ball(centre: ArrayLike, radius: float) -> Shape:
+def make_ball(centre: ArrayLike, radius: float) -> Shape:
     """A ball, in m."""
-    return rod(centre, centre, radius)
+    return make_rod(centre, centre, radius)
 
 
-def plate(corners: Array, radius: float) -> Shape:
+def make_plate(corners: Array, radius: float) -> Shape:
     """A triangle (corners in rows) with a skin of some thickness around it, in m."""
     sides = np.roll(corners, -1, axis=0) - corners
     normal = np.cross(sides[0], sides[1])
@@ -84,13 +84,13 @@ def plate(corners: Array, radius: float) -> Shape:
             inside &= offset @ np.cross(normal, side) >= 0.0
             share = np.clip(offset @ side / float(side @ side), 0.0, 1.0)
             offset -= share[:, None] * side
-            np.minimum(edge, _length(offset), out=edge)
+            np.minimum(edge, _measure_length(offset), out=edge)
         return np.where(inside, np.abs(above), edge) - radius
 
     return Shape(corners.min(axis=0) - radius, corners.max(axis=0) + radius, distance)
 
 
-def shaft(
+def make_shaft(
     *,
     heights: Array,
     x: Array,
@@ -123,18 +123,18 @@ def shaft(
     return Shape(low, high, distance)
 
 
-def half_space(point: Array, normal: Array) -> Shape:
+def make_half_space(point: Array, normal: Array) -> Shape:
     """Everything on the far side of a plane from its normal."""
     unit = normal / np.linalg.norm(normal)
     return Shape(np.full(3, -np.inf), np.full(3, np.inf), lambda points: np.asarray((points - point) @ unit))
 
 
-def grown(shape: Shape, by: float) -> Shape:
+def grow_shape(shape: Shape, by: float) -> Shape:
     """A shape thickened all round, m."""
     return Shape(shape.low - by, shape.high + by, lambda points: shape.distance(points) - by)
 
 
-def solid(parts: Sequence[Part]) -> Shape:
+def join_parts(parts: Sequence[Part]) -> Shape:
     """Parts put together, one after the other.
 
     Its distance is only right in sign where every part is further away than its blend.
@@ -162,16 +162,16 @@ def solid(parts: Sequence[Part]) -> Shape:
     )
 
 
-def at_mm(at: ArrayLike, w: float) -> Array:
+def place_at_mm(at: ArrayLike, w: float) -> Array:
     """Places given in mm for a bone of the usual size, on one that is ``w`` times as large, m."""
     return 1e-3 * w * np.asarray(at, dtype=float)
 
 
-def chain(points: ArrayLike, radii: Sequence[float]) -> Shape:
+def make_chain(points: ArrayLike, radii: Sequence[float]) -> Shape:
     """A bent rod from point to point (n, 3), m, as thick at each as ``radii`` says."""
     at = np.asarray(points, dtype=float)
     pieces = zip(at, at[1:], radii, radii[1:], strict=False)
-    return solid([Part(rod(*piece)) for piece in pieces])
+    return join_parts([Part(make_rod(*piece)) for piece in pieces])
 
 
 def strip(upper: ArrayLike, lower: ArrayLike, radius: float) -> Shape:
@@ -180,7 +180,7 @@ def strip(upper: ArrayLike, lower: ArrayLike, radius: float) -> Shape:
     corners = []
     for k in range(len(top) - 1):
         corners += [(top[k], top[k + 1], bottom[k]), (top[k + 1], bottom[k + 1], bottom[k])]
-    return solid([Part(plate(np.array(three), radius)) for three in corners])
+    return join_parts([Part(make_plate(np.array(three), radius)) for three in corners])
 
 
 def _smooth_max(a: Array, b: Array, blend: float) -> Array:
@@ -198,7 +198,7 @@ def _interpolate(at: Array, knots: Array, values: Array) -> Array:
     return inside
 
 
-def _length(vectors: Array) -> Array:
+def _measure_length(vectors: Array) -> Array:
     length: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return length
 
@@ -211,7 +211,7 @@ _PULLS = 2  # chosen: the second leaves less than a hundredth of a millimetre
 _STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
 
 
-def surface_of(shape: Shape, step: float) -> tuple[Array, Faces]:
+def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
     """Contour a solid on a grid, and pull the corners onto its surface.
 
     ``step`` (m): of the grid; edges are about as long. Returns ``vertices`` ((n, 3), m); ``faces`` ((m, 3)):
@@ -219,14 +219,14 @@ def surface_of(shape: Shape, step: float) -> tuple[Array, Faces]:
     """
     low = shape.low - 2.0 * step
     size = np.ceil((shape.high - low) / step).astype(int) + 3
-    vertices, faces = _contour(_sampled(shape, low, size, step), size)
+    vertices, faces = _contour_field(_sample_field(shape, low, size, step), size)
     vertices = low + step * vertices
     for _ in range(_PULLS):
         vertices = vertices - _pull(shape, vertices)
     return vertices, faces
 
 
-def _sampled(shape: Shape, low: Array, size: NDArray[np.intp], step: float) -> Array:
+def _sample_field(shape: Shape, low: Array, size: NDArray[np.intp], step: float) -> Array:
     """Distances at all grid points, x fastest, in steps; none nearly zero."""
     field = np.empty((size[2], size[1], size[0]))
     for first in product(*(range(0, n, _BLOCK) for n in field.shape)):
@@ -238,7 +238,7 @@ def _sampled(shape: Shape, low: Array, size: NDArray[np.intp], step: float) -> A
     return np.asarray(field.ravel())
 
 
-def _contour(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
+def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
     """Where a field changes sign: corners (n, 3) in steps, and faces that look towards larger values."""
     import pyvista  # only here: it takes half a second, which who makes no bones should not wait
 
@@ -253,11 +253,11 @@ def _pull(shape: Shape, points: Array) -> Array:
     order = np.argsort(points[:, 1], kind="stable")
     pull = np.empty_like(points)
     for chunk in np.array_split(order, max(1, len(order) // 1500)):
-        pull[chunk] = _newton(shape, points[chunk])
+        pull[chunk] = _refine_by_newton(shape, points[chunk])
     return pull
 
 
-def _newton(shape: Shape, points: Array) -> Array:
+def _refine_by_newton(shape: Shape, points: Array) -> Array:
     n = len(points)
     moved = np.concatenate([points, *(points + _STEP_M * axis for axis in np.eye(3))])
     value = shape.distance(moved)

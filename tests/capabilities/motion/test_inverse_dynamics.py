@@ -14,7 +14,7 @@ from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
-    dynamics_of,
+    compute_dynamics,
     inverse_dynamics,
     rated_motion,
 )
@@ -22,23 +22,23 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.files.osim.models import read_osim
-from scaling_service.files.sto import Table, motion_table, write_sto
+from scaling_service.files.sto import Table, tabulate_motion, write_sto
 from scaling_service.files.trc import read_trc
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import mechanism_of, total_mass
+from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import forward, positions
-from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench import GRAVITY, root_wrench
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.splines import differentiate_spline
+from scaling_service.numerics.wrench import GRAVITY, compute_root_wrench
 from scaling_service.recording.plates import synchronise
-from scaling_service.recording.plates_feet import assign_plates, foot_loads
+from scaling_service.recording.plates_feet import assign_foot_loads, assign_plates
 from tests.peers.opensim_id import OpenSimId, run_opensim_id, write_loads
 
-BODY = builtin("full_body_35dof")
+BODY = load_builtin("full_body_35dof")
 TIMES = np.arange(200) / 100
 
 
@@ -56,7 +56,7 @@ def motion_of(q: Array, coordinates: tuple[str, ...] = BODY.coordinate_names) ->
 
 def bearing(share: float = 0.5) -> SegmentLoads:
     """Two feet that bear exactly what the true motion needs."""
-    wrench, _ = root_wrench(mechanism_of(BODY), Rates.of_frames(*swaying()), np.zeros(0))
+    wrench, _ = compute_root_wrench(compile_mechanism(BODY), Rates.of_frames(*swaying()), np.zeros(0))
     parts = np.stack([share * wrench.T, (1 - share) * wrench.T], axis=1)
     return SegmentLoads(TIMES, ("calcn_r", "calcn_l"), parts[..., :3], parts[..., 3:])
 
@@ -65,7 +65,7 @@ def test_a_true_motion_with_true_loads_leaves_no_residual() -> None:
     rated = rated_motion(BODY, TIMES, swaying()[0], cutoff_hz=None)
     inner = slice(15, -15)  # the natural spline settles within some samples of the ends
     np.testing.assert_allclose(rated.qddot[inner], swaying()[2][inner], rtol=0, atol=1e-4)
-    found = dynamics_of(BODY, rated, bearing())
+    found = compute_dynamics(BODY, rated, bearing())
     np.testing.assert_allclose(found.residual[inner], 0.0, atol=1e-3)
     np.testing.assert_allclose(found.external[:, 1].mean() / 9.80665, found.mass, rtol=0.05)
 
@@ -148,12 +148,12 @@ def recorded(data: Path, name: str) -> tuple[Path, BodyModel, InverseDynamics, S
         for side, letter in (("r", right[0][0]), ("l", "L"))
     }
     forces = synchronise(read_forces(folder / grf), motion.times, cutoff_hz=6.0)
-    loads = foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
+    loads = assign_foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
     times = np.linspace(motion.times[0], motion.times[-1], len(motion.times))
     q = rated_motion(model, motion.times, motion.q, cutoff_hz=6.0).q
-    rated = RatedMotion(times, q, *spline_rates(times, q))
+    rated = RatedMotion(times, q, *differentiate_spline(times, q))
     loads = replace(loads, times=times)
-    return folder / file, model, dynamics_of(model, rated, loads, trial=name), loads
+    return folder / file, model, compute_dynamics(model, rated, loads, trial=name), loads
 
 
 def opensims(
@@ -167,7 +167,8 @@ def opensims(
         kinds.append("translation")
         columns.append(ours.motion.q[:, [model.coordinate_names.index(coupler.independent)]])
     write_sto(
-        folder / "q.mot", motion_table("q", ours.motion.times, names, kinds, np.concatenate(columns, axis=1))
+        folder / "q.mot",
+        tabulate_motion("q", ours.motion.times, names, kinds, np.concatenate(columns, axis=1)),
     )
     data, labels = [ours.motion.times[:, None]], ["time"]
     for k, segment in enumerate(loads.segments):
@@ -227,18 +228,18 @@ def test_where_opensim_differs_it_is_opensim_that_misses_the_balance_of_momentum
 
 def force_of_momentum(model: BodyModel, ours: InverseDynamics) -> Array:
     """m (a - g) from second differences of the centre of mass along the motion's splines, (n, 3)."""
-    motion, mechanism, step = ours.motion, mechanism_of(model), 1e-3
+    motion, mechanism, step = ours.motion, compile_mechanism(model), 1e-3
     ends = [(3, np.zeros(motion.q.shape[1])), (4, np.zeros(motion.q.shape[1]))]
     spline = make_interp_spline(motion.times, motion.q, k=5, bc_type=(ends, ends))
     masses = mechanism.inertias.mass
 
     def centre(times: Array) -> Array:
-        placed = positions(
-            mechanism.tree, forward(mechanism.tree, np.ascontiguousarray(spline(times).T), np.zeros(0))
+        placed = place_tree_markers(
+            mechanism.tree, pose_links(mechanism.tree, np.ascontiguousarray(spline(times).T), np.zeros(0))
         )
         return np.einsum("k,kan->na", masses / masses.sum(), placed)
 
     at = [centre(motion.times + k * step) for k in (-3, -2, -1, 0, 1, 2, 3)]
     weights = np.array([2, -27, 270, -490, 270, -27, 2]) / 180.0  # central, sixth order
     acceleration = np.einsum("k,kna->na", weights, at) / step**2
-    return np.asarray(total_mass(model) * (acceleration - GRAVITY))
+    return np.asarray(sum_mass(model) * (acceleration - GRAVITY))

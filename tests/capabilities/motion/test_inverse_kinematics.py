@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.inverse_kinematics import Task, inverse_kinematics, solve_task
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel, Joint, Law, Marker
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import Huber
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import Array
 
 RATE = 100.0
@@ -23,7 +23,7 @@ RATE = 100.0
 
 def legs() -> BodyModel:
     """The built-in legs without their landmarks."""
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     return model.with_markers(tuple(m for m in model.markers if m.weight > 0.0))
 
 
@@ -31,7 +31,7 @@ def motion(model: BodyModel, n: int, seed: int = 0, size: float = 1.0) -> Array:
     """A smooth motion in which every coordinate moves; knees stay bent, the body turns by a right angle."""
     rng = np.random.default_rng(seed)
     t = np.arange(n)[:, None] / RATE
-    q = default_coordinates(model, n)
+    q = repeat_default_pose(model, n)
     width = np.array([0.5 if c.kind == "rotation" else 0.2 for c in model.coordinates]) * size
     q += width * np.sin(2 * np.pi * rng.uniform(0.3, 0.9, len(width)) * t + rng.uniform(0, 6.28, len(width)))
     for name in ("knee_angle_r", "knee_angle_l"):
@@ -41,7 +41,7 @@ def motion(model: BodyModel, n: int, seed: int = 0, size: float = 1.0) -> Array:
 
 
 def recorded(model: BodyModel, q: Array, noise: float = 0.0, seed: int = 1) -> Trial:
-    markers = marker_positions(compile_model(model), q, parameter_values(model))
+    markers = pose_markers(compile_model(model), q, list_parameter_values(model))
     markers = markers + np.random.default_rng(seed).normal(0.0, noise, markers.shape)
     return Trial("made", np.arange(len(q)) / RATE, model.marker_names, markers, RATE)
 
@@ -92,7 +92,7 @@ def test_labels_may_be_in_any_order_and_others_are_ignored() -> None:
 
 
 def test_landmarks_of_weight_zero_are_not_compared() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     trial = recorded(model, motion(model, 50))
     assert "RAJC" in trial.labels
     assert "RAJC" not in inverse_kinematics(model, trial).markers
@@ -127,7 +127,7 @@ def test_a_leg_that_is_never_seen_stands_at_its_default() -> None:
     found = inverse_kinematics(model, right)
     left = [k for k, name in enumerate(model.coordinate_names) if name.endswith("_l")]
     assert not set(found.estimated) & {model.coordinate_names[k] for k in left}
-    np.testing.assert_array_equal(found.q[:, left], default_coordinates(model, 80)[:, left])
+    np.testing.assert_array_equal(found.q[:, left], repeat_default_pose(model, 80)[:, left])
     others = [k for k in range(14) if k not in left]
     np.testing.assert_allclose(found.q[:, others], q[:, others], rtol=0, atol=1e-6)
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.capabilities.motion.start import first_guess
-from scaling_service.capabilities.motion.uncertainty import determined
+from scaling_service.capabilities.motion.start import guess_start
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.compile import compile_model
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.numerics.bodies import leg, leg_motion, random_tree
 
 NONE = np.zeros(0)
@@ -25,21 +25,19 @@ def test_the_guess_puts_the_root_where_its_markers_are(seed: int) -> None:
     q[:, :3], q[:, [3, 5]] = rng.uniform(-3.0, 3.0, (4, 3)), rng.uniform(-3.0, 3.0, (4, 2))
     q[:, 4] = rng.uniform(-1.4, 1.4, 4)
     q[:, 6:] = rng.uniform(-1.0, 1.0, (4, 4))
-    measured = marker_positions(tree, q, NONE)
-    guess = first_guess(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    measured = pose_markers(tree, q, NONE)
+    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
     own = tree.marker_rows[0]
-    np.testing.assert_allclose(
-        marker_positions(tree, guess, NONE)[:, own], measured[:, own], rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose(pose_markers(tree, guess, NONE)[:, own], measured[:, own], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(guess[:, 6:], 0.0)
 
 
 def test_frames_without_markers_take_the_nearest_guess() -> None:
     rng = np.random.default_rng(1)
     tree, q = compile_model(leg(rng)), leg_motion(rng, 6)
-    measured = marker_positions(tree, q, NONE)
+    measured = pose_markers(tree, q, NONE)
     measured[[0, 3]] = np.nan
-    guess = first_guess(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
     np.testing.assert_array_equal(guess[0], guess[1])
     assert (guess[3] == guess[2]).all() or (guess[3] == guess[4]).all()
 
@@ -49,9 +47,9 @@ def test_with_two_root_markers_the_whole_body_places_the_root() -> None:
     tree = compile_model(leg(rng))
     q = np.tile(leg_motion(rng, 1), (3, 1))
     q[:, 6:] = 0.0
-    measured = marker_positions(tree, q, NONE)
+    measured = pose_markers(tree, q, NONE)
     measured[:, tree.marker_rows[0][:2]] = np.nan
-    guess = first_guess(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
+    guess = guess_start(tree, measured, np.zeros(10), NONE, np.ones(10, dtype=bool))
     np.testing.assert_allclose(guess, q, rtol=0, atol=1e-9)
 
 
@@ -60,7 +58,7 @@ def test_a_root_that_is_not_free_is_left_alone() -> None:
     tree = compile_model(leg(rng))
     free = np.array([False] * 6 + [True] * 4)
     neutral = rng.normal(size=10)
-    guess = first_guess(tree, np.zeros((2, tree.n_markers, 3)), neutral, NONE, free)
+    guess = guess_start(tree, np.zeros((2, tree.n_markers, 3)), neutral, NONE, free)
     np.testing.assert_array_equal(guess, np.tile(neutral, (2, 1)))
 
 
@@ -68,10 +66,10 @@ def verdict(seen: list[str], *, weights: np.ndarray | None = None) -> dict[str, 
     rng = np.random.default_rng(4)
     model = leg(rng)
     tree, q = compile_model(model), leg_motion(rng, 2)
-    measured = marker_positions(tree, q, NONE)
+    measured = pose_markers(tree, q, NONE)
     measured[:, [k for k, n in enumerate(model.marker_names) if n not in seen]] = np.nan
     heavy = np.ones(tree.n_markers) if weights is None else weights
-    found = determined(tree, measured, heavy, q, NONE, np.ones(10, dtype=bool))
+    found = find_determined(tree, measured, heavy, q, NONE, np.ones(10, dtype=bool))
     assert (found == found[0]).all()
     return dict(zip(model.coordinate_names, found[0].tolist(), strict=True))
 
@@ -112,17 +110,17 @@ def test_the_verdict_is_that_of_the_rank(seed: int) -> None:
     model = random_tree(rng, 3, markers_each=1)
     tree, n = compile_model(model), len(model.coordinates)
     q = rng.uniform(-1.0, 1.0, (1, n))
-    measured = marker_positions(tree, q, NONE)
+    measured = pose_markers(tree, q, NONE)
     rates = np.empty((3 * tree.n_markers, n))
     for k in range(n):
         up, down = q.copy(), q.copy()
         up[0, k], down[0, k] = q[0, k] + 1e-5, q[0, k] - 1e-5
-        rates[:, k] = ((marker_positions(tree, up, NONE) - marker_positions(tree, down, NONE)) / 2e-5).ravel()
+        rates[:, k] = ((pose_markers(tree, up, NONE) - pose_markers(tree, down, NONE)) / 2e-5).ravel()
     values, vectors = np.linalg.eigh(rates.T @ rates)
     if ((values > 1e-9) & (values < 1e-5)).any():
         return  # neither clearly determined nor clearly not
     loose = (vectors[:, values < 1e-7] ** 2).sum(axis=1)
     if ((loose > 1e-4) & (loose < 0.05)).any():
         return
-    found = determined(tree, measured, np.ones(tree.n_markers), q, NONE, np.ones(n, dtype=bool))[0]
+    found = find_determined(tree, measured, np.ones(tree.n_markers), q, NONE, np.ones(n, dtype=bool))[0]
     np.testing.assert_array_equal(found, loose < 1e-2)

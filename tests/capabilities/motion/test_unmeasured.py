@@ -12,19 +12,23 @@ import yaml
 from scaling_service.capabilities.dynamics.run import DynamicsResults, dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.dynamics.unmeasured import Unmeasured, find_unmeasured, frames_of
-from scaling_service.capabilities.kinetics.inverse_dynamics import dynamics_of, rated_motion
+from scaling_service.capabilities.dynamics.unmeasured import (
+    Unmeasured,
+    find_unmeasured,
+    find_unmeasured_frames,
+)
+from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, rated_motion
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto, write_sto
-from scaling_service.model.builtin import builtin
-from scaling_service.model.compile import default_coordinates, parameter_values
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.wrench import GRAVITY, root_wrench
+from scaling_service.numerics.wrench import GRAVITY, compute_root_wrench
 from scaling_service.recording.plates_feet import NOBODY, FootContacts
 
-MODEL = builtin("full_body_35dof")
+MODEL = load_builtin("full_body_35dof")
 TIMES = np.arange(200) / 100.0
 FEET, BOTH = ("calcn_r", "calcn_l"), (True, True)
 BENT = {"hip_flexion": 1.5, "knee_angle": 1.5}
@@ -32,7 +36,7 @@ BENT = {"hip_flexion": 1.5, "knee_angle": 1.5}
 
 def moved(**curves: Array | float) -> Array:
     """The default pose but for some coordinates, (n, n_coordinates)."""
-    q = default_coordinates(MODEL, len(TIMES))
+    q = repeat_default_pose(MODEL, len(TIMES))
     for name, curve in curves.items():
         q[:, MODEL.coordinate_names.index(name)] += curve
     return q
@@ -47,13 +51,16 @@ def found_of(
 ) -> tuple[Unmeasured, ...]:
     """What is told of a motion (n, n_coordinates) of whose wrench the plates measure a share (n,)."""
     rated = rated_motion(MODEL, TIMES, q, cutoff_hz=None)
-    wrench = root_wrench(mechanism_of(MODEL), rated.rates, parameter_values(MODEL))[0].T * share[:, None]
+    wrench = (
+        compute_root_wrench(compile_mechanism(MODEL), rated.rates, list_parameter_values(MODEL))[0].T
+        * share[:, None]
+    )
     loads = SegmentLoads(TIMES, FEET[:1], wrench[:, None, :3], wrench[:, None, 3:])
     foot = np.where(np.array([[0, 1]] * len(TIMES)) * 0 + np.array(bears), [0, 1], NOBODY)
     contacts = FootContacts(
         FEET, foot, np.tile(on_floor, (len(TIMES), 1)), np.ones(len(TIMES), dtype=bool), ()
     )
-    return find_unmeasured(dynamics_of(MODEL, rated, loads), contacts, MODEL)
+    return find_unmeasured(compute_dynamics(MODEL, rated, loads), contacts, MODEL)
 
 
 def test_what_plates_measure_whole_is_not_reported() -> None:
@@ -73,7 +80,7 @@ def test_a_chair_is_reported_with_its_time_and_share() -> None:
     assert (chair.start_s, chair.end_s) == pytest.approx((0.0, 0.99), abs=0.02)
     assert chair.share == pytest.approx(0.6, abs=0.02)
     assert "as on a chair" in chair.sentence
-    np.testing.assert_array_equal(frames_of([chair], TIMES), TIMES < 0.995)
+    np.testing.assert_array_equal(find_unmeasured_frames([chair], TIMES), TIMES < 0.995)
 
 
 def test_a_foot_without_a_plate_and_both_feet_on_a_box() -> None:
@@ -94,7 +101,7 @@ def test_flight_is_measured_and_reported() -> None:
     flight = [one for one in found if one.kind == "flight"]
     assert len(flight) == 1
     assert (flight[0].start_s, flight[0].end_s) == pytest.approx((0.7, 1.2), abs=0.05)
-    assert not frames_of(flight, TIMES).any()
+    assert not find_unmeasured_frames(flight, TIMES).any()
 
 
 # Real recordings with something taken away

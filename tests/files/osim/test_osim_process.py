@@ -86,7 +86,11 @@ def test_the_calling_process_never_imports_opensim(tmp_path):
     modules = ", ".join(f"scaling_service.files.osim.{name}" for name in ("models", "muscles", "setups"))
     code = f"import sys, {modules}; print('opensim' in sys.modules)"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=process._make_environment(),
     )
     assert done.stdout.strip() == "False"
 
@@ -117,6 +121,10 @@ def test_the_worker_loads_only_what_it_uses():
     heavy = ("trimesh", "scipy", "yaml", "pyvista")
     code = f"import sys, scaling_service.files.osim.worker; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=process._environment()
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=process._make_environment(),
     )
     assert done.stdout.strip() == "[]"

@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.files.osim.models import read_osim
 from scaling_service.model.compile import compile_model
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 MODELS = [
     ("rajagopal_walk/Rajagopal2016.osim", None),
@@ -41,7 +41,7 @@ def test_markers_are_where_opensim_has_them(
         }
     )
     wanted = np.array(answer["positions"])
-    ours = marker_positions(compile_model(model), q, NO_PARAMETERS)
+    ours = pose_markers(compile_model(model), q, NO_PARAMETERS)
     np.testing.assert_allclose(ours, wanted, rtol=0, atol=1e-9)  # m: rounding only, both are exact
     np.testing.assert_allclose(slow_positions(model, q[:5]), wanted[:5], rtol=0, atol=1e-9)
 

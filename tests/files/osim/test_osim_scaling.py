@@ -7,8 +7,8 @@ import pytest
 
 from scaling_service.files.osim.models import read_osim
 from scaling_service.model.compile import compile_model
-from scaling_service.model.scaling import scaled
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody.tree import pose_markers
 
 MODELS = [
     "rajagopal_walk/Rajagopal2016.osim",
@@ -21,7 +21,7 @@ MODELS = [
 def both(oracle, random_poses, path, factors, mass_kg=None, preserve=True):
     """Our scaled model and OpenSim's answer for the same factors."""
     generic = read_osim(path)
-    ours = scaled(generic, factors, mass_kg=mass_kg, preserve_mass_distribution=preserve)
+    ours = scale_model(generic, factors, mass_kg=mass_kg, preserve_mass_distribution=preserve)
     q = random_poses(generic, 30)
     answer = oracle(
         {
@@ -35,7 +35,7 @@ def both(oracle, random_poses, path, factors, mass_kg=None, preserve=True):
             "poses": q.tolist(),
         }
     )
-    placed = marker_positions(compile_model(ours), q, np.zeros(0))
+    placed = pose_markers(compile_model(ours), q, np.zeros(0))
     return ours, placed, answer
 
 
@@ -127,8 +127,8 @@ def test_oblique_translations_scale_like_everything_else(oracle, tmp_path):
     oblique = custom("k", "a", "b", {3: ([0.6, 0.8, 0], None, {"kind": "Constant", "values": [0.5]})})
     oracle({"operation": "build", "file": str(path), "joints": [custom("j", "ground", "a", {}), oblique]})
     generic = read_osim(path)
-    assert scaled(generic, {"a": (1.0, 1.0, 1.0)}) == generic
-    joints = scaled(generic, {"a": (2.0, 1.0, 1.0)}).segment("b").joints
+    assert scale_model(generic, {"a": (1.0, 1.0, 1.0)}) == generic
+    joints = scale_model(generic, {"a": (2.0, 1.0, 1.0)}).segment("b").joints
     (joint,) = [j for j in joints if j.kind == "translation" and abs(j.axis[1]) not in (0, 1)]
     moved = np.array(joint.axis) * joint.law.constant_part
     np.testing.assert_allclose(moved, [0.6, 0.4, 0.0], atol=1e-15)

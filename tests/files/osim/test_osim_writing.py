@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.methods.osim_image_based import Registration, axis_in_parent
+from scaling_service.capabilities.scaling.methods.osim_image_based import Registration, find_axis_in_parent
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.body import BodyModel, Joint, Law, Marker
-from scaling_service.model.builtin import BUILTIN_NAMES, builtin
+from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.model.compile import compile_model
-from scaling_service.model.poses import model_values
-from scaling_service.model.scaling import scaled
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.model.poses import list_model_values
+from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody.tree import pose_markers
 from tests.files.osim.hand_made import X, Y, hand_made
 
 
@@ -36,7 +36,7 @@ def tilted(model: BodyModel, joint_name: str, x: float, y: float) -> BodyModel:
 
 def placed(model, q, names):
     order = [names.index(name) for name in model.coordinate_names]
-    return marker_positions(compile_model(model), q[:, order], np.zeros(0))
+    return pose_markers(compile_model(model), q[:, order], np.zeros(0))
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def agrees(oracle, random_poses):
         written = read_osim(path)
         assert written.marker_names == model.marker_names
         q = random_poses(model, 30)
-        wanted = marker_positions(compile_model(model), q, np.zeros(0))
+        wanted = pose_markers(compile_model(model), q, np.zeros(0))
         back = placed(written, q, list(model.coordinate_names))
         np.testing.assert_allclose(back, wanted, rtol=0, atol=atol)
         order = [model.coordinate_names.index(name) for name in written.coordinate_names]
@@ -89,7 +89,7 @@ def test_scaled_and_tilted_with_a_source(shared_data, agrees, tmp_path, file, ma
     markers = shared_data / marker_set if marker_set else None
     generic = read_osim(source, markers)
     factors = drawn(generic)
-    model = scaled(generic, factors, mass_kg=66.6)
+    model = scale_model(generic, factors, mass_kg=66.6)
     tilts = {joint: tilt for joint, tilt in tilts.items() if joint in {s.joint_name for s in model.segments}}
     assert tilts
     for joint, (x, y) in tilts.items():
@@ -139,7 +139,7 @@ def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse, chi
     ]
     oracle({"operation": "build", "file": str(source), "joints": joints, "nested": "b"})
     found = Registration(read_osim(source))
-    values = model_values(found.model)
+    values = list_model_values(found.model)
     by = np.array([0.01, -0.02, 0.03])
     if child_stays:
         found.move_axis(found.model.segment("b"), by, values)
@@ -148,7 +148,7 @@ def test_joints_that_an_image_moved(oracle, agrees, tmp_path, kind, reverse, chi
     found.turn(found.model.segment("b"), np.array([0.6, 0.0, 0.8]), values)
     if not child_stays:
         found.turn_child(found.model.segment("b"), np.array([0.1, 0.05, -0.2]), np.array([0.0, 0.1, 0.02]))
-    assert axis_in_parent(found.model.segment("b"), values) == pytest.approx([0.6, 0.0, 0.8])
+    assert find_axis_in_parent(found.model.segment("b"), values) == pytest.approx([0.6, 0.0, 0.8])
     write_osim(path, found.model, source=source, joint_moves=found.moves)
     agrees(path, found.model)
 
@@ -177,7 +177,7 @@ def test_oblique_translations_keep_our_scaling(oracle, agrees, tmp_path, reverse
     ]
     oracle({"operation": "build", "file": str(source), "joints": joints})
     factors = drawn(read_osim(source))
-    model = tilted(scaled(read_osim(source), factors), "j", 0.05, 0.02)
+    model = tilted(scale_model(read_osim(source), factors), "j", 0.05, 0.02)
     write_osim(path, model, source=source, factors=factors, axis_tilts={"j": (0.05, 0.02)})
     agrees(path, model)
 
@@ -226,7 +226,7 @@ def test_inertia_may_come_from_the_model(oracle, tmp_path):
 @pytest.mark.parametrize("name", BUILTIN_NAMES)
 def test_built_in_models(agrees, tmp_path, name):
     path = tmp_path / "builtin.osim"
-    model = builtin(name)
+    model = load_builtin(name)
     write_osim(path, model)
     written = agrees(path, model)
     for ours in model.coordinates:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.reference import find_reference_folder
 
 COLUMNS = {
     "stature": "stature",
@@ -80,5 +80,5 @@ def _row(values: NDArray[np.float64], digits: int) -> str:
 
 
 if __name__ == "__main__":
-    target = reference_folder() / "anthropometry_ansur2.yaml"
+    target = find_reference_folder() / "anthropometry_ansur2.yaml"
     Path(str(target)).write_text(write_document(Path(sys.argv[1])), encoding="utf-8")

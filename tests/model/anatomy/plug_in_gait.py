@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.model.anatomy.frames import Array, Frames, Points, Side, heel_level, tibia_frame
+from scaling_service.model.anatomy.frames import Array, Frames, Points, Side, build_tibia_frame, level_heel
 
 
 def foot_offset(standing: Points, side: Side, *, flat: bool = True) -> Array:
     """The foot's line in the frame of shank and toe marker, (3,), from ``KJC AJC LM HEE TOE`` standing."""
-    heel = heel_level(standing, side) if flat else standing[f"{side.upper()}HEE"]
+    heel = level_heel(standing, side) if flat else standing[f"{side.upper()}HEE"]
     line = np.atleast_2d(standing[f"{side.upper()}TOE"]) - heel
     local = np.einsum("nji,nj->ni", _toe_frame(standing, side).rotation, line)
     known = local[np.isfinite(local).all(axis=1)]
@@ -30,6 +30,6 @@ def _toe_frame(points: Points, side: Side) -> Frames:
         np.atleast_2d(points[f"{side.upper()}{name}"]) for name in ("KJC", "AJC", "LM", "TOE")
     )
     x = (toe - ankle) / np.linalg.norm(toe - ankle, axis=1, keepdims=True)
-    y = np.cross(tibia_frame(knee, ankle, lateral, ankle, side).rotation[:, :, 2], x)
+    y = np.cross(build_tibia_frame(knee, ankle, lateral, ankle, side).rotation[:, :, 2], x)
     y = y / np.linalg.norm(y, axis=1, keepdims=True)
     return Frames(np.stack([x, y, np.cross(x, y)], axis=2), toe)

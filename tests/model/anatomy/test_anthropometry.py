@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions, soldiers
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions, read_soldiers
+from scaling_service.model.reference import find_reference_folder
 from tests.model.anatomy.make_anthropometry import COLUMNS, read_logs, write_document
 
 NAMES = tuple(COLUMNS)
@@ -39,7 +39,9 @@ def survey(shared_data: Path) -> Path:
 
 
 def test_committed_statistics_come_from_the_survey(survey: Path) -> None:
-    committed = yaml.safe_load((reference_folder() / "anthropometry_ansur2.yaml").read_text(encoding="utf-8"))
+    committed = yaml.safe_load(
+        (find_reference_folder() / "anthropometry_ansur2.yaml").read_text(encoding="utf-8")
+    )
     derived = yaml.safe_load(write_document(survey))
     assert committed["names"] == derived["names"]
     for sex in "FM":
@@ -234,8 +236,8 @@ def test_real_children_of_a_clinic_agree(shared_data: Path) -> None:
 
 
 def test_soldiers_are_the_survey_s() -> None:
-    assert soldiers("M").value("stature") == pytest.approx(1.755, abs=0.002)
-    assert soldiers("F").value("mass") == pytest.approx(66.9, abs=0.1)
+    assert read_soldiers("M").value("stature") == pytest.approx(1.755, abs=0.002)
+    assert read_soldiers("F").value("mass") == pytest.approx(66.9, abs=0.1)
 
 
 @pytest.mark.parametrize(

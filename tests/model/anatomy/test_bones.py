@@ -9,10 +9,10 @@ import pytest
 
 from scaling_service.capabilities.subject.loading import read_model
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.bones import BONES, assign_bones, body_of, find_bones_by_tree
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths
+from scaling_service.model.anatomy.bones import BONES, assign_bones, find_body, find_bones_by_tree
+from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
 from scaling_service.model.body import GROUND, BodyModel
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import from_document, to_document
 
 
@@ -41,41 +41,48 @@ def without_names(model: BodyModel) -> tuple[BodyModel, dict[str, str]]:
 def test_joints_tell_the_bones_that_names_tell(shared_data, file: str) -> None:
     pytest.importorskip("opensim")
     model = read_model(shared_data / f"{file}.osim")
-    assert find_bones_by_tree(model) == {bone: body_of(model, bone) for bone in BONES}
+    assert find_bones_by_tree(model) == {bone: find_body(model, bone) for bone in BONES}
     blank, new = without_names(model)
     reported, notes = assign_bones(blank, {})
-    assert dict(reported.bones) == {bone: new[str(body_of(model, bone))] for bone in BONES}
+    assert dict(reported.bones) == {bone: new[str(find_body(model, bone))] for bone in BONES}
     assert any("femur_r is" in note and "`bone_bodies:`" in note for note in notes)
     for name in ("femur_r", "shank_l", "inter_hip"):
-        assert segment_lengths(reported)[name] == pytest.approx(segment_lengths(model)[name], abs=1e-12)
+        assert measure_segment_lengths(reported)[name] == pytest.approx(
+            measure_segment_lengths(model)[name], abs=1e-12
+        )
     assert from_document(to_document(reported)) == reported
 
 
 def test_a_model_whose_names_say_everything_is_left_alone() -> None:
-    model = builtin("lower_limb_feet_18dof")
+    model = load_builtin("lower_limb_feet_18dof")
     assert assign_bones(model, {}) == (model, ())
 
 
 def test_a_person_overrides_what_is_found() -> None:
-    model, new = without_names(builtin("lower_limb_14dof"))  # without feet, its joints do not show the shanks
+    model, new = without_names(
+        load_builtin("lower_limb_14dof")
+    )  # without feet, its joints do not show the shanks
     assert find_bones_by_tree(model) == {}
     said = {bone: new[bone] for bone in ("pelvis", "femur_r", "tibia_r")}
     reported, notes = assign_bones(model, said)
     assert dict(reported.bones) == said
     assert "femur_r is" in notes[0]
-    centre, known = joint_centres(reported)["hip_r"], joint_centres(builtin("lower_limb_14dof"))["hip_r"]
+    centre, known = (
+        find_joint_centres(reported)["hip_r"],
+        find_joint_centres(load_builtin("lower_limb_14dof"))["hip_r"],
+    )
     assert centre[0] == new["pelvis"]
     assert np.array(centre[1]) == pytest.approx(np.array(known[1]))
-    swapped, _ = assign_bones(builtin("lower_limb_14dof"), {"femur_r": "femur_l", "tibia_r": "tibia_l"})
-    assert body_of(swapped, "femur_r") == "femur_l"
+    swapped, _ = assign_bones(load_builtin("lower_limb_14dof"), {"femur_r": "femur_l", "tibia_r": "tibia_l"})
+    assert find_body(swapped, "femur_r") == "femur_l"
 
 
 def test_bones_on_no_segment_or_on_one_twice_are_refused() -> None:
-    model = builtin("lower_limb_feet_18dof")
+    model = load_builtin("lower_limb_feet_18dof")
     with pytest.raises(SubjectInvalid, match=r"no segment 'thigh'.*bone_bodies.femur_r|bone_bodies.femur_r"):
         assign_bones(model, {"femur_r": "thigh"})
     with pytest.raises(SubjectInvalid, match="named for"):
         assign_bones(model, {"femur_r": "tibia_r", "tibia_r": "tibia_r"})
-    foot = str(body_of(model, "calcn_r"))
+    foot = str(find_body(model, "calcn_r"))
     reported, _ = assign_bones(model, {"talus_r": foot, "calcn_r": foot})  # a foot of one piece is both
-    assert body_of(reported, "talus_r") == foot
+    assert find_body(reported, "talus_r") == foot

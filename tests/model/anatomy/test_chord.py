@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from scaling_service.model.anatomy.hip_centre import chord_centre
+from scaling_service.model.anatomy.hip_centre import solve_chord_centre
 from tests.model.anatomy.clinic_files import clinic_trials
 
 RNG = np.random.default_rng(3)
@@ -21,7 +21,7 @@ def test_the_centre_sees_proximal_centre_and_lateral_marker_at_a_right_angle_fro
     None
 ):
     distance = np.linspace(0.03, 0.08, 40)
-    found = chord_centre(HIP, KNEE, WAND, distance)
+    found = solve_chord_centre(HIP, KNEE, WAND, distance)
     np.testing.assert_allclose(np.linalg.norm(found - KNEE, axis=1), distance, rtol=1e-12)
     np.testing.assert_allclose(np.sum((found - KNEE) * (found - HIP), axis=1), 0.0, atol=1e-15)
     normal = np.cross(HIP - KNEE, WAND - KNEE)
@@ -32,8 +32,10 @@ def test_the_centre_sees_proximal_centre_and_lateral_marker_at_a_right_angle_fro
 
 def test_a_rigid_motion_takes_the_centre_along() -> None:
     turn, shift = Rotation.random(random_state=1), np.array([1.0, -2.0, 0.5])
-    moved = chord_centre(*(turn.apply(points) + shift for points in (HIP, KNEE, WAND)), 0.05)
-    np.testing.assert_allclose(moved, turn.apply(chord_centre(HIP, KNEE, WAND, 0.05)) + shift, atol=1e-12)
+    moved = solve_chord_centre(*(turn.apply(points) + shift for points in (HIP, KNEE, WAND)), 0.05)
+    np.testing.assert_allclose(
+        moved, turn.apply(solve_chord_centre(HIP, KNEE, WAND, 0.05)) + shift, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -51,7 +53,7 @@ def test_what_has_no_solution_is_nan_in_its_frame_only(moved: str) -> None:
         distance[7] = 0.0
     else:
         hip[7] = knee[7]
-    found = chord_centre(hip, knee, wand, distance)
+    found = solve_chord_centre(hip, knee, wand, distance)
     assert np.isnan(found[7]).all()
     assert np.isfinite(np.delete(found, 7, axis=0)).all()
 
@@ -62,13 +64,13 @@ def test_the_centres_of_a_laboratory(shared_data: Path) -> None:
     for stem, lab in trials.items():
         radius = lab.sizes["MarkerDiameter"] / 2
         for side in "LR":
-            knee = chord_centre(
+            knee = solve_chord_centre(
                 lab.centre(f"{side}HJC"),
                 lab.marker(f"{side}KNE"),
                 lab.marker(f"{side}THI"),
                 lab.sizes[f"{side}KneeWidth"] / 2 + radius,
             )
-            ankle = chord_centre(
+            ankle = solve_chord_centre(
                 knee,
                 lab.marker(f"{side}ANK"),
                 lab.marker(f"{side}TIB"),

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.model.anatomy.frames import (
     ANGLES,
-    conventional_angles,
-    heel_level,
+    compute_conventional_angles,
+    level_heel,
 )
-from scaling_service.model.anatomy.hip_centre import chord_centre, hip_centres
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres, solve_chord_centre
 from tests.model.anatomy.clinic_files import ClinicTrial, clinic_trials
 from tests.model.anatomy.plug_in_gait import foot_offset, heel_from_offset
 
@@ -60,7 +60,7 @@ def mirrored(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def test_all_angles_are_zero_upright() -> None:
-    found = conventional_angles(posed({}), "r")
+    found = compute_conventional_angles(posed({}), "r")
     assert tuple(found) == ANGLES
     np.testing.assert_allclose(np.concatenate(list(found.values())), 0.0, atol=1e-12)
 
@@ -77,14 +77,17 @@ EXPECTED = (12.0, 4.0, 10.0, 30.0, 6.0, -8.0, 50.0, 3.0, 5.0, 9.0, -7.0)
 @pytest.mark.parametrize("side", ["r", "l"])
 def test_the_turns_of_each_joint_are_found_on_both_sides(side: str) -> None:
     points = posed(TURNS) if side == "r" else mirrored(posed(TURNS))
-    found = conventional_angles(points, side)
+    found = compute_conventional_angles(points, side)
     np.testing.assert_allclose([found[n][0] / RAD for n in ANGLES[:-1]], EXPECTED, atol=1e-9)
 
 
 def test_a_turn_about_the_vertical_changes_only_what_stands_against_the_heading() -> None:
     points, about = posed(TURNS), Rotation.from_rotvec([0.0, 2.7, 0.0])
     turned = {name: about.apply(p) for name, p in points.items()}
-    before, after = conventional_angles(points, "r"), conventional_angles(turned, "r", heading=2.7)
+    before, after = (
+        compute_conventional_angles(points, "r"),
+        compute_conventional_angles(turned, "r", heading=2.7),
+    )
     for name in ANGLES:
         np.testing.assert_allclose(after[name], before[name], atol=1e-12, err_msg=name)
 
@@ -96,15 +99,15 @@ def test_toes_turned_to_the_middle_are_positive(side: str, sign: float) -> None:
         f"{letter}HEE": np.zeros((1, 3)),
         f"{letter}TOE": np.array([[np.cos(0.2), 0.1, -sign * np.sin(0.2)]]),
     }
-    assert conventional_angles(line, side)["foot_internal_progression"][0] == pytest.approx(0.2)
+    assert compute_conventional_angles(line, side)["foot_internal_progression"][0] == pytest.approx(0.2)
 
 
 def test_a_twisted_shank_shares_the_knees_axis_where_it_is_known() -> None:
     points = posed({})
     points["RLM"] = points["RAJC"] + [[-0.04 * np.sin(0.3), 0.0, 0.04 * np.cos(0.3)]]
-    assert conventional_angles(points, "r")["knee_internal_rotation"][0] == pytest.approx(-0.3)
+    assert compute_conventional_angles(points, "r")["knee_internal_rotation"][0] == pytest.approx(-0.3)
     points["RKAX"] = points["RAJC"] + [[0.0, 0.0, 0.04]]
-    found = conventional_angles(points, "r")
+    found = compute_conventional_angles(points, "r")
     assert found["knee_internal_rotation"][0] == pytest.approx(0.0, abs=1e-12)
     assert found["ankle_internal_rotation"][0] == pytest.approx(0.3)
 
@@ -112,7 +115,7 @@ def test_a_twisted_shank_shares_the_knees_axis_where_it_is_known() -> None:
 def test_what_is_not_known_is_left_out_or_nan() -> None:
     points = {name: np.repeat(p, 3, axis=0) for name, p in posed(TURNS).items() if name != "RHEE"}
     points["RKJC"][1] = np.nan
-    found = conventional_angles(points, "r")
+    found = compute_conventional_angles(points, "r")
     assert set(ANGLES) - set(found) == {
         "ankle_dorsiflexion",
         "ankle_internal_rotation",
@@ -126,11 +129,11 @@ def test_the_heel_from_the_standing_offset_follows_the_foot() -> None:
     standing, moving = posed({}), posed({"foot": Rotation.from_euler("Z", 15 * RAD)})
     standing["RHEE"] = standing["RHEE"] + [[0.0, 0.02, 0.0]]  # a heel marker that is stuck on too high
     moving["RHEE"] = heel_from_offset(moving, "r", foot_offset(standing, "r"))
-    assert conventional_angles(moving, "r")["ankle_dorsiflexion"][0] / RAD == pytest.approx(15.0)
+    assert compute_conventional_angles(moving, "r")["ankle_dorsiflexion"][0] / RAD == pytest.approx(15.0)
     moving["RHEE"] = heel_from_offset(moving, "r", foot_offset(standing, "r", flat=False))
     tilted = 15.0 - np.degrees(np.arctan2(0.02, 0.2))
-    assert conventional_angles(moving, "r")["ankle_dorsiflexion"][0] / RAD == pytest.approx(tilted)
-    np.testing.assert_allclose(heel_level(standing, "r"), [STANDING["RHEE"]])
+    assert compute_conventional_angles(moving, "r")["ankle_dorsiflexion"][0] / RAD == pytest.approx(tilted)
+    np.testing.assert_allclose(level_heel(standing, "r"), [STANDING["RHEE"]])
 
 
 _LABORATORY = {
@@ -152,7 +155,7 @@ def points_of(lab: ClinicTrial) -> dict[str, np.ndarray]:
     at |= {side + name: side + label for side in "RL" for name, label in _MARKERS.items()}
     points = {name: lab.marker(label)[:, [0, 2, 1]] * [1.0, 1.0, -1.0] for name, label in at.items()}
     radius = lab.sizes["MarkerDiameter"] / 2
-    hips = hip_centres(
+    hips = predict_hip_centres(
         points["RASIS"],
         points["LASIS"],
         points["SACR"],
@@ -169,7 +172,7 @@ def points_of(lab: ClinicTrial) -> dict[str, np.ndarray]:
             ("KJC", "HJC", "LFE", "THI", "KneeWidth"),
             ("AJC", "KJC", "LM", "TIB", "AnkleWidth"),
         ):
-            points[side + name] = chord_centre(
+            points[side + name] = solve_chord_centre(
                 points[side + above],
                 points[side + lateral],
                 points[side + plane],
@@ -189,7 +192,7 @@ def test_the_angles_of_a_laboratory_from_markers_and_sizes(shared_data: Path) ->
         for side in ("r", "l"):
             letter = side.upper()
             moving[f"{letter}HEE"] = heel_from_offset(moving, side, foot_offset(standing, side))
-            found = conventional_angles(moving, side)
+            found = compute_conventional_angles(moving, side)
             for name, (label, axis) in _LABORATORY.items():
                 error = np.degrees(found[name]) - lab.angles(letter + label)[:, axis]
                 rms = np.sqrt(np.nanmean(error**2))

@@ -10,16 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.model.anatomy.frames import (
     Frames,
-    cardan,
-    femur_frame,
-    hip_angles,
-    knee_angles,
-    pelvis_angles,
-    pelvis_frame,
-    tibia_frame,
+    build_femur_frame,
+    build_pelvis_frame,
+    build_tibia_frame,
+    compute_hip_angles,
+    compute_knee_angles,
+    compute_pelvis_angles,
+    decompose_cardan,
 )
-from scaling_service.model.builtin import builtin
-from scaling_service.model.poses import neutral_frames, neutral_markers
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
 
 TORSION = np.radians(15.0)  # of the malleoli in the built-in model
 angle = st.floats(-1.2, 1.2)
@@ -27,37 +27,37 @@ angle = st.floats(-1.2, 1.2)
 
 def points(values: dict[str, float] | None = None) -> dict[str, np.ndarray]:
     """Markers and joint centres of the built-in lower limbs in a posture, each (1, 3)."""
-    model = builtin("lower_limb_14dof")
-    frames = neutral_frames(model, values)
+    model = load_builtin("lower_limb_14dof")
+    frames = pose_neutral_frames(model, values)
     centres = {
         f"{joint}_{side}": frames[f"{bone}_{side}"][1]
         for side in "rl"
         for joint, bone in (("hip", "femur"), ("knee", "tibia"))
     }
-    return {name: p[None] for name, p in (neutral_markers(model, values) | centres).items()}
+    return {name: p[None] for name, p in (pose_neutral_markers(model, values) | centres).items()}
 
 
 def pelvis(at: dict[str, np.ndarray]) -> Frames:
-    return pelvis_frame(at["RASIS"], at["LASIS"], at["RPSIS"], at["LPSIS"])
+    return build_pelvis_frame(at["RASIS"], at["LASIS"], at["RPSIS"], at["LPSIS"])
 
 
 def femur(at: dict[str, np.ndarray], side: str) -> Frames:
     s = side.upper()
-    return femur_frame(at[f"hip_{side}"], at[f"{s}LFE"], at[f"{s}MFE"], side)
+    return build_femur_frame(at[f"hip_{side}"], at[f"{s}LFE"], at[f"{s}MFE"], side)
 
 
 def tibia(at: dict[str, np.ndarray], side: str) -> Frames:
     s = side.upper()
-    return tibia_frame(at[f"knee_{side}"], at[f"{s}AJC"], at[f"{s}LM"], at[f"{s}MM"], side)
+    return build_tibia_frame(at[f"knee_{side}"], at[f"{s}AJC"], at[f"{s}LM"], at[f"{s}MM"], side)
 
 
-posture = st.fixed_dictionaries(dict.fromkeys(builtin("lower_limb_14dof").coordinate_names, angle))
+posture = st.fixed_dictionaries(dict.fromkeys(load_builtin("lower_limb_14dof").coordinate_names, angle))
 
 
 @settings(max_examples=25)
 @given(posture)
 def test_markers_give_back_the_segments_frames(values: dict[str, float]) -> None:
-    at, truth = points(values), neutral_frames(builtin("lower_limb_14dof"), values)
+    at, truth = points(values), pose_neutral_frames(load_builtin("lower_limb_14dof"), values)
     for found, name in ((pelvis(at), "pelvis"), (femur(at, "r"), "femur_r"), (femur(at, "l"), "femur_l")):
         np.testing.assert_allclose(found.rotation[0], truth[name][0], atol=1e-12)
         np.testing.assert_allclose(found.origin[0], truth[name][1], atol=1e-12)
@@ -68,10 +68,10 @@ def test_markers_give_back_the_segments_frames(values: dict[str, float]) -> None
 def test_angles_are_the_models_coordinates(values: dict[str, float]) -> None:
     at = points(values)
     root = [values[f"pelvis_{name}"] for name in ("rotation", "list", "tilt")]
-    np.testing.assert_allclose(pelvis_angles(pelvis(at))[0], root, atol=1e-9)
+    np.testing.assert_allclose(compute_pelvis_angles(pelvis(at))[0], root, atol=1e-9)
     for side in "rl":
         hip = [values[f"hip_{name}_{side}"] for name in ("flexion", "adduction", "rotation")]
-        np.testing.assert_allclose(hip_angles(pelvis(at), femur(at, side), side)[0], hip, atol=1e-9)
+        np.testing.assert_allclose(compute_hip_angles(pelvis(at), femur(at, side), side)[0], hip, atol=1e-9)
 
 
 @pytest.mark.parametrize("side", ["r", "l"])
@@ -79,7 +79,7 @@ def test_angles_are_the_models_coordinates(values: dict[str, float]) -> None:
 def test_knee_flexion_is_the_models_and_torsion_shows_as_rotation(side: str, flexion: float) -> None:
     """The malleoli are turned outward, so the shank's own frame is rotated externally by the torsion."""
     at = points({f"knee_angle_{side}": flexion})
-    found = knee_angles(femur(at, side), tibia(at, side), side)[0]
+    found = compute_knee_angles(femur(at, side), tibia(at, side), side)[0]
     np.testing.assert_allclose(
         found, [flexion, 0.0, -TORSION], atol=2e-3
     )  # model: .011 / .041 = tan 15.02 deg
@@ -97,8 +97,8 @@ def test_rigid_motion_changes_no_angle() -> None:
     turns, shift = Rotation.random(6, random_state=5), np.random.default_rng(2).normal(size=(6, 3))
     moved = {name: turns.apply(p[0]) + shift for name, p in at.items()}
     for angles in (
-        lambda a: hip_angles(pelvis(a), femur(a, "r"), "r"),
-        lambda a: knee_angles(femur(a, "r"), tibia(a, "r"), "r"),
+        lambda a: compute_hip_angles(pelvis(a), femur(a, "r"), "r"),
+        lambda a: compute_knee_angles(femur(a, "r"), tibia(a, "r"), "r"),
     ):
         np.testing.assert_allclose(angles(moved), np.repeat(angles(at), 6, axis=0), atol=1e-12)
     np.testing.assert_allclose(pelvis(moved).rotation, turns.as_matrix() @ pelvis(at).rotation, atol=1e-12)
@@ -121,13 +121,13 @@ def test_mirror_image_has_equal_angles_on_the_other_side() -> None:
         for name, p in at.items()
     }
     np.testing.assert_allclose(
-        hip_angles(pelvis(mirrored), femur(mirrored, "l"), "l"),
-        hip_angles(pelvis(at), femur(at, "r"), "r"),
+        compute_hip_angles(pelvis(mirrored), femur(mirrored, "l"), "l"),
+        compute_hip_angles(pelvis(at), femur(at, "r"), "r"),
         atol=1e-12,
     )
     np.testing.assert_allclose(
-        knee_angles(femur(mirrored, "l"), tibia(mirrored, "l"), "l"),
-        knee_angles(femur(at, "r"), tibia(at, "r"), "r"),
+        compute_knee_angles(femur(mirrored, "l"), tibia(mirrored, "l"), "l"),
+        compute_knee_angles(femur(at, "r"), tibia(at, "r"), "r"),
         atol=1e-12,
     )
 
@@ -136,7 +136,9 @@ def test_mirror_image_has_equal_angles_on_the_other_side() -> None:
 def test_cardan_against_scipy(a: float, b: float, c: float) -> None:
     distal = Rotation.from_euler("ZXY", [a, b, c]).as_matrix()[None]
     ground = Frames(np.eye(3)[None], np.zeros((1, 3)))
-    np.testing.assert_allclose(cardan(ground, Frames(distal, np.zeros((1, 3))))[0], [a, b, c], atol=1e-12)
+    np.testing.assert_allclose(
+        decompose_cardan(ground, Frames(distal, np.zeros((1, 3))))[0], [a, b, c], atol=1e-12
+    )
 
 
 def test_missing_or_collinear_landmarks_give_nan_in_that_frame_only() -> None:

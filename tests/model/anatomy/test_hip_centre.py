@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS, hip_centres
-from scaling_service.model.builtin import builtin
+from scaling_service.model.anatomy.hip_centre import HIP_REGRESSIONS, predict_hip_centres
+from scaling_service.model.builtin import load_builtin
 from tests.model.anatomy.clinic_files import clinic_trials
 
 # width 240 mm, depth 160 mm
@@ -33,7 +33,7 @@ PELVIS = np.array([[0.0, 1.0, 0.12], [0.0, 1.0, -0.12], [-0.16, 1.0, 0.04], [-0.
     ],
 )
 def test_worked_by_hand(regression: str, legs: dict[str, float], expected_mm: tuple[float, ...]) -> None:
-    found = hip_centres(*PELVIS, regression=regression, **legs)
+    found = predict_hip_centres(*PELVIS, regression=regression, **legs)
     np.testing.assert_allclose(1000 * found.right[0], expected_mm, atol=1e-9)
     np.testing.assert_allclose(found.left, found.right * [1, 1, -1], atol=1e-12)
     np.testing.assert_allclose(found.right_ground, found.right + np.array([0, 1, 0]), atol=1e-12)
@@ -41,17 +41,17 @@ def test_worked_by_hand(regression: str, legs: dict[str, float], expected_mm: tu
 
 def test_the_conventional_model_worked_by_hand() -> None:
     legs = {"leg_length_r": 0.9, "leg_length_l": 0.9}
-    found = hip_centres(*PELVIS, regression="plug_in_gait", width=0.25, marker_radius=0.007, **legs)
+    found = predict_hip_centres(*PELVIS, regression="plug_in_gait", width=0.25, marker_radius=0.007, **legs)
     # C = 88.2, ASIS 67.36 + 7 before the hip: 88.2 cos .5 sin .314 - 74.36 cos .314, ..., 125 - 88.2 sin .5
     np.testing.assert_allclose(1000 * found.right[0], (-46.817, -96.585, 82.715), atol=1e-3)
-    davis = hip_centres(*PELVIS, regression="davis1991", width=0.25, marker_radius=0.007, **legs)
+    davis = predict_hip_centres(*PELVIS, regression="davis1991", width=0.25, marker_radius=0.007, **legs)
     assert 0.0001 < np.linalg.norm(davis.right - found.right) < 0.001  # other angles
 
 
 def test_the_hip_centres_of_a_laboratory(shared_data: Path) -> None:
     """Its tables have Davis' angles; its knees come from Plug-in Gait's (test_conventional)."""
     for stem, lab in clinic_trials(shared_data).items():
-        found = hip_centres(
+        found = predict_hip_centres(
             *(lab.marker(label) for label in ("RASI", "LASI", "SACR", "SACR")),
             regression="davis1991",
             leg_length_r=lab.sizes["RLegLength"],
@@ -64,7 +64,9 @@ def test_the_hip_centres_of_a_laboratory(shared_data: Path) -> None:
 
 
 def test_each_side_uses_its_own_leg() -> None:
-    found = hip_centres(*PELVIS, regression="harrington2007_multi", leg_length_r=0.9, leg_length_l=0.95)
+    found = predict_hip_centres(
+        *PELVIS, regression="harrington2007_multi", leg_length_r=0.9, leg_length_l=0.95
+    )
     assert 1000 * (found.right - found.left)[0, 1] == pytest.approx(0.04 * 50)
 
 
@@ -73,8 +75,8 @@ def test_rigid_motion_moves_the_centres_along(regression: str) -> None:
     rng = np.random.default_rng(0)
     turns, shift = Rotation.random(7, random_state=1), rng.normal(size=(7, 3))
     moved = [turns.apply(m) + shift for m in PELVIS]
-    still = hip_centres(*PELVIS, regression=regression, leg_length_r=0.9)
-    found = hip_centres(*moved, regression=regression, leg_length_r=0.9)
+    still = predict_hip_centres(*PELVIS, regression=regression, leg_length_r=0.9)
+    found = predict_hip_centres(*moved, regression=regression, leg_length_r=0.9)
     np.testing.assert_allclose(found.right, np.repeat(still.right, 7, axis=0), atol=1e-12)
     np.testing.assert_allclose(found.left_ground, turns.apply(still.left_ground[0]) + shift, atol=1e-12)
 
@@ -82,7 +84,7 @@ def test_rigid_motion_moves_the_centres_along(regression: str) -> None:
 def test_a_missing_marker_costs_its_frame_only() -> None:
     markers = np.repeat(PELVIS, 3, axis=1)
     markers[2, 1] = np.nan
-    found = hip_centres(*markers)
+    found = predict_hip_centres(*markers)
     for centres in (found.right, found.left, found.right_ground, found.left_ground):
         assert np.isnan(centres[1]).all()
         assert np.isfinite(centres[[0, 2]]).all()
@@ -90,14 +92,14 @@ def test_a_missing_marker_costs_its_frame_only() -> None:
 
 def test_the_generic_model_agrees_with_its_own_regression() -> None:
     """The built-in hip centre is Harrington's for its own pelvis markers, up to rounding."""
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     markers = [np.array([model.marker(name).nominal]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
     centre = [joint.law.constant_part for joint in model.segment("femur_r").joints[:3]]
-    np.testing.assert_allclose(hip_centres(*markers).right[0], centre, atol=1e-4)
+    np.testing.assert_allclose(predict_hip_centres(*markers).right[0], centre, atol=1e-4)
 
 
 def test_refusals() -> None:
     with pytest.raises(InputError, match="leg length"):
-        hip_centres(*PELVIS, regression="hara2016")
+        predict_hip_centres(*PELVIS, regression="hara2016")
     with pytest.raises(InputError, match="bell1990"):
-        hip_centres(*PELVIS, regression="crystal ball")
+        predict_hip_centres(*PELVIS, regression="crystal ball")

@@ -9,14 +9,14 @@ import pytest
 import yaml
 
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.inertia import apply_inertia_table, possible_tensor
+from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
 from scaling_service.model.anatomy.inertia_planar import apply_to_squat
 from scaling_service.model.body import BodyModel, Law
-from scaling_service.model.builtin import builtin, generic_person
-from scaling_service.model.inertia import TABLE_NAMES, inertia_table, inertias_of, total_mass
-from scaling_service.model.reference import reference_folder
+from scaling_service.model.builtin import load_builtin, load_generic_person
+from scaling_service.model.inertia import TABLE_NAMES, gather_inertias, read_inertia_table, sum_mass
+from scaling_service.model.reference import find_reference_folder
 
-BODY = builtin("full_body_35dof")
+BODY = load_builtin("full_body_35dof")
 
 
 def applied(table: str = "dumas2007", sex: str = "M", model: BodyModel = BODY):  # type: ignore[no-untyped-def]
@@ -44,11 +44,11 @@ def larger(model: BodyModel, factor: float) -> BodyModel:
 @pytest.mark.parametrize("sex", ["F", "M"])
 def test_masses_sum_to_the_persons_and_every_body_is_possible(table: str, sex: str) -> None:
     result = applied(table, sex)
-    assert total_mass(result.model) == pytest.approx(67.3, rel=1e-12)
-    for tensor in inertias_of(result.model).tensor:
-        assert not possible_tensor(tensor)[1]
+    assert sum_mass(result.model) == pytest.approx(67.3, rel=1e-12)
+    for tensor in gather_inertias(result.model).tensor:
+        assert not find_possible_tensor(tensor)[1]
         assert (np.linalg.eigvalsh(tensor) > 0).all()
-    assert result.notes[: len(inertia_table(table).notes)] == inertia_table(table).notes
+    assert result.notes[: len(read_inertia_table(table).notes)] == read_inertia_table(table).notes
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_masses_sum_to_the_persons_and_every_body_is_possible(table: str, sex: s
 )
 def test_rows_sum_to_what_the_publications_sum_to(table: str, sums: dict[str, float]) -> None:
     for sex, total in sums.items():
-        rows = [r for r in inertia_table(table).rows if r.sex == sex]
+        rows = [r for r in read_inertia_table(table).rows if r.sex == sex]
         limbs = {"upper_arm", "forearm", "hand", "thigh", "shank", "foot"}
         found = sum(r.mass_pct * (2 if r.segment in limbs else 1) for r in rows)
         assert found == pytest.approx(total, abs=0.011)
@@ -71,19 +71,22 @@ def test_rows_sum_to_what_the_publications_sum_to(table: str, sums: dict[str, fl
 def test_without_a_sex_inertia_lies_midway_and_says_so() -> None:
     woman, man = (applied("dumas2007", sex).model for sex in "FM")
     result = apply_inertia_table(BODY, "dumas2007", sex=None, height_m=1.762, mass_kg=67.3)
-    assert total_mass(result.model) == pytest.approx(67.3)
+    assert sum_mass(result.model) == pytest.approx(67.3)
     assert any("sex is not given" in note for note in result.notes)
     for one, other, between in zip(
-        inertias_of(woman).tensor, inertias_of(man).tensor, inertias_of(result.model).tensor, strict=True
+        gather_inertias(woman).tensor,
+        gather_inertias(man).tensor,
+        gather_inertias(result.model).tensor,
+        strict=True,
     ):
         np.testing.assert_allclose(between, 0.5 * (one + other), atol=1e-12)
-        assert not possible_tensor(between)[1]
+        assert not find_possible_tensor(between)[1]
 
 
 def test_the_built_in_models_are_the_table_at_their_own_size() -> None:
     # Feet, head, pelvis and hands have lengths of the mean subject there, and here the model's own.
     result = applied()
-    factor = total_mass(result.model) / total_mass(BODY)
+    factor = sum_mass(result.model) / sum_mass(BODY)
     for name in ("femur_r", "tibia_l", "abdomen", "torso", "humerus_r", "ulna_l", "calcn_r", "head"):
         ours, own = result.model.segment(name), BODY.segment(name)
         assert ours.mass == pytest.approx(factor * own.mass, rel=1e-9)
@@ -120,18 +123,18 @@ def test_left_is_the_mirror_image_of_right() -> None:
 
 
 def test_the_womens_torso_of_2007_cannot_be_a_body_and_is_made_one() -> None:
-    row = inertia_table("dumas2007").row("torso", "F")
+    row = read_inertia_table("dumas2007").row("torso", "F")
     r, v = np.array([29.0, 27, 29]), np.array(row.products_pct)
     tensor = np.diag(r**2)
     for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), np.sign(v) * v**2, strict=True):
         tensor[i, j] = tensor[j, i] = value
     np.testing.assert_allclose(np.linalg.eigvalsh(tensor), [295, 843, 1272], atol=1.0)
-    mended, changed = possible_tensor(tensor)
+    mended, changed = find_possible_tensor(tensor)
     assert changed
     a, b, c = np.linalg.eigvalsh(mended)
     assert c <= a + b + 1e-9
-    assert not possible_tensor(0.5 * (mended + np.diag([1e3] * 3)))[1]
-    every = [r for name in TABLE_NAMES for r in inertia_table(name).rows if None not in r.radii_pct]
+    assert not find_possible_tensor(0.5 * (mended + np.diag([1e3] * 3)))[1]
+    every = [r for name in TABLE_NAMES for r in read_inertia_table(name).rows if None not in r.radii_pct]
     assert [f"{r.segment} {r.sex}" for r in every if broken(r)] == ["torso F"]
 
 
@@ -140,27 +143,27 @@ def broken(row) -> bool:  # type: ignore[no-untyped-def]  # a row whose radii ar
     v = np.array(row.products_pct)
     for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), np.sign(v) * v**2, strict=True):
         tensor[i, j] = tensor[j, i] = value
-    return possible_tensor(tensor)[1]
+    return find_possible_tensor(tensor)[1]
 
 
 def test_legs_without_a_trunk_say_what_mass_they_lack() -> None:
-    result = applied(model=builtin("lower_limb_feet_18dof"))
+    result = applied(model=load_builtin("lower_limb_feet_18dof"))
     assert any("no segment for 49.2 %" in note for note in result.notes)
     with pytest.raises(InputError, match="does not show the landmark OMPH of segment 'pelvis'"):
-        applied("deleva1996", model=builtin("lower_limb_14dof"))
+        applied("deleva1996", model=load_builtin("lower_limb_14dof"))
 
 
 @pytest.mark.parametrize("table", TABLE_NAMES)
 def test_the_squats_parts_weigh_what_the_table_says(table: str) -> None:
-    squat = builtin("squat_4dof")
+    squat = load_builtin("squat_4dof")
     result = apply_to_squat(squat, table, sex="M", height_m=1.68, mass_kg=64.0)
-    assert total_mass(result.model) == pytest.approx(64.0)
+    assert sum_mass(result.model) == pytest.approx(64.0)
     for segment in result.model.segments:
         assert segment.com[2] == segment.inertia[4] == segment.inertia[5] == 0.0
 
 
 def test_the_squat_of_winter_is_the_built_in_one_and_that_of_dumas_its_planar_facts() -> None:
-    squat = builtin("squat_4dof")
+    squat = load_builtin("squat_4dof")
     winter = apply_to_squat(squat, "winter2009", sex="M", height_m=1.68, mass_kg=64.0).model
     for ours, own in zip(winter.segments, squat.segments, strict=True):
         np.testing.assert_allclose(ours.com, own.com, atol=1e-12)
@@ -176,11 +179,11 @@ def test_the_squat_of_winter_is_the_built_in_one_and_that_of_dumas_its_planar_fa
 
 
 def test_the_squats_own_numbers_are_winters() -> None:
-    document = yaml.safe_load((reference_folder() / "squat_4dof.yaml").read_text(encoding="utf-8"))
+    document = yaml.safe_load((find_reference_folder() / "squat_4dof.yaml").read_text(encoding="utf-8"))
     for entry in document["segments"]:
         row = {"foot": "foot", "shank": "shank", "thigh": "thigh"}.get(entry["name"])
         if row:
-            printed = inertia_table("winter2009").row(row, "M")
+            printed = read_inertia_table("winter2009").row(row, "M")
             assert entry["inertia"]["mass_pct"] == pytest.approx(2 * printed.mass_pct)
             assert entry["inertia"]["radii_pct"][2] == printed.radii_pct[2]
 
@@ -192,7 +195,7 @@ def test_the_squats_own_numbers_are_winters() -> None:
         ({"mass_kg": 1000.0}, r"subject\.mass_kg: 1000 kg"),
         ({"height_m": 176.0}, r"subject\.height_m: 176 m"),
         ({"table": "zatsiorsky"}, "there is no inertial table 'zatsiorsky'"),
-        ({"model": builtin("squat_4dof")}, "segment 'foot' is none that inertial tables know"),
+        ({"model": load_builtin("squat_4dof")}, "segment 'foot' is none that inertial tables know"),
     ],
 )
 def test_what_cannot_be_applied_is_refused(change: dict[str, object], said: str) -> None:
@@ -202,5 +205,5 @@ def test_what_cannot_be_applied_is_refused(change: dict[str, object], said: str)
 
 
 def test_the_generic_person_is_the_one_the_tests_use() -> None:
-    person = generic_person("full_body_35dof")
+    person = load_generic_person("full_body_35dof")
     assert (person.height_m, person.mass_kg) == (1.762, 67.3)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scaling_service.files.osim.models import read_osim
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths, segment_of
+from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment, measure_segment_lengths
 from scaling_service.model.body import (
     BodyModel,
     Coordinate,
@@ -23,7 +23,7 @@ from scaling_service.model.body import (
     Shape,
     Term,
 )
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 
 # not importorskip: importing opensim here would write its log into the working directory
 needs_opensim = pytest.mark.skipif(
@@ -32,7 +32,7 @@ needs_opensim = pytest.mark.skipif(
 
 
 def test_lower_limb() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     expected = {
         "inter_hip": 0.1735,
         "femur_r": 0.43245,
@@ -40,49 +40,49 @@ def test_lower_limb() -> None:
         "femur_l": 0.43245,
         "shank_l": 0.4152,
     }
-    assert segment_lengths(model) == pytest.approx(expected)
-    centres = joint_centres(model)
+    assert measure_segment_lengths(model) == pytest.approx(expected)
+    centres = find_joint_centres(model)
     assert set(centres) == {f"{j}_{s}" for j in ("hip", "knee", "ankle") for s in "rl"}
     assert centres["hip_l"] == ("pelvis", (-0.0471, -0.0831, -0.08675))
     assert centres["ankle_r"] == ("tibia_r", (0.0, -0.4152, 0.0))
 
 
 def test_whole_body_takes_the_ankle_from_its_joint() -> None:
-    model = builtin("full_body_35dof")
-    lengths = segment_lengths(model)
+    model = load_builtin("full_body_35dof")
+    lengths = measure_segment_lengths(model)
     assert {k: lengths[k] for k in ("femur_r", "shank_l", "inter_hip")} == pytest.approx(
         {"femur_r": 0.43245, "shank_l": 0.4152, "inter_hip": 0.1735}
     )
     assert lengths["upper_arm_r"] == pytest.approx(0.2698)
     assert lengths["forearm_l"] == pytest.approx(0.2817)
     moved = replace(model, markers=())
-    assert segment_lengths(moved) == lengths
+    assert measure_segment_lengths(moved) == lengths
 
 
 def test_planar_squat_has_lengths_without_side() -> None:
     """The chain runs upward from the foot there, so parents and children are exchanged."""
-    model = builtin("squat_4dof")
-    lengths = segment_lengths(model)
+    model = load_builtin("squat_4dof")
+    lengths = measure_segment_lengths(model)
     assert lengths["shank"] == pytest.approx(0.4133)
     assert lengths["femur"] == pytest.approx(0.4116)
-    assert joint_centres(model)["knee"] == ("thigh", (0.0, 0.0, 0.0))
-    assert joint_centres(model)["hip"][0] == "torso"
+    assert find_joint_centres(model)["knee"] == ("thigh", (0.0, 0.0, 0.0))
+    assert find_joint_centres(model)["hip"][0] == "torso"
 
 
 def test_malleoli_serve_where_there_is_no_landmark() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     without = replace(model, markers=tuple(m for m in model.markers if m.weight > 0))
-    assert segment_lengths(without) == pytest.approx(segment_lengths(model))
+    assert measure_segment_lengths(without) == pytest.approx(measure_segment_lengths(model))
     renamed = replace(
         without,
         markers=tuple(
             replace(m, name={"RLM": "RANK", "RMM": "RMMA"}.get(m.name, m.name)) for m in without.markers
         ),
     )
-    assert segment_lengths(renamed) == pytest.approx(segment_lengths(model))
+    assert measure_segment_lengths(renamed) == pytest.approx(measure_segment_lengths(model))
     bare = replace(without, markers=())
-    assert "shank_r" not in segment_lengths(bare)
-    assert "femur_r" in segment_lengths(bare)
+    assert "shank_r" not in measure_segment_lengths(bare)
+    assert "femur_r" in measure_segment_lengths(bare)
 
 
 def gliding_knee(default: float) -> BodyModel:
@@ -120,7 +120,7 @@ def gliding_knee(default: float) -> BodyModel:
 @pytest.mark.parametrize("default", [0.0, 0.9])
 def test_gliding_knee_is_measured_straight(default: float) -> None:
     """Also where OpenSim calls the coordinate coupled, hence not of kind rotation, or its default is bent."""
-    lengths = segment_lengths(gliding_knee(default))
+    lengths = measure_segment_lengths(gliding_knee(default))
     assert lengths["femur_r"] == pytest.approx(1.5 * (0.43 - 0.03))
     assert lengths["shank_r"] == pytest.approx(
         0.41 - 0.01
@@ -128,7 +128,7 @@ def test_gliding_knee_is_measured_straight(default: float) -> None:
 
 
 def test_segments_are_known_by_several_names() -> None:
-    model = builtin("lower_limb_14dof")
+    model = load_builtin("lower_limb_14dof")
     for name in ("thigh_r", "r_femur", "R_Thigh"):
         other = replace(
             model,
@@ -142,8 +142,8 @@ def test_segments_are_known_by_several_names() -> None:
             ),
             markers=tuple(m for m in model.markers if m.segment != "femur_r"),
         )
-        assert segment_of(other, "femur", "r") == name
-        assert segment_lengths(other)["femur_r"] == pytest.approx(0.43245)
+        assert find_segment(other, "femur", "r") == name
+        assert measure_segment_lengths(other)["femur_r"] == pytest.approx(0.43245)
 
 
 @needs_opensim
@@ -157,7 +157,7 @@ def test_segments_are_known_by_several_names() -> None:
     ],
 )
 def test_opensim_models(shared_data: Path, file: str, expected: dict[str, float]) -> None:
-    lengths = segment_lengths(read_osim(shared_data / file))
+    lengths = measure_segment_lengths(read_osim(shared_data / file))
     assert {name: lengths[name] for name in expected} == pytest.approx(expected, abs=5e-4)
 
 
@@ -167,7 +167,7 @@ def test_expert_model_of_one_leg(shared_data: Path) -> None:
     folder = shared_data / "jia_mri"
     joints = json.loads((folder / "reference_joints.json").read_text())["manual"]
     centre = {name: np.array(joints[name]["centre_mm"]) / 1000 for name in ("hip_r", "knee_r", "ankle_r")}
-    lengths = segment_lengths(read_osim(folder / "manual_model.osim"))
+    lengths = measure_segment_lengths(read_osim(folder / "manual_model.osim"))
     assert "inter_hip" not in lengths
     assert lengths["femur_r"] == pytest.approx(np.linalg.norm(centre["hip_r"] - centre["knee_r"]), abs=1e-4)
     assert lengths["shank_r"] == pytest.approx(np.linalg.norm(centre["knee_r"] - centre["ankle_r"]), abs=1e-4)

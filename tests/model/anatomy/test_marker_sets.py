@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from scaling_service.files.recording import read_recording
-from scaling_service.model.anatomy.marker_sets import plane_marker, recognise, tracking_segments
-from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.builtin import builtin
-from scaling_service.model.marker_sets import marker_sets
+from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
+from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.marker_sets import list_marker_sets
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,10 @@ def test_sets_of_public_recordings(
     assert (found.name, found.lacks, found.additions) == (name, lacks, additions)
 
 
-@pytest.mark.parametrize("name", [n for n, s in marker_sets().items() if not s.adds_to_others])
+@pytest.mark.parametrize("name", [n for n, s in list_marker_sets().items() if not s.adds_to_others])
 @pytest.mark.parametrize("optional", [False, True])
 def test_each_set_is_recognised_in_its_own_labels(name: str, optional: bool) -> None:
-    asked = [n for n in marker_sets()[name].labels if optional or not n.optional]
+    asked = [n for n in list_marker_sets()[name].labels if optional or not n.optional]
     found = recognise(f"S01:{label.label}" for label in asked)
     assert found is not None
     assert (found.name, found.share, found.lacks) == (name, 1.0, ())
@@ -95,20 +95,20 @@ def test_the_device_is_reported_beside_its_set() -> None:
 
 def test_tracking_markers_go_where_the_model_has_their_segment() -> None:
     labels = ["S:RTHI", "LTIB", "RCPG", "RHLX", "SACR", "RASI", "C7", "RFEO", "odd"]
-    assert tracking_segments(labels, builtin("lower_limb_14dof")) == {
+    assert assign_tracking_segments(labels, load_builtin("lower_limb_14dof")) == {
         "S:RTHI": "femur_r",
         "LTIB": "tibia_l",
         "SACR": "pelvis",
     }
-    assert tracking_segments(labels, builtin("lower_limb_feet_18dof"))["RCPG"] == "calcn_r"
-    assert "C7" not in tracking_segments(labels, builtin("full_body_35dof"))
+    assert assign_tracking_segments(labels, load_builtin("lower_limb_feet_18dof"))["RCPG"] == "calcn_r"
+    assert "C7" not in assign_tracking_segments(labels, load_builtin("full_body_35dof"))
 
 
 def test_the_wand_tells_the_plane_of_the_joint_below() -> None:
     labels = ["RTHI", "RTHAP", "LTHI", "RTIB", "R.TH1"]
-    assert plane_marker(labels, "knee", "r") == "RTHI"
-    assert plane_marker(labels, "ankle", "r") == "RTIB"
-    assert plane_marker(labels, "ankle", "l") is None
-    assert plane_marker(["R.Thigh.Upper", "R.TH1", "RTHI1"], "knee", "r") is None
-    assert canonical("RTHI") is None
-    assert canonical("LSACR") is None
+    assert find_plane_marker(labels, "knee", "r") == "RTHI"
+    assert find_plane_marker(labels, "ankle", "r") == "RTIB"
+    assert find_plane_marker(labels, "ankle", "l") is None
+    assert find_plane_marker(["R.Thigh.Upper", "R.TH1", "RTHI1"], "knee", "r") is None
+    assert find_canonical("RTHI") is None
+    assert find_canonical("LSACR") is None

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import (
     PLANAR_SOURCES,
-    canonical,
-    looks_computed,
+    find_canonical,
+    is_computed,
     match_labels,
     strip_prefix,
 )
-from scaling_service.model.builtin import builtin
+from scaling_service.model.builtin import load_builtin
 
-LOWER = [m.name for m in builtin("lower_limb_14dof").markers if m.weight > 0]
-WHOLE = [m.name for m in builtin("full_body_35dof").markers if m.weight > 0]
+LOWER = [m.name for m in load_builtin("lower_limb_14dof").markers if m.weight > 0]
+WHOLE = [m.name for m in load_builtin("full_body_35dof").markers if m.weight > 0]
 
 
 def both_sides(right: str, *midline: str) -> list[str]:
@@ -123,7 +123,7 @@ def test_whole_body_takes_no_toe_tip_nor_base_for_a_head() -> None:
     assert match_labels(RAJAGOPAL, WHOLE).mapped["RMT5"] == "R.MT5"
     for labels in (RAJAGOPAL, STANFORD, ISB_LIKE, OPENSIM_DOTS):
         assert "RTOE" not in match_labels(labels, WHOLE).mapped
-        assert not any(map(looks_computed, match_labels(labels, WHOLE).mapped.values()))
+        assert not any(map(is_computed, match_labels(labels, WHOLE).mapped.values()))
 
 
 def test_aliases_are_symmetrical_between_foreign_names() -> None:
@@ -141,7 +141,7 @@ def test_tracking_markers_match_by_name_only() -> None:
     "name", ["RTHI", "R.Toe", "r_toe", "RTOE", "R.Wrist", "R_HJC", "R.KneeJoint", "Sternum", "RA", ""]
 )
 def test_names_without_a_known_place(name: str) -> None:
-    assert canonical(name) is None
+    assert find_canonical(name) is None
 
 
 @given(st.sampled_from(WHOLE), st.sampled_from(["", "S01:", "Lab:S 1:"]), st.sampled_from([str, str.lower]))
@@ -151,9 +151,9 @@ def test_prefix_and_capitals_do_not_matter(marker: str, prefix: str, write: Call
     assert strip_prefix(label) == write(marker)
 
 
-@given(st.sampled_from([m for m in WHOLE if canonical(m)]))
+@given(st.sampled_from([m for m in WHOLE if find_canonical(m)]))
 def test_canonical_names_stand_for_themselves(marker: str) -> None:
-    assert canonical(marker) == marker
+    assert find_canonical(marker) == marker
 
 
 def test_no_right_alias_means_a_left_place() -> None:
@@ -225,11 +225,11 @@ SKIN = "RSTL LPCA RLCA RFAL LFAX RTAM RP1M RCPG RHLX RTOE RTIB LFIN RUPA RFRM CL
 
 
 def test_points_that_vicon_computes_are_reported_from_markers() -> None:
-    assert all(looks_computed(f"S01:{label}") for label in VICON.split())
-    assert not any(looks_computed(label) for label in SKIN.split())
+    assert all(is_computed(f"S01:{label}") for label in VICON.split())
+    assert not any(is_computed(label) for label in SKIN.split())
 
 
 def test_planar_markers_have_sources() -> None:
-    assert set(PLANAR_SOURCES) == set(builtin("squat_4dof").marker_names)
+    assert set(PLANAR_SOURCES) == set(load_builtin("squat_4dof").marker_names)
     known = set(WHOLE) | {"RTIB", "LTIB", "RTHI", "LTHI"}  # tracking markers of Plug-in Gait
     assert all(set(names) <= known for names in PLANAR_SOURCES.values())

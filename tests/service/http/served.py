@@ -15,7 +15,7 @@ import uvicorn
 
 from scaling_service.client import Client
 from scaling_service.service.http.app import create_app
-from scaling_service.service.http.serving import server_config
+from scaling_service.service.http.serving import configure_server
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.service import Service, open_store
 from scaling_service.service.jobs.settings import ServiceSettings
@@ -51,7 +51,7 @@ def serving(
 ) -> Iterator[Served]:
     """A service that answers; no runner is at work."""
     service = Service(open_store(settings), settings, kinds)
-    server = uvicorn.Server(server_config(create_app(service, loopback=loopback), settings))
+    server = uvicorn.Server(configure_server(create_app(service, loopback=loopback), settings))
     listener = socket.create_server(("127.0.0.1", 0), backlog=512)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     thread = threading.Thread(target=server.run, args=([listener],))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import requests
 
-from scaling_service.service.http.jobs import example_of
+from scaling_service.service.http.jobs import make_example
 from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.service.store import keys
 from tests.service.http.served import Served, serving, settings_in
@@ -28,7 +28,7 @@ def routes(served: Served) -> list[tuple[str, str]]:
 def body_of(path: str) -> dict[str, Any]:
     """The example of a route that asks for a job."""
     kinds = {f"/v1/{kind.route}": kind for kind in KINDS.values()}
-    return example_of(kinds[path].request) if path in kinds else person("S02")
+    return make_example(kinds[path].request) if path in kinds else person("S02")
 
 
 def test_another_keys_things_are_invisible_on_every_route(tmp_path: Path) -> None:

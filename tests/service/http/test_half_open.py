@@ -18,7 +18,7 @@ from tests.service.http.served import Served, serving, settings_in
 def impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
     """A service that takes twenty connections, and waits half a second for the head of a request."""
     monkeypatch.setattr(server, "HEAD_S", 0.5)
-    monkeypatch.setattr(server, "most_connections", lambda: 20)
+    monkeypatch.setattr(server, "limit_connections", lambda: 20)
     with serving(settings_in(tmp_path)) as served:
         yield served
 

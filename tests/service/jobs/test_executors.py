@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.attempts import MakeExecutor, executor_maker
+from scaling_service.service.jobs.attempts import MakeExecutor, choose_executor
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.store.errors import StoreUnavailable
@@ -91,7 +91,7 @@ def test_dask(service: Service, settings: ServiceSettings, monkeypatch: pytest.M
             n_workers=2, threads_per_worker=1, dashboard_address=None, processes=True
         ) as cluster:
             clustered = settings.model_copy(update={"dask_address": cluster.scheduler_address})
-            works(service, executor_maker(clustered))
+            works(service, choose_executor(clustered))
 
 
 def test_a_scheduler_that_does_not_answer_is_reported(
@@ -99,6 +99,6 @@ def test_a_scheduler_that_does_not_answer_is_reported(
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
     monkeypatch.setattr("scaling_service.service.jobs.attempts._CONNECT_S", 0.5)
-    make = executor_maker(settings.model_copy(update={"dask_address": "tcp://127.0.0.1:9"}))
+    make = choose_executor(settings.model_copy(update={"dask_address": "tcp://127.0.0.1:9"}))
     with pytest.raises(StoreUnavailable, match="scheduler does not answer"):
         make()

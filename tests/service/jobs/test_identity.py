@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 
 from scaling_service.capabilities.scaling.job import ScalingRequest
 from scaling_service.service.jobs.kinds import KINDS
-from scaling_service.service.jobs.submission import _files, canonical, code_version, job_id, specification
+from scaling_service.service.jobs.submission import (
+    _list_files,
+    code_version,
+    hash_specification,
+    write_canonical,
+    write_specification,
+)
 
 BASE = {
     "kind": "scaling",
@@ -34,31 +40,33 @@ VALUES = st.recursive(
 def test_order_and_spaces_do_not_matter(document: dict[str, object]) -> None:
     turned = dict(reversed(document.items()))
     again = json.loads(json.dumps(turned, indent=3))
-    assert canonical(again) == canonical(document)
-    assert json.loads(canonical(document)) == document
+    assert write_canonical(again) == write_canonical(document)
+    assert json.loads(write_canonical(document)) == document
 
 
 def test_the_name_is_the_digest_of_what_was_asked() -> None:
-    text = specification(**BASE)  # type: ignore[arg-type]
-    assert job_id(text) == hashlib.sha256(text.encode()).hexdigest()
+    text = write_specification(**BASE)  # type: ignore[arg-type]
+    assert hash_specification(text) == hashlib.sha256(text.encode()).hexdigest()
     assert set(json.loads(text)) == {"kind", "request", "documents", "inputs", "code_version", "owner"}
 
 
 @pytest.mark.parametrize("part", BASE)
 def test_every_part_counts(part: str) -> None:
     changed = BASE | {part: "other" if isinstance(BASE[part], str) else {"other": "1"}}
-    assert job_id(specification(**changed)) != job_id(specification(**BASE))  # type: ignore[arg-type]
+    assert hash_specification(write_specification(**changed)) != hash_specification(
+        write_specification(**BASE)
+    )  # type: ignore[arg-type]
 
 
 def test_numbers_that_are_none_have_no_name() -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
-        canonical({"x": float("nan")})
+        write_canonical({"x": float("nan")})
 
 
 def test_defaults_are_written_out() -> None:
     short = ScalingRequest.model_validate({"subject": "S01"})
     long = ScalingRequest.model_validate(json.loads(short.model_dump_json()))
-    assert canonical(short.model_dump(mode="json")) == canonical(long.model_dump(mode="json"))
+    assert write_canonical(short.model_dump(mode="json")) == write_canonical(long.model_dump(mode="json"))
     assert short.model_dump(mode="json")["settings"]["calibration"]["n_frames"] == 100
 
 
@@ -89,4 +97,4 @@ def test_the_web_page_changes_no_result(tmp_path: Path) -> None:
     ):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-    assert {name for name, _ in _files(tmp_path, "")} == {"a.py", "api/app.py", "web/data.csv"}
+    assert {name for name, _ in _list_files(tmp_path, "")} == {"a.py", "api/app.py", "web/data.csv"}

@@ -58,7 +58,7 @@ def at_work(service: Service, runner: int) -> None:
     """Wait until this very runner has a job running, or nothing is left to do."""
     database = service.store.database
     until(
-        lambda: any(f"-{runner}-" in name for name in queueing.holders(database)) or all_done(service),
+        lambda: any(f"-{runner}-" in name for name in queueing.list_holders(database)) or all_done(service),
         within_s=60.0,
     )
 

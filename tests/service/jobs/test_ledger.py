@@ -103,8 +103,8 @@ def test_a_stale_attempt_cannot_commit(store: Store) -> None:
     assert ledger.settle(first, Event.FAIL, WHY, "{}") is None
     assert ledger.finish(second, made(store, "good"), "{}") is State.DONE
     assert ledger.finish(second, made(store, "twice"), "{}") is None
-    assert jobs.documents(store.database, "lab", first.id)[1] == '"good"'
-    (file,) = jobs.files(store.database, "lab", first.id)
+    assert jobs.read_documents(store.database, "lab", first.id)[1] == '"good"'
+    (file,) = jobs.list_files(store.database, "lab", first.id)
     assert store.blobs.path(file.sha256).read_text() == "good"
 
 
@@ -118,7 +118,7 @@ def test_a_result_is_kept_whole_or_not_at_all(store: Store) -> None:
     with pytest.raises(Exception, match="not there"):
         ledger.finish(held, lost, "{}")
     assert jobs.get(store.database, "lab", held.id).state is State.RUNNING
-    assert jobs.files(store.database, "lab", held.id) == []
+    assert jobs.list_files(store.database, "lab", held.id) == []
     assert ledger.finish(held, made(store, "lost"), "{}") is State.DONE
 
 
@@ -134,7 +134,7 @@ def test_a_worker_that_renews_keeps_its_jobs(store: Store) -> None:
         outdate(store, job)
     queueing.renew(store.database, "a", 60.0)
     assert ledger.take_back() == [other.id]
-    assert set(queueing.held(store.database, "a")) == {held.id}
+    assert set(queueing.list_held(store.database, "a")) == {held.id}
     assert ledger.take_back(dead=["a"]) == [held.id]
 
 
@@ -162,7 +162,7 @@ def test_cancelling(store: Store) -> None:
     assert ledger.cancel("lab", held.id).state is State.CANCELLING
     assert ledger.cancel("lab", held.id).state is State.CANCELLING
     assert ledger.finish(held, made(store, "late"), "{}") is State.CANCELLED
-    assert jobs.documents(store.database, "lab", held.id)[1] is None
+    assert jobs.read_documents(store.database, "lab", held.id)[1] is None
     assert ledger.cancel("lab", held.id).state is State.CANCELLED
 
 

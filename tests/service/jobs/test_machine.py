@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.jobs.machine import Event, NotPossible, Standing, after
+from scaling_service.service.jobs.machine import Event, NotPossible, Standing, follow_event
 
 # Written out apart from the machine: what a reader of the states' names would expect.
 EXPECTED = """
@@ -40,9 +40,9 @@ def test_every_state_and_event(state: State, event: Event) -> None:
     standing = Standing(state, attempt=4, losses=1)
     if (state, event) not in TABLE:
         with pytest.raises(NotPossible, match=f"{state} does not {event}"):
-            after(standing, event, MOST)
+            follow_event(standing, event, MOST)
         return
-    new = after(standing, event, MOST)
+    new = follow_event(standing, event, MOST)
     assert new.state is TABLE[state, event]
     assert new.attempt == (5 if event is Event.LEASE else 4)
     assert new.losses == {Event.ASK: 0, Event.LOSE: 2 if state is State.RUNNING else 1}.get(event, 1)
@@ -52,10 +52,10 @@ def test_a_job_that_lost_too_many_workers_fails() -> None:
     standing = Standing(State.QUEUED)
     for k in range(MOST):
         assert standing.state is State.QUEUED
-        standing = after(after(standing, Event.LEASE, MOST), Event.LOSE, MOST)
+        standing = follow_event(follow_event(standing, Event.LEASE, MOST), Event.LOSE, MOST)
         assert standing.losses == k + 1
     assert standing.state is State.FAILED
-    assert after(standing, Event.ASK, MOST) == Standing(State.QUEUED, attempt=MOST, losses=0)
+    assert follow_event(standing, Event.ASK, MOST) == Standing(State.QUEUED, attempt=MOST, losses=0)
 
 
 @given(st.lists(st.sampled_from(list(Event)), max_size=60))
@@ -63,7 +63,7 @@ def test_no_walk_loses_a_job_or_finishes_it_twice(events: list[Event]) -> None:
     standing, results, tokens = Standing(State.QUEUED), 0, [0]
     for event in events:
         try:
-            new = after(standing, event, MOST)
+            new = follow_event(standing, event, MOST)
         except NotPossible:
             continue
         results += new.state is State.DONE
@@ -76,5 +76,5 @@ def test_no_walk_loses_a_job_or_finishes_it_twice(events: list[Event]) -> None:
     # Whatever happened, it is over, or some worker can still bring it to an end.
     for event in (Event.READY, Event.LEASE, Event.FINISH):
         if not standing.state.is_over and (standing.state, event) in TABLE:
-            standing = after(standing, event, MOST)
+            standing = follow_event(standing, event, MOST)
     assert standing.state.is_over

@@ -146,7 +146,7 @@ def test_a_person_does_not_wait_for_a_batch(service: Service) -> None:
     ask(service, *range(20))
     alone = service.ask("lab", "tiny", {"number": 99})[0].id
     with service.store.write() as connection:
-        assert parts.ended(connection, ask_id(service)) == (0, 20)
+        assert parts.count_ended(connection, ask_id(service)) == (0, 20)
     with running(service):
         ended(service, "lab", alone)
     assert sum(row.state is State.QUEUED for row in members(service).values()) >= 15

@@ -12,7 +12,7 @@ import pytest
 
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.jobs import State
-from scaling_service.documents.names import plain_name
+from scaling_service.documents.names import require_plain_name
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import RequestInvalid
@@ -84,7 +84,7 @@ def test_wrong_requests_are_refused(service: Service, request_: dict[str, Any], 
 )
 def test_names_of_files_are_plain(service: Service, name: str) -> None:
     with pytest.raises(InputError):
-        plain_name(name)
+        require_plain_name(name)
     service.put_subject("lab", document(trials={"static": name or "x/y"}))
     with pytest.raises(InputError):
         service.ask("lab", "scaling", {"subject": "S01"})
@@ -94,7 +94,7 @@ def test_names_of_files_are_plain(service: Service, name: str) -> None:
 
 def test_usual_names_are_taken() -> None:
     for name in ("Walking01.c3d", "S01 marche (2).trc", "Größe.osim", "a" * 200):
-        assert plain_name(name) == name
+        assert require_plain_name(name) == name
 
 
 def test_a_subject_of_images_only_can_have_landmarks_but_no_model(service: Service) -> None:
@@ -173,7 +173,7 @@ def test_names_from_outside_that_nothing_can_have_are_not_found(settings: Servic
     ):
         with pytest.raises(InputError):
             service.jobs("lab", cursor=cursor)
-    assert keys.owner_of(service.store.database, f"scs_{name}_{name}") is None
+    assert keys.find_owner(service.store.database, f"scs_{name}_{name}") is None
     service.close()
 
 

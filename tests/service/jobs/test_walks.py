@@ -57,7 +57,7 @@ class Walk:
         self.results[attempt.id] += state is State.DONE
 
     def check(self) -> None:
-        rows = {row.id: row for row in jobs.page(self.store.database, self.owner).items}
+        rows = {row.id: row for row in jobs.list_page(self.store.database, self.owner).items}
         assert set(rows) == self.asked
         for job, row in rows.items():
             assert self.results[job] == (row.state is State.DONE)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scaling_service.service.page.schema import TARGET, openapi, typescript
+from scaling_service.service.page.schema import TARGET, make_openapi, write_typescript
 from tests.service.page.node import WEB, node
 
 
@@ -28,7 +28,7 @@ def test_types(npm: Path | None, tmp_path: Path) -> None:
 
 def test_types_of_documents_are_those_of_the_openapi_document() -> None:
     written = TARGET.read_text(encoding="utf-8")
-    assert written == typescript(openapi()), "run `python scaling_service/service/page/schema.py`"
+    assert written == write_typescript(make_openapi()), "run `python scaling_service/service/page/schema.py`"
 
 
 def test_files_are_short() -> None:

@@ -142,5 +142,5 @@ def test_nothing_that_is_referred_to_is_collected_beside_writers(store: Store) -
     collector.join()
     assert troubles == []
     for name in names:
-        for file in subjects.files(store.database, "lab", name):
+        for file in subjects.list_files(store.database, "lab", name):
             assert hashlib.sha256(store.blobs.path(file.sha256).read_bytes()).hexdigest() == file.sha256

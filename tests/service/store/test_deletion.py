@@ -72,9 +72,9 @@ def test_what_others_refer_to_stays(store: Store) -> None:
     deletion.delete_subject(store.database, store.blobs, "lab", "S01")
     with pytest.raises(NotFound):
         subjects.get(store.database, "lab", "S01")
-    (file,) = subjects.files(store.database, "other", "S01")
+    (file,) = subjects.list_files(store.database, "other", "S01")
     assert store.blobs.path(file.sha256).read_bytes() == b"shared" * 3000
-    assert [f.name for f in jobs.files(store.database, "other", other)] == ["report.html"]
+    assert [f.name for f in jobs.list_files(store.database, "other", other)] == ["report.html"]
 
 
 def test_only_the_owner_can_delete(store: Store) -> None:
@@ -96,7 +96,7 @@ def test_what_is_older_than_it_may_get_is_deleted(store: Store) -> None:
             update(job_table).where(job_table.c.id.in_([old, waiting])).values(finished_us=two_days_ago)
         )
     assert deletion.expire(store.database, store.blobs, days=1.0) == (1, 1)
-    assert [row.id for row in subjects.page(store.database, "lab").items] == ["S03", "S02"]
+    assert [row.id for row in subjects.list_page(store.database, "lab").items] == ["S03", "S02"]
     with pytest.raises(NotFound):
         jobs.get(store.database, "lab", old)
     for job in (recent, waiting):

@@ -13,7 +13,7 @@ from sqlalchemy import text
 
 from scaling_service.service.store import queueing
 from scaling_service.service.store.errors import StoreTooNew
-from scaling_service.service.store.migrate import configuration
+from scaling_service.service.store.migrate import configure
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import metadata
 
@@ -54,7 +54,7 @@ def test_tables_of_a_later_version_are_refused(store: Store, database_url: str |
 def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None) -> None:
     store = Store.open(tmp_path, database_url)
     with store.write() as connection:
-        command.downgrade(configuration(connection), "0001")
+        command.downgrade(configure(connection), "0001")
         connection.execute(text("INSERT INTO owners (name) VALUES ('lab')"))
         connection.execute(
             text(
@@ -66,7 +66,7 @@ def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None)
     store = Store.open(tmp_path, database_url)
     with store.write() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
-        row = queueing.next_queued(connection)
+        row = queueing.lock_next(connection)
     assert row is not None
     assert row.id == "a"
     store.close()

@@ -34,7 +34,7 @@ def disk_store(disk: SmallDisk) -> Iterator[Store]:
 def sound(store: Store) -> bool:
     """SQLite's own opinion of its file, and ours of the contents."""
     assert store.database.run_apart("PRAGMA integrity_check") == ["ok"]
-    rows = subjects.files(store.database, "lab", "S01")
+    rows = subjects.list_files(store.database, "lab", "S01")
     return all(store.blobs.path(row.sha256).stat().st_size == row.size for row in rows)
 
 
@@ -44,7 +44,7 @@ def fill_database(store: Store) -> None:
 
 
 def names(store: Store) -> list[str]:
-    return [row.name for row in subjects.files(store.database, "lab", "S01")]
+    return [row.name for row in subjects.list_files(store.database, "lab", "S01")]
 
 
 def test_a_full_disk_refuses_and_recovers(disk: SmallDisk, disk_store: Store) -> None:
@@ -110,7 +110,8 @@ def test_a_database_that_was_gone_is_used_again(tmp_path: Path) -> None:
         store.tidy()
         assert names(store) == ["after", "before"]
         assert (
-            store.blobs.path(subjects.files(store.database, "lab", "S01")[0].sha256).read_bytes() == b"after"
+            store.blobs.path(subjects.list_files(store.database, "lab", "S01")[0].sha256).read_bytes()
+            == b"after"
         )
         store.close()
     finally:

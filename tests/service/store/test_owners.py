@@ -18,15 +18,15 @@ from tests.service.store.rows import add_job, add_many
 
 
 def test_a_key_opens_until_it_is_revoked(store: Store) -> None:
-    assert not keys.any_valid(store.database)
+    assert not keys.has_valid(store.database)
     row, secret = keys.create(store.database, "lab", "the laboratory's computer")
     other, other_secret = keys.create(store.database, "other")
-    assert keys.owner_of(store.database, secret) == "lab"
-    assert keys.owner_of(store.database, other_secret) == "other"
+    assert keys.find_owner(store.database, secret) == "lab"
+    assert keys.find_owner(store.database, other_secret) == "other"
     keys.revoke(store.database, row.id)
-    assert keys.owner_of(store.database, secret) is None
-    assert keys.owner_of(store.database, other_secret) == "other"
-    valid = {k.id: k.revoked_us is None for k in keys.every(store.database)}
+    assert keys.find_owner(store.database, secret) is None
+    assert keys.find_owner(store.database, other_secret) == "other"
+    valid = {k.id: k.revoked_us is None for k in keys.list_all(store.database)}
     assert valid == {row.id: False, other.id: True}
     with pytest.raises(NotFound):
         keys.revoke(store.database, row.id)
@@ -54,7 +54,7 @@ def test_the_secret_is_not_kept(store: Store) -> None:
 def test_nothing_but_the_key_opens(sqlite_store: Store, change: object) -> None:
     _, secret = keys.create(sqlite_store.database, "lab")
     assert callable(change)
-    assert keys.owner_of(sqlite_store.database, change(secret)) is None
+    assert keys.find_owner(sqlite_store.database, change(secret)) is None
 
 
 def test_an_owner_has_a_printable_name(sqlite_store: Store) -> None:
@@ -68,14 +68,14 @@ def test_owners_do_not_see_each_other(store: Store) -> None:
         subjects.put(store.database, owner, "S01", f'"{owner}"')
         upload(store, owner, "S01", f"{owner}.trc", owner.encode())
     job = add_job(store, "lab", "{}", subjects=("S01",), outputs={"a": b"a"})
-    assert subjects.document(store.database, "other", "S01") == '"other"'
-    assert [file.name for file in subjects.files(store.database, "other", "S01")] == ["other.trc"]
-    for look in (jobs.get, jobs.documents, jobs.files):
+    assert subjects.read_document(store.database, "other", "S01") == '"other"'
+    assert [file.name for file in subjects.list_files(store.database, "other", "S01")] == ["other.trc"]
+    for look in (jobs.get, jobs.read_documents, jobs.list_files):
         with pytest.raises(NotFound):
             look(store.database, "other", job)
-    assert jobs.page(store.database, "other").items == ()
-    assert jobs.page(store.database, "other", subject="S01").items == ()
-    assert [row.id for row in jobs.page(store.database, "lab", subject="S01").items] == [job]
+    assert jobs.list_page(store.database, "other").items == ()
+    assert jobs.list_page(store.database, "other", subject="S01").items == ()
+    assert [row.id for row in jobs.list_page(store.database, "lab", subject="S01").items] == [job]
 
 
 def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
@@ -88,7 +88,7 @@ def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
     ):
         found, cursor = list[str](), None
         while True:
-            page = jobs.page(store.database, "lab", cursor=cursor, limit=7, **filters)  # type: ignore[arg-type]
+            page = jobs.list_page(store.database, "lab", cursor=cursor, limit=7, **filters)  # type: ignore[arg-type]
             found += [row.id for row in page.items]
             cursor = page.following
             if cursor is None:
@@ -98,16 +98,16 @@ def test_pages_hold_every_job_once_newest_first(store: Store) -> None:
 
 def test_a_page_stays_where_it_was_while_jobs_arrive(sqlite_store: Store) -> None:
     names = add_many(sqlite_store, "lab", 10)
-    first = jobs.page(sqlite_store.database, "lab", limit=4)
+    first = jobs.list_page(sqlite_store.database, "lab", limit=4)
     add_job(sqlite_store, "lab", "new")
-    second = jobs.page(sqlite_store.database, "lab", cursor=first.following, limit=4)
+    second = jobs.list_page(sqlite_store.database, "lab", cursor=first.following, limit=4)
     assert [row.id for row in second.items] == names[::-1][4:8]
 
 
 @pytest.mark.parametrize("wrong", [{"cursor": "x"}, {"cursor": "%%"}, {"limit": 0}, {"limit": 501}])
 def test_wrong_pages_are_refused(sqlite_store: Store, wrong: dict[str, object]) -> None:
     with pytest.raises(InputError):
-        jobs.page(sqlite_store.database, "lab", **wrong)  # type: ignore[arg-type]
+        jobs.list_page(sqlite_store.database, "lab", **wrong)  # type: ignore[arg-type]
 
 
 def test_a_subject_has_so_many_files_at_most(sqlite_store: Store) -> None:
@@ -126,4 +126,4 @@ def test_a_subject_has_so_many_files_at_most(sqlite_store: Store) -> None:
         subjects.attach(
             sqlite_store.database, sqlite_store.blobs, "lab", "S01", "1", incoming.finish(), most=2
         )
-    assert [file.size for file in subjects.files(sqlite_store.database, "lab", "S01")] == [1, 0]
+    assert [file.size for file in subjects.list_files(sqlite_store.database, "lab", "S01")] == [1, 0]

@@ -26,19 +26,19 @@ def questions(store: Store, number: int) -> dict[str, Callable[[], object]]:
     names = add_many(store, "lab", number)
     add_job(store, "lab", "{}", subjects=("S01",))
     database = store.database
-    middle = jobs.page(database, "lab", limit=500)
+    middle = jobs.list_page(database, "lab", limit=500)
     for _ in range(number // 1000 - 1):
-        middle = jobs.page(database, "lab", cursor=middle.following, limit=500)
+        middle = jobs.list_page(database, "lab", cursor=middle.following, limit=500)
     return {
         "status": lambda: jobs.get(database, "lab", names[number // 2]),
-        "first page": lambda: jobs.page(database, "lab"),
-        "deep page": lambda: jobs.page(database, "lab", cursor=middle.following),
-        "page of a state": lambda: jobs.page(database, "lab", state=State.FAILED),
-        "page of a kind": lambda: jobs.page(database, "lab", kind="landmarks"),
-        "page of a subject": lambda: jobs.page(database, "lab", subject="S01"),
-        "page of a stranger": lambda: jobs.page(database, "stranger"),
-        "anything queued": lambda: queueing.anything_queued(database),
-        "held": lambda: queueing.held(database, "someone"),
+        "first page": lambda: jobs.list_page(database, "lab"),
+        "deep page": lambda: jobs.list_page(database, "lab", cursor=middle.following),
+        "page of a state": lambda: jobs.list_page(database, "lab", state=State.FAILED),
+        "page of a kind": lambda: jobs.list_page(database, "lab", kind="landmarks"),
+        "page of a subject": lambda: jobs.list_page(database, "lab", subject="S01"),
+        "page of a stranger": lambda: jobs.list_page(database, "stranger"),
+        "anything queued": lambda: queueing.has_queued(database),
+        "held": lambda: queueing.list_held(database, "someone"),
     }
 
 
@@ -74,9 +74,9 @@ def test_status_lists_choosing_and_counting_keep_what_is_promised(store: Store) 
     times = {name: median_s(ask) for name, ask in questions(store, PROMISED).items()}
     add_many(store, "crowd", PROMISED, state=State.QUEUED.value)
     with store.write() as connection:
-        times["next queued"] = median_s(lambda: queueing.next_queued(connection))
-        times["10,000 waiting"] = median_s(lambda: queueing.waiting_at_least(connection, "crowd", 10_000))
+        times["next queued"] = median_s(lambda: queueing.lock_next(connection))
+        times["10,000 waiting"] = median_s(lambda: queueing.has_queued_at_least(connection, "crowd", 10_000))
     for name, taken in times.items():
         sys.stdout.write(f"{name}: {1e3 * taken:.2f} ms\n")
     assert {name: taken for name, taken in times.items() if taken > LIMIT_S} == {}
-    sys.stdout.write(f"counts: {1e3 * median_s(lambda: jobs.counts(store.database)):.1f} ms\n")
+    sys.stdout.write(f"counts: {1e3 * median_s(lambda: jobs.count_by_state(store.database)):.1f} ms\n")

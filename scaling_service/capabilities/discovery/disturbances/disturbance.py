@@ -62,7 +62,7 @@ class DisturbanceLaw:
 
 
 @cache
-def _laws() -> tuple[DisturbanceLaw, ...]:
+def _list_laws() -> tuple[DisturbanceLaw, ...]:
     modules = [import_module(f"{package.__name__}.{i.name}") for i in pkgutil.iter_modules(package.__path__)]
     return tuple(law for module in modules for law in getattr(module, "LAWS", ()))
 
@@ -76,7 +76,7 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
 
     def needed(seen_in: Seen, flexible: bool) -> float:
         effects = [o for o in rivals if o.candidate.seen_in == seen_in]
-        return _needed(effects, above[seen_in], flexible, settings)
+        return _compute_needed_share(effects, above[seen_in], flexible, settings)
 
     least = {o.name: needed(o.name, flexible=False) for o in OBSERVATIONS}
     sure = [
@@ -86,7 +86,7 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     return max(clear, key=lambda law: law.expected, default=None)
 
 
-def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
+def is_better_than_effects(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
     """Whether a law explains more without some effects than these effects do.
 
     An effect that resembles a disturbance takes the most of it, and leaves what the same law explains.
@@ -99,7 +99,7 @@ def outdoes(disturbance: Disturbance, without: Fit, fit: Fit) -> bool:
     return any(max(law.p, law.held_out) <= fit.settings.level and law.expected > taken for law in laws)
 
 
-def _needed(
+def _compute_needed_share(
     effects: Sequence[ScoredCandidate], above: float, flexible: bool, settings: DiscoverySettings
 ) -> float:
     """What a law must explain: much, and clearly more than effects do, or nearly all where they leave some.
@@ -121,7 +121,7 @@ def _needed(
 def _judge_laws(fit: Fit, least: Mapping[Seen, float]) -> Iterator[Disturbance]:
     """Laws that may explain more than so much of an observation; none of those that are not asked for."""
     laws: dict[Candidate, DisturbanceLaw] = {}
-    for law in _laws():
+    for law in _list_laws():
         if law.search is not None:
             yield from law.search(fit)
         if law.candidates is not None:

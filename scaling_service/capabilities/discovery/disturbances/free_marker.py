@@ -14,12 +14,12 @@ from functools import partial
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.courses import FreeCourse, courses_of
+from scaling_service.capabilities.discovery.evidence.courses import FreeCourse, solve_courses
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, p_above_zero, p_of_share
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, assess_above_zero, assess_share
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Masked
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.core.threads import map_parallel
@@ -52,7 +52,7 @@ def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
     lawful = {name for e in fit.effects for name in e.candidate.where}
     odd = [
         FreeMarker(candidate, fitted.expected)
-        for candidate, fitted in _fitted(fit)
+        for candidate, fitted in _fit_markers(fit)
         if fitted.p * scored.count <= settings.level
         and model.marker(candidate.where[0]).segment not in known
         and candidate.where[0] not in lawful
@@ -67,12 +67,12 @@ def find_free_marker(fit: Fit, scored: ScoredCandidates) -> FreeMarker | None:
     return best if best.expected > settings.free_marker_lead * max(explained, default=0.0) else None
 
 
-def _fitted(fit: Fit) -> Iterator[tuple[Candidate, Fitted]]:
+def _fit_markers(fit: Fit) -> Iterator[tuple[Candidate, Fitted]]:
     """Every marker in all trials that are to fit, and in each trial by itself."""
     markers, block_s = fit.scene.markers, fit.settings.block_s
     spots = [MarkerSpot(marker, k) for marker in markers for k in range(3)]
     shown = [item for item in fit.tracked if set(markers) <= set(item.markers)]
-    courses = [found for found, _ in map_parallel(partial(courses_of, spots=spots), shown)]
+    courses = [found for found, _ in map_parallel(partial(solve_courses, spots=spots), shown)]
     for m, marker in enumerate(markers):
         by_trial = {
             item.name: [course[m].cut(rows) for rows in item.blocks(block_s)]
@@ -92,7 +92,7 @@ def _fit_course(trials: Sequence[Sequence[FreeCourse]]) -> Fitted:
     frame: in a walk of a second there are too few to tell how they stray.
     """
     parts = [part for trial in trials for part in trial]
-    own = np.array([_taken(p.slope, p.curvature) for p in parts])
+    own = np.array([_sum_explained(p.slope, p.curvature) for p in parts])
     square = np.array([p.square.sum() for p in parts])
     freedom = np.array([p.freedom.sum() for p in parts])
     count = np.array([3.0 * p.frames for p in parts])
@@ -101,13 +101,13 @@ def _fit_course(trials: Sequence[Sequence[FreeCourse]]) -> Fitted:
     gain, by_chance = float(own.sum()), float(chance.sum())
     into = np.concatenate([np.arange(len(trial)) for trial in trials])
     moments = range(max(int(into.max()) - 1, 1))
-    p = min(1.0, len(moments) * min(p_above_zero(ratio[into >= moment]) for moment in moments))
+    p = min(1.0, len(moments) * min(assess_above_zero(ratio[into >= moment]) for moment in moments))
     if gain - by_chance > _MOST_OF_IT * max(float((square - freedom).sum()), 0.0):
-        p = min(1.0, 2.0 * min(p, p_of_share(gain, by_chance, 3.0 * len(parts))))
+        p = min(1.0, 2.0 * min(p, assess_share(gain, by_chance, 3.0 * len(parts))))
     return Fitted.of_any_course(gain, by_chance, p)
 
 
-def _taken(slope: Array, curvature: Array) -> float:
+def _sum_explained(slope: Array, curvature: Array) -> float:
     """Squares that a free course of the marker takes off."""
     ridge = IDENTIFIABLE * np.trace(curvature, axis1=1, axis2=2) + 1e-12
     bend = curvature + ridge[:, None, None] * np.eye(3)

@@ -14,22 +14,26 @@ from scaling_service.model.trial import Repair
 _CHANNELS = ("dead_channel", "saturated")
 
 
-def faulty_instruments(fit: Fit) -> Iterator[Disturbance]:
+def list_faulty_instruments(fit: Fit) -> Iterator[Disturbance]:
     """Channels that are dead or stop at a limit, and cameras that shake."""
     found = {}
     for item in fit.wrenches:
         for note in item.contacts.ground.repairs:
             if note.what in _CHANNELS and note.where not in found:
-                found[note.where] = _certain(note.where.split(), f"{item.name}: {note.where}", note, "wrench")
+                found[note.where] = _make_certain(
+                    note.where.split(), f"{item.name}: {note.where}", note, "wrench"
+                )
     for tracked in fit.tracked:
         for note in tracked.trial.repairs:
             if note.what == "shaking" and "markers" not in found:
-                found["markers"] = _certain(["markers"], f"{tracked.name}: {note.where}", note, "markers")
+                found["markers"] = _make_certain(
+                    ["markers"], f"{tracked.name}: {note.where}", note, "markers"
+                )
     yield from found.values()
 
 
-def _certain(where: Sequence[str], place: str, note: Repair, seen_in: Seen) -> Disturbance:
+def _make_certain(where: Sequence[str], place: str, note: Repair, seen_in: Seen) -> Disturbance:
     return Disturbance(tuple(where), f"{place} {note.detail}", np.inf, 0.0, 0.0, seen_in, rms=note.off)
 
 
-LAWS = (DisturbanceLaw(search=faulty_instruments),)
+LAWS = (DisturbanceLaw(search=list_faulty_instruments),)

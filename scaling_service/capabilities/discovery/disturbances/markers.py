@@ -13,9 +13,9 @@ from scaling_service.capabilities.discovery.disturbances.disturbance import Dist
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.statistics import explain, try_held_out
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, select_fitting_blocks
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
-from scaling_service.capabilities.discovery.laws.profiles import HighPassed, Passing, Standing, stands
+from scaling_service.capabilities.discovery.laws.profiles import HighPassed, Passing, Standing, is_stance
 from scaling_service.capabilities.discovery.laws.spots import (
     LETTERS,
     BentSpot,
@@ -38,7 +38,7 @@ _NEAR = (1.5, 15.0)  # widths of a line between which other frequencies are its 
 _SHARE = 0.25  # of the strongest line: half its amplitude, more than a pose hands on to a neighbour (chosen)
 
 
-def bent_volume(fit: Fit) -> Iterator[Candidate]:
+def propose_bent_volume(fit: Fit) -> Iterator[Candidate]:
     """All markers pushed away from a middle, or towards it, with the cube of their distance: a lens."""
     seen = np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
     x, y, z = np.nanmean(seen, axis=0).tolist()
@@ -47,43 +47,43 @@ def bent_volume(fit: Fit) -> Iterator[Candidate]:
     yield Candidate("bent_volume", ("markers",), columns)
 
 
-def _bent(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_bent(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     way = "away from" if found.fitted.size[1] > 0.0 else "towards"
     law = f"the measured volume is bent: markers are pushed {way} its middle by the cube of the distance"
     return found.candidate.where, law
 
 
-def warped_volume(fit: Fit) -> Iterator[Candidate]:
+def propose_warped_volume(fit: Fit) -> Iterator[Candidate]:
     """All markers displaced by one smooth function of where they are in the room, up to second order."""
-    x, y, z = np.nanmean(_places_seen(fit), axis=0).tolist()
+    x, y, z = np.nanmean(_list_seen_places(fit), axis=0).tolist()
     products = [(k,) for k in range(3)] + list(combinations_with_replacement(range(3), 2))
     spots = [WarpedSpot((x, y, z), factors, axis) for factors in products for axis in range(3)]
     columns = tuple(Column(str(spot), 1.0, (Part(spot),)) for spot in spots)
     yield Candidate("warped_volume", ("markers",), columns)
 
 
-def _places_seen(fit: Fit) -> Array:
+def _list_seen_places(fit: Fit) -> Array:
     return np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
 
 
-def _warped(fit: Fit, evidence: Evidence, index: int, candidate: Candidate) -> Disturbance:
+def _judge_warped(fit: Fit, evidence: Evidence, index: int, candidate: Candidate) -> Disturbance:
     """Judged by the blocks between those that it was fitted to.
 
     It has more numbers than there may be blocks of time to tell their spread from. Held-out trials are among
     those blocks: where nobody was in those to fit, they say nothing of the room.
     """
-    fitting = fitting_blocks(evidence.blocks, candidate)
+    fitting = select_fitting_blocks(evidence.blocks, candidate)
     every = [replace(block, role="fit") for block in evidence.blocks]
     between, anywhere = (
         try_held_out(replace(evidence, blocks=tuple(blocks)), index, candidate) for blocks in (fitting, every)
     )
     gain = between.gain * sum(block.square for block in fitting)
-    most = _furthest(candidate, explain(evidence, index, fitting).size, _places_seen(fit))
+    most = _measure_furthest(candidate, explain(evidence, index, fitting).size, _list_seen_places(fit))
     law = f"the measured volume is warped: by position in the room alone, by up to {1e3 * most:.2g} mm"
     return Disturbance(candidate.where, law, gain, between.p, anywhere.p)
 
 
-def _furthest(warped: Candidate, size: Array, seen: Array) -> float:
+def _measure_furthest(warped: Candidate, size: Array, seen: Array) -> float:
     """How far the field moves a marker, beyond what a rigid body does, 95 % of the time, m."""
     places = seen[np.isfinite(seen).all(axis=1)][::_EVERY]
     moved = np.zeros_like(places)
@@ -100,20 +100,20 @@ def _furthest(warped: Candidate, size: Array, seen: Array) -> float:
     return float(np.quantile(np.linalg.norm(left, axis=1), 0.95))
 
 
-def late_markers(fit: Fit) -> Iterator[Candidate]:
+def propose_late_markers(fit: Fit) -> Iterator[Candidate]:
     """Markers displaced along their paths: by velocity and acceleration, as what is late or smoothed is."""
     for segment in fit.scene.bearing:
         for group in fit.scene.groups_on(segment.name):
-            columns = tuple(_along_paths(group, order) for order in (1, 2))
+            columns = tuple(_follow_paths(group, order) for order in (1, 2))
             yield Candidate("late_marker", group, columns)
 
 
-def _along_paths(markers: Sequence[str], order: int) -> Column:
+def _follow_paths(markers: Sequence[str], order: int) -> Column:
     parts = tuple(Part(MarkerSpot(m, k), Passing(m, order, k)) for m in markers for k in range(3))
     return Column(f"rate {order}", 1.0, parts)
 
 
-def _late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     markers, (speed, bend) = found.candidate.where, found.fitted.size.tolist()
     said, one = ", ".join(markers), len(markers) == 1
     if bend > _SMOOTHED * speed**2:
@@ -123,7 +123,7 @@ def _late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return markers, f"{said} {verb} {abs(1e3 * speed):.2g} ms {way}: off along the own path"
 
 
-def smoothed_markers(fit: Fit) -> Iterator[Candidate]:
+def propose_smoothed_markers(fit: Fit) -> Iterator[Candidate]:
     """Markers that lack what is fast in their own paths: filtered unlike the others, or filled over gaps."""
     for segment in fit.scene.bearing:
         for group in fit.scene.groups_on(segment.name):
@@ -134,31 +134,31 @@ def smoothed_markers(fit: Fit) -> Iterator[Candidate]:
                 yield Candidate("smoothed_marker", group, (Column("share", 1.0, parts),), note=str(frequency))
 
 
-def _smoothed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_smoothed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     markers, (share,) = found.candidate.where, found.fitted.size.tolist()
     verb = ("lack" if share < 0.0 else "exaggerate") + ("s" if len(markers) == 1 else "")
     fast = f"{abs(share):.0%} of what is faster than {found.candidate.note} Hz in the own path"
     return markers, f"{', '.join(markers)} {verb} {fast}"
 
 
-def slipping(fit: Fit) -> Iterator[Candidate]:
+def propose_slipping(fit: Fit) -> Iterator[Candidate]:
     """Markers of every segment that comes to stand again and again: they creep while it does, in a shoe."""
     for segment in fit.scene.jointed:
         markers = fit.scene.on(segment.name)
-        if markers and all(stands(item, markers) for item in fit.tracked):
+        if markers and all(is_stance(item, markers) for item in fit.tracked):
             spots = [JointSpot(segment.name, "after", "translation", k) for k in range(len(LETTERS))]
             parts = [(Part(spot, Standing(markers)),) for spot in spots]
             columns = tuple(Column(letter, 1.0, part) for letter, part in zip(LETTERS, parts, strict=True))
             yield Candidate("slipping", markers, columns, note=segment.name)
 
 
-def _slipped(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_slipped(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     along = ", ".join(f"{1e3 * v:.3g}" for v in found.fitted.size.tolist())
     law = f"the markers of {found.candidate.note} creep by ({along}) mm/s along its axes while it stands"
     return found.candidate.where, law
 
 
-def trembling(fit: Fit) -> Iterator[Disturbance]:
+def find_trembling(fit: Fit) -> Iterator[Disturbance]:
     """One line in the spectrum of what is left of the markers, over all trials that are to fit.
 
     Markers tremble with time itself where a camera's mount shakes or a lamp flickers.
@@ -167,10 +167,10 @@ def trembling(fit: Fit) -> Iterator[Disturbance]:
     markers = tuple(m for m in items[0].markers if all(m in item.markers for item in items)) if items else ()
     if not markers:
         return
-    frequencies, width = _grid(items)
+    frequencies, width = _make_frequency_grid(items)
     if len(frequencies) < 2 * int(_NEAR[1] / _NEAR[0]):
         return
-    power = np.sum([_power(item, markers, frequencies) for item in items], axis=0)
+    power = np.sum([_compute_power(item, markers, frequencies) for item in items], axis=0)
     whole = power.sum(axis=1)
     k = int(np.argmax(whole))
     away = np.abs(frequencies - frequencies[k]) / width
@@ -190,14 +190,14 @@ def trembling(fit: Fit) -> Iterator[Disturbance]:
     yield Disturbance(where, law, float(whole[k] - 2.0 * usual), p, p)
 
 
-def _grid(items: Sequence[TrackedTrial]) -> tuple[Array, float]:
+def _make_frequency_grid(items: Sequence[TrackedTrial]) -> tuple[Array, float]:
     """Frequencies (Hz), five to a line of the longest trial, and the width of such a line."""
     width = 1.0 / max(float(np.ptp(item.trial.times)) for item in items)
     fastest = _FASTEST * min(item.trial.rate_hz for item in items)
     return np.arange(_SLOWEST_HZ, fastest, width / 5.0), width
 
 
-def _power(item: TrackedTrial, markers: Sequence[str], frequencies: Array) -> Array:
+def _compute_power(item: TrackedTrial, markers: Sequence[str], frequencies: Array) -> Array:
     """What a wave of each frequency takes off each marker's whitened squares, (n_frequencies, n_markers)."""
     at = [item.markers.index(m) for m in markers]
     left = np.nan_to_num(item.residuals[:, at] / item.floor[at][:, None])
@@ -208,10 +208,10 @@ def _power(item: TrackedTrial, markers: Sequence[str], frequencies: Array) -> Ar
 
 
 LAWS = (
-    DisturbanceLaw(bent_volume, _bent),
-    DisturbanceLaw(warped_volume, judge=_warped),
-    DisturbanceLaw(late_markers, _late),
-    DisturbanceLaw(smoothed_markers, _smoothed),
-    DisturbanceLaw(slipping, _slipped),
-    DisturbanceLaw(search=trembling),
+    DisturbanceLaw(propose_bent_volume, _describe_bent),
+    DisturbanceLaw(propose_warped_volume, judge=_judge_warped),
+    DisturbanceLaw(propose_late_markers, _describe_late),
+    DisturbanceLaw(propose_smoothed_markers, _describe_smoothed),
+    DisturbanceLaw(propose_slipping, _describe_slipped),
+    DisturbanceLaw(search=find_trembling),
 )

@@ -32,7 +32,7 @@ _WIRED = (
 _LIKE = 0.2  # chosen: of these shares
 
 
-def dragging(fit: Fit) -> Iterator[Candidate]:
+def propose_dragging(fit: Fit) -> Iterator[Candidate]:
     """Every loaded plate, along each horizontal axis: its shear follows its own vertical force."""
     for plate in fit.scene.plates:
         for axis, k in _HORIZONTAL.items():
@@ -40,7 +40,7 @@ def dragging(fit: Fit) -> Iterator[Candidate]:
             yield Candidate("dragging", (plate,), columns, note=axis)
 
 
-def _dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     (plate,), axis = found.candidate.where, found.candidate.note
     rate, share, added = found.fitted.size.tolist()
     law = (
@@ -50,7 +50,7 @@ def _dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return (plate, f"f{axis}"), law.replace("+ -", "- ")
 
 
-def crossing(fit: Fit) -> Iterator[Candidate]:
+def propose_crossing(fit: Fit) -> Iterator[Candidate]:
     """Every loaded plate: its horizontal channels stand for each other, or for what is not theirs.
 
     A program that takes the centre of pressure from them is wrong about the vertical moment, too.
@@ -61,7 +61,7 @@ def crossing(fit: Fit) -> Iterator[Candidate]:
         yield Candidate("crossing", (plate,), columns)
 
 
-def _crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     (plate,) = found.candidate.where
     (xx, xz), (zx, zz) = found.fitted.size[:4].reshape(2, 2).tolist()
     law = (
@@ -74,7 +74,7 @@ def _crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     return (plate, "fx", "fz"), law
 
 
-def curving(fit: Fit) -> Iterator[Candidate]:
+def propose_curving(fit: Fit) -> Iterator[Candidate]:
     """Every loaded plate, with a gain that depends on its load."""
     for plate in fit.scene.plates:
         columns = (
@@ -84,27 +84,27 @@ def curving(fit: Fit) -> Iterator[Candidate]:
         yield Candidate("curving", (plate,), columns)
 
 
-def _curved(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_curved(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     (plate,), (gain, more) = found.candidate.where, (100.0 * found.fitted.size).tolist()
     return (plate,), f"{plate} is off by {gain:.3g} % of what it reads and by {more:.3g} % more for each kN"
 
 
-def drifting_clock(fit: Fit) -> Iterator[Candidate]:
+def propose_drifting_clock(fit: Fit) -> Iterator[Candidate]:
     """All forces together, in step with the cameras at first, seconds later no more."""
     if fit.scene.plates:
         columns = (Column("delay", 1.0, load=Late()), Column("drift", 1.0, load=Drifting()))
         yield Candidate("drifting_clock", ("forces",), columns)
 
 
-def _drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
+def _describe_drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
     at_first, more = (1e3 * found.fitted.size).tolist()
     law = f"the forces come {at_first:.3g} ms late at first and {more:.3g} ms later every second"
     return found.candidate.where, law
 
 
 LAWS = (
-    DisturbanceLaw(dragging, _dragged),
-    DisturbanceLaw(crossing, _crossed),
-    DisturbanceLaw(curving, _curved),
-    DisturbanceLaw(drifting_clock, _drifted),
+    DisturbanceLaw(propose_dragging, _describe_dragged),
+    DisturbanceLaw(propose_crossing, _describe_crossed),
+    DisturbanceLaw(propose_curving, _describe_curved),
+    DisturbanceLaw(propose_drifting_clock, _describe_drifted),
 )

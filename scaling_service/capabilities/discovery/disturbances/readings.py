@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.noise_floors import folds_of, predict_between
-from scaling_service.capabilities.discovery.evidence.statistics import p_above_zero
+from scaling_service.capabilities.discovery.evidence.noise_floors import assign_folds, predict_between
+from scaling_service.capabilities.discovery.evidence.statistics import assess_above_zero
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
@@ -46,7 +46,7 @@ class _Frames:
         off = item.residuals.copy()
         off[:, 3:] += np.cross(item.about, off[:, :3])
         blocks = tuple(part for part in parts if len(part))
-        return cls(every[used], off[used], folds_of(item.tracked, block_s)[used], blocks, item)
+        return cls(every[used], off[used], assign_folds(item.tracked, block_s)[used], blocks, item)
 
     def whitened(self, wrench: Array) -> Array:
         """A wrench about the ground origin in floors of the one about the trunk."""
@@ -59,15 +59,15 @@ class _Frames:
         return np.array([both[part].sum(axis=0) for part in self.blocks])
 
 
-def following_readings(fit: Fit) -> Iterator[Disturbance]:
+def find_following_readings(fit: Fit) -> Iterator[Disturbance]:
     """The wrench as the plates' own readings predict it, where the motion is known down to its noise."""
     items = [item for item in fit.wrenches if item.usable.any()]
     fitting = [item for item in items if item.role == "fit"]
-    if not fitting or not fit.scene.plates or not _knows_motion(fit):
+    if not fitting or not fit.scene.plates or not _is_motion_known(fit):
         return
     parts = [_Frames.of(item, fit.scene.plates, fit.settings.block_s) for item in items]
     known = [part for part in parts if part.item.role == "fit"]
-    x, mean, scale = _standardised(np.concatenate([part.readings for part in known]))
+    x, mean, scale = _standardise(np.concatenate([part.readings for part in known]))
     y = np.concatenate([part.off for part in known])
     guess = predict_between(x, y, np.concatenate([part.folds for part in known]))
     edges = np.cumsum([len(part.off) for part in known])[:-1]
@@ -77,7 +77,7 @@ def following_readings(fit: Fit) -> Iterator[Disturbance]:
     others = [part for part in parts if part.item.role == "held_out"]
     if others:
         law = np.linalg.lstsq(x, y, rcond=_ALIKE)[0]
-        held = [part.squares(_functions(part.readings, mean, scale) @ law) for part in others]
+        held = [part.squares(_evaluate_functions(part.readings, mean, scale) @ law) for part in others]
         held_out = _by_chance(np.concatenate(held))
         p = min(1.0, 2.0 * min(p, held_out))  # neither is a test of what fitted it
     of_each = (squares[:, 0] - squares[:, 1]).sum(axis=0)
@@ -88,10 +88,10 @@ def following_readings(fit: Fit) -> Iterator[Disturbance]:
 
 def _by_chance(squares: Array) -> float:
     """How likely blocks as consistently disagree less by chance."""
-    return p_above_zero((squares[:, 0] - squares[:, 1]).sum(axis=1))
+    return assess_above_zero((squares[:, 0] - squares[:, 1]).sum(axis=1))
 
 
-def _knows_motion(fit: Fit) -> bool:
+def _is_motion_known(fit: Fit) -> bool:
     """Whether the model follows the markers down to their noise."""
     tally = MARKERS.tally(fit, "fit")
     return (
@@ -100,14 +100,14 @@ def _knows_motion(fit: Fit) -> bool:
     )
 
 
-def _standardised(readings: Array) -> tuple[Array, Array, Array]:
+def _standardise(readings: Array) -> tuple[Array, Array, Array]:
     mean, scale = readings.mean(axis=0), readings.std(axis=0)
     scale[scale == 0.0] = 1.0
-    return _functions(readings, mean, scale), mean, scale
+    return _evaluate_functions(readings, mean, scale), mean, scale
 
 
-def _functions(readings: Array, mean: Array, scale: Array) -> Array:
+def _evaluate_functions(readings: Array, mean: Array, scale: Array) -> Array:
     return np.concatenate([np.ones((len(readings), 1)), (readings - mean) / scale], axis=1)
 
 
-LAWS = (DisturbanceLaw(search=following_readings),)
+LAWS = (DisturbanceLaw(search=find_following_readings),)

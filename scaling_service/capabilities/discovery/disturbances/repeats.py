@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance, DisturbanceLaw
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.statistics import p_of_share
-from scaling_service.capabilities.discovery.observations.oscillator import rates_of
+from scaling_service.capabilities.discovery.evidence.statistics import assess_share
+from scaling_service.capabilities.discovery.observations.oscillator import differentiate_places
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
 
@@ -34,7 +34,7 @@ class _Steps:
     def of(cls, item: TrackedTrial) -> _Steps:
         """As the model's markers show it."""
         places = item.places
-        velocity = rates_of(places, item.step)[0].reshape(len(places), -1)
+        velocity = differentiate_places(places, item.step)[0].reshape(len(places), -1)
         way = 0.5 * item.step * (velocity[1:] + velocity[:-1])
         off = np.diff(places.reshape(len(places), -1), axis=0) - way
         size, common = np.square(way).sum(axis=1) + 1e-300, (off * way).sum(axis=1)
@@ -55,7 +55,7 @@ class _Steps:
         return replace(item, q=np.stack([np.interp(frames, frames[new], q[new]) for q in item.q.T], axis=1))
 
 
-def repeated_frames(fit: Fit) -> Iterator[Disturbance]:
+def find_repeated_frames(fit: Fit) -> Iterator[Disturbance]:
     """What forces agree better by without frames that are shown again."""
     steps = {item.name: _Steps.of(item) for item in fit.tracked}
     fitting = [item for item in fit.wrenches if item.role == "fit"]
@@ -77,7 +77,7 @@ def _test_direction(items: Sequence[TrackedTrial], steps: dict[str, _Steps], blo
     """How likely any other direction has as much, each block being as good as one frame."""
     blocks = float(sum(len(list(item.blocks(block_s))) for item in items))
     along, across = (sum(float(getattr(steps[i.name], k).sum()) for i in items) for k in ("along", "across"))
-    return p_of_share(along, across, blocks)
+    return assess_share(along, across, blocks)
 
 
-LAWS = (DisturbanceLaw(search=repeated_frames),)
+LAWS = (DisturbanceLaw(search=find_repeated_frames),)

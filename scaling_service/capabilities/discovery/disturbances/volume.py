@@ -16,8 +16,8 @@ from scaling_service.capabilities.discovery.disturbances.disturbance import Dist
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.evidence.statistics import p_of_share
-from scaling_service.capabilities.discovery.observations.oscillator import rates_of
+from scaling_service.capabilities.discovery.evidence.statistics import assess_share
+from scaling_service.capabilities.discovery.observations.oscillator import differentiate_places
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role, TrackedTrial, span
 from scaling_service.core.threads import map_parallel
 
@@ -27,7 +27,7 @@ _NUMBERS = 9  # of a frame: six strains, for turns are the body's, and a delay a
 _MOST_OF_IT = 0.8  # of what stands above the noise (chosen: as for effects on held-out recordings)
 
 
-def moving_volume(fit: Fit) -> Iterator[Disturbance]:
+def find_moving_volume(fit: Fit) -> Iterator[Disturbance]:
     """What the function takes off in any course, if that is most of what stands above the noise.
 
     So many numbers in every frame take off something of any effect, but of none the most.
@@ -37,7 +37,7 @@ def moving_volume(fit: Fit) -> Iterator[Disturbance]:
     if gain - chance > _MOST_OF_IT * MARKERS.above_noise(fit) > 0.0:
         law = "the measured volume moves: by another linear function of the place in every frame"
         # each block is as good as one frame
-        p, held = (p_of_share(taken, usual, _NUMBERS * blocks) for taken, usual, blocks in gains.values())
+        p, held = (assess_share(taken, usual, _NUMBERS * blocks) for taken, usual, blocks in gains.values())
         held_out = held if gains["held_out"][2] else p
         yield Disturbance(("markers",), law, gain - 2.0 * chance, p, held_out, flexible=True)
 
@@ -54,7 +54,7 @@ def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
     """What the function takes off the squares of a trial, and what as many other numbers would."""
     gaps, freedom = item.pose_free
     places = item.places
-    away, (velocity, _) = places - places.mean(axis=(0, 1)), rates_of(places, item.step)
+    away, (velocity, _) = places - places.mean(axis=(0, 1)), differentiate_places(places, item.step)
     shown = item.seen / item.floor
 
     def gain(rows: slice) -> float:
@@ -80,4 +80,4 @@ def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
     return stride * own, stride * others
 
 
-LAWS = (DisturbanceLaw(search=moving_volume),)
+LAWS = (DisturbanceLaw(search=find_moving_volume),)

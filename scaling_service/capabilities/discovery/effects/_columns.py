@@ -34,19 +34,21 @@ def turn_of(segment: str) -> Spots:
     return lambda axis: [JointSpot(segment, "before", "rotation", axis)]
 
 
-def shifts(spots: Spots, *, most: float, driver: str | None = None) -> tuple[Column, ...]:
+def make_shifts(spots: Spots, *, most: float, driver: str | None = None) -> tuple[Column, ...]:
     """A column for each axis, of ``most`` mm at most: constant, or per degree of a coordinate."""
     if driver is None:
-        return _along_axes(spots, "_mm", MM, ALWAYS, most)
-    return _along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver), most)
+        return _make_along_axes(spots, "_mm", MM, ALWAYS, most)
+    return _make_along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver), most)
 
 
-def turns(spots: Spots, *, driver: str) -> tuple[Column, ...]:
+def make_turns(spots: Spots, *, driver: str) -> tuple[Column, ...]:
     """A column for each axis, of a degree per degree of a coordinate at most."""
-    return _along_axes(spots, "_deg_per_deg", 1.0, Following(driver), 1.0)
+    return _make_along_axes(spots, "_deg_per_deg", 1.0, Following(driver), 1.0)
 
 
-def _along_axes(spots: Spots, suffix: str, unit: float, profile: Profile, most: float) -> tuple[Column, ...]:
+def _make_along_axes(
+    spots: Spots, suffix: str, unit: float, profile: Profile, most: float
+) -> tuple[Column, ...]:
     """``spots`` gives what moves together along an axis."""
     return tuple(
         Column(f"{LETTERS[k]}{suffix}", unit, tuple(Part(s, profile) for s in spots(k)), low=-most, high=most)

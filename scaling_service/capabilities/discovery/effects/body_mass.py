@@ -18,7 +18,7 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
-from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, blocks_of, weigh
+from scaling_service.capabilities.dynamics.weight import BLOCK_S, Weight, split_into_blocks, weigh
 
 
 def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidate | None:
@@ -51,11 +51,11 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     nothing_held_out = HeldOut(float("nan"), float("nan"), folds=False)  # the balance took all recordings
     enough = above - settings.mass_alike * left
     as_good = () if weight.disagree else (one for one in loads if one.fitted.gain >= enough)
-    alike = tuple(one.candidate for one in as_good if _bears_weight(one, fit))
+    alike = tuple(one.candidate for one in as_good if _is_weight_explained(one, fit))
     return ScoredCandidate(candidate, Fitted.of_any_course(gain, 0.0, chance), None, nothing_held_out, alike)
 
 
-def _bears_weight(one: ScoredCandidate, fit: Fit) -> bool:
+def _is_weight_explained(one: ScoredCandidate, fit: Fit) -> bool:
     """Whether an effect of all recordings makes the declared mass right."""
     if one.candidate.trials or not one.candidate.columns:
         return False
@@ -70,12 +70,12 @@ def balance_weight(fit: Fit) -> Weight | None:
     blocks = {}
     for item in fit.wrenches:
         borne, needed = (item.smoothed(wrench)[:, 1] for wrench in (item.measured, item.needed))
-        spans = blocks_of(item.usable, item.times, BLOCK_S)
+        spans = split_into_blocks(item.usable, item.times, BLOCK_S)
         blocks[item.name] = [(borne[rows], needed[rows]) for rows in spans]
     return weigh(fit.wrenches[0].mass, blocks) if blocks else None
 
 
-def _factor(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+def _find_factor(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     assert isinstance(effect.candidate.change, Reweighed)
     return {"factor": effect.candidate.change.factor}
 
@@ -91,7 +91,7 @@ EFFECTS = (
         "the person is heavier or lighter than declared",
         question=question_mass,
         seen_in="wrench",
-        details=_factor,
+        details=_find_factor,
         spreads=_spread,
     ),
 )

@@ -55,38 +55,38 @@ class Effect:
 
 
 @cache
-def known_effects() -> Mapping[str, Effect]:
+def find_effects() -> Mapping[str, Effect]:
     """Every effect by its kind, in the order of their names."""
     names = [info.name for info in pkgutil.iter_modules(effects.__path__) if not info.name.startswith("_")]
     sources: list[Any] = [import_module(f"{effects.__name__}.{name}") for name in names]
     sources += [point.load() for point in entry_points(group=ENTRY_POINTS)]
-    found = [_effect(each) for source in sources for each in _held_by(source)]
+    found = [_require_effect(each) for source in sources for each in _list_held(source)]
     return {effect.kind: effect for effect in sorted(found, key=lambda effect: effect.kind)}
 
 
-def _held_by(source: Any) -> Iterable[Any]:
+def _list_held(source: Any) -> Iterable[Any]:
     """What a module or object holds: its ``EFFECTS``, itself, or nothing."""
     held: Iterable[Any] = getattr(source, "EFFECTS", [source] if hasattr(source, "meaning") else [])
     return held
 
 
-def _effect(source: Any) -> Effect:
+def _require_effect(source: Any) -> Effect:
     """An effect, or whatever has its attributes."""
     if isinstance(source, Effect):
         return source
     return Effect(**{f.name: getattr(source, f.name) for f in fields(Effect) if hasattr(source, f.name)})
 
 
-def candidates(scene: Scene, kinds: Collection[str] | None = None) -> Iterator[Candidate]:
+def propose_candidates(scene: Scene, kinds: Collection[str] | None = None) -> Iterator[Candidate]:
     """All effects (or those kinds) that are sums of columns, at all places where they could be."""
-    for effect in known_effects().values():
+    for effect in find_effects().values():
         if effect.candidates is not None and (kinds is None or effect.kind in kinds):
             yield from effect.candidates(scene)
 
 
 def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
     """Effects that need a search of their own in an observation, where they are likely."""
-    for effect in known_effects().values():
+    for effect in find_effects().values():
         if effect.search is not None and effect.seen_in == seen_in:
             fit.context.advance()
             yield from effect.search(fit)
@@ -94,7 +94,7 @@ def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
 
 def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[ScoredCandidate]:
     """Effects that a question of their own finds, before the search."""
-    for kind in filter(is_answer, known_effects()):
+    for kind in filter(is_answer, find_effects()):
         found = ask(kind, fit, scored)
         if found is not None:
             yield found
@@ -102,22 +102,22 @@ def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[Score
 
 def is_answer(kind: str) -> bool:
     """Whether an effect of this kind is the answer to a question."""
-    return known_effects()[kind].question is not None
+    return find_effects()[kind].question is not None
 
 
 def ask(kind: str, fit: Fit, scored: Sequence[ScoredCandidate] = ()) -> ScoredCandidate | None:
     """The question of a kind, asked of a fit and of what was scored; None where the answer is no."""
-    question = known_effects()[kind].question
+    question = find_effects()[kind].question
     return None if question is None else question(fit, scored)
 
 
-def details(effect: Estimate, after: Fit) -> Mapping[str, float]:
+def describe_details(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """What the columns do not say, by the names of the results: axes, spans of time, frequencies."""
-    found = known_effects()[effect.candidate.kind].details
+    found = find_effects()[effect.candidate.kind].details
     return {} if found is None else found(effect, after)
 
 
-def spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
+def estimate_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """Standard deviations of the details that have one."""
-    found = known_effects()[effect.candidate.kind].spreads
+    found = find_effects()[effect.candidate.kind].spreads
     return {} if found is None else found(effect, after)

@@ -18,20 +18,20 @@ from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandid
 from scaling_service.capabilities.discovery.evidence.statistics import (
     Fitted,
     HeldOut,
-    best_span,
-    p_above_zero,
-    p_of_lead,
+    assess_above_zero,
+    assess_lead,
+    find_best_span,
 )
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
 from scaling_service.capabilities.discovery.laws.contacts import (
     Fitting,
     Spell,
-    costs,
-    edges,
-    edges_of,
-    fitted_point,
-    lasts_throughout,
-    together,
+    compute_costs,
+    find_edges,
+    fit_edges,
+    fit_point,
+    is_throughout,
+    join_edges,
 )
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
@@ -73,25 +73,25 @@ def find_contacts(fit: Fit) -> Iterator[ScoredCandidate]:
 
 def find_touches(wrenches: Sequence[WrenchFit], block_s: float) -> list[ScoredCandidate]:
     """The best segment of every trial in which the force stands out, and of all of them if all do alike."""
-    level = _level(wrenches)
-    looked_at = [_spell(item, level) or _whole_trial(item) for item in wrenches]
+    level = _measure_level(wrenches)
+    looked_at = [_find_spell(item, level) or _span_trial(item) for item in wrenches]
     spells = [spell for spell in looked_at if spell is not None]
-    found = [_best([spell], (spell.wrench.name,), block_s) for spell in spells]
-    if len(spells) == len(wrenches) > 1 and _alike(spells):
-        found.append(_best(spells, (), block_s))
+    found = [_find_best([spell], (spell.wrench.name,), block_s) for spell in spells]
+    if len(spells) == len(wrenches) > 1 and _are_alike(spells):
+        found.append(_find_best(spells, (), block_s))
     return [touch for touch in found if touch is not None]
 
 
-def _alike(spells: Sequence[Spell]) -> bool:
+def _are_alike(spells: Sequence[Spell]) -> bool:
     """Whether contacts last throughout their trials, or from and to the same times in all."""
-    if all(lasts_throughout(s.wrench, s.rows) for s in spells):
+    if all(is_throughout(s.wrench, s.rows) for s in spells):
         return True
     spans = np.array([s.wrench.times[s.rows[[0, -1]]] for s in spells])
     common = spans[:, 1].min() - spans[:, 0].max()
     return bool(common > _COMMON * (spans[:, 1].max() - spans[:, 0].min()))
 
 
-def _level(wrenches: Sequence[WrenchFit]) -> float:
+def _measure_level(wrenches: Sequence[WrenchFit]) -> float:
     """Whitened square per number of the force where it disagrees least, at least one."""
     quiet = [
         float(np.quantile(np.square(item.residuals[item.usable, :3] / item.floor[:3]).mean(axis=1), _QUIET))
@@ -101,13 +101,13 @@ def _level(wrenches: Sequence[WrenchFit]) -> float:
     return max(1.0, min(quiet, default=1.0))
 
 
-def _spell(item: WrenchFit, level: float) -> Spell | None:
+def _find_spell(item: WrenchFit, level: float) -> Spell | None:
     """The block of time in which the force disagrees much more than where it is quietest."""
     strength = np.square(item.residuals[:, :3] / item.floor[:3]).mean(axis=1)
     usual = float(np.median(strength[item.usable])) if item.usable.any() else 0.0
     allowed = _STRONG * max(level, min(usual, _STRONG * level))
     excess = np.where(item.usable, strength - allowed, 0.0)
-    _, found = best_span(excess)
+    _, found = find_best_span(excess)
     start, stop = found.start, found.stop
     if stop <= start or item.times[stop - 1] - item.times[start] < _SHORTEST_S:
         return None
@@ -117,7 +117,7 @@ def _spell(item: WrenchFit, level: float) -> Spell | None:
     return Spell(item, rows) if len(rows) >= _FEWEST else None
 
 
-def _whole_trial(item: WrenchFit) -> Spell | None:
+def _span_trial(item: WrenchFit) -> Spell | None:
     """All frames, where the force disagrees even in the quietest."""
     rows = np.flatnonzero(item.usable)
     strength = np.square(item.residuals[rows, :3] / item.floor[:3]).mean(axis=1)
@@ -126,22 +126,24 @@ def _whole_trial(item: WrenchFit) -> Spell | None:
     return Spell(item, rows, all_along=True)
 
 
-def _reachable(item: WrenchFit) -> list[str]:
+def _list_reachable(item: WrenchFit) -> list[str]:
     """Segments that carry markers."""
     shown = {item.model.marker(m).segment for m in item.tracked.markers}
     return [s.name for s in item.model.segments if s.name in shown]
 
 
-def _best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float) -> ScoredCandidate | None:
-    names = [n for n in _reachable(spells[0].wrench) if all(n in _reachable(s.wrench) for s in spells)]
+def _find_best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float) -> ScoredCandidate | None:
+    names = [
+        n for n in _list_reachable(spells[0].wrench) if all(n in _list_reachable(s.wrench) for s in spells)
+    ]
     if not names:
         return None
     gap = sum(s.square for s in spells)
-    fits = {name: fitted_point(spells, name) for name in names}
-    beside = [n for n in names if n.startswith(FEET) and all(_beside_plates(s, n) for s in spells)]
+    fits = {name: fit_point(spells, name) for name in names}
+    beside = [n for n in names if n.startswith(FEET) and all(_stands_beside_plates(s, n) for s in spells)]
     likely = [n for n in beside if fits[n].left < _LEAST_SHARE * gap]
     if not likely and not any(s.all_along for s in spells):
-        lasting = all(lasts_throughout(s.wrench, s.rows) for s in spells)
+        lasting = all(is_throughout(s.wrench, s.rows) for s in spells)
         free = [n for n in names if not any(_is_of_a_plate(s, fits[n]) for s in spells)]
         likely = [n for n in names if n.startswith(_HANDS)] if lasting else free
     if not likely:
@@ -149,22 +151,22 @@ def _best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float) -> S
     order = sorted(likely, key=lambda name: fits[name].misfit)
     best = fits[order[0]]
     square = sum(s.wrench.square for s in spells)
-    p = _p(spells, order[0], block_s)
+    p = _compute_p(spells, order[0], block_s)
     fitting = [s for s in spells if s.wrench.role == "fit"] or spells  # as all other effects are judged
     left = [s.left_about(order[0], best.point) for s in fitting]
     gain = float(np.sum([s.square - rest for s, rest in zip(fitting, left, strict=True)]))
     fitted = Fitted.of_any_course(gain, float(np.sum(left)), p)
-    near = [n for n in order[1:] if _not_told_apart(_parts(spells, block_s), best, fits[n])]
-    made = [_candidate(_contact(spells, n, fits[n].point), trials) for n in (order[0], *near)]
+    near = [n for n in order[1:] if _is_not_distinguished(_split_into_blocks(spells, block_s), best, fits[n])]
+    made = [_make_candidate(_make_contact(spells, n, fits[n].point), trials) for n in (order[0], *near)]
     tried = HeldOut((gap - best.left) / square, p, folds=True)
     return ScoredCandidate(made[0], fitted, None, tried, tuple(made[1:]))
 
 
-def _candidate(contact: Contact, trials: tuple[str, ...]) -> Candidate:
+def _make_candidate(contact: Contact, trials: tuple[str, ...]) -> Candidate:
     return Candidate(KIND, (contact.segment,), (), trials=trials, change=contact)
 
 
-def _beside_plates(spell: Spell, foot: str) -> bool:
+def _stands_beside_plates(spell: Spell, foot: str) -> bool:
     """Whether a foot rests low and still most of the time, and no loaded plate's pressure is near it."""
     item, rows = spell.wrench, spell.rows
     on = [k for k, m in enumerate(item.tracked.markers) if item.model.marker(m).segment == foot]
@@ -174,27 +176,27 @@ def _beside_plates(spell: Spell, foot: str) -> bool:
     still = (speed < _STILL_M_S) & (places[:, on, 1] < lowest + _LOW_M)
     if still[rows].any(axis=1).mean() < _MOSTLY:
         return False
-    return _bears(spell, foot) < 1.0 - _MOSTLY
+    return _measure_bearing_share(spell, foot) < 1.0 - _MOSTLY
 
 
 def _is_of_a_plate(spell: Spell, fitting: Fitting) -> bool:
     """Whether a plate presses at a point, or under a foot, for more than a moment: then it is at fault."""
-    if fitting.segment.startswith(FEET) and _bears(spell, fitting.segment) >= 1.0 - _MOSTLY:
+    if fitting.segment.startswith(FEET) and _measure_bearing_share(spell, fitting.segment) >= 1.0 - _MOSTLY:
         return True
     origin, axes = (places[spell.rows] for places in spell.wrench.segment_frame(fitting.segment))
-    away = _pressed(spell) - (origin + axes @ fitting.point)[:, None]
+    away = _find_pressure(spell) - (origin + axes @ fitting.point)[:, None]
     return _share_near(away) >= 1.0 - _MOSTLY
 
 
-def _bears(spell: Spell, foot: str) -> float:
+def _measure_bearing_share(spell: Spell, foot: str) -> float:
     """In which share of frames a plate's pressure is near a foot, seen from above."""
     item = spell.wrench
     on = [k for k, m in enumerate(item.tracked.markers) if item.model.marker(m).segment == foot]
     centre = np.nanmean(item.tracked.task.measured[spell.rows][:, on], axis=1)
-    return _share_near((_pressed(spell) - centre[:, None])[..., [0, 2]])
+    return _share_near((_find_pressure(spell) - centre[:, None])[..., [0, 2]])
 
 
-def _pressed(spell: Spell) -> Array:
+def _find_pressure(spell: Spell) -> Array:
     return spell.wrench.contacts.ground.centre_of_pressure()[spell.rows]
 
 
@@ -203,43 +205,45 @@ def _share_near(away: Array) -> float:
     return float((apart.min(axis=1) < _NEAR_M).mean())
 
 
-def _contact(spells: Sequence[Spell], segment: str, point: Array) -> Contact:
+def _make_contact(spells: Sequence[Spell], segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
-    if all(lasts_throughout(s.wrench, s.rows) for s in spells):
+    if all(is_throughout(s.wrench, s.rows) for s in spells):
         start, end = (
             min(float(s.wrench.times[0]) for s in spells),
             max(float(s.wrench.times[-1]) for s in spells),
         )
     else:
-        (start, _), (end, _) = together([edges(s.wrench, s.rows, s.wrench.residuals[:, :3]) for s in spells])
+        (start, _), (end, _) = join_edges(
+            [fit_edges(s.wrench, s.rows, s.wrench.residuals[:, :3]) for s in spells]
+        )
     return Contact(segment, start, end, (x, y, z))
 
 
-def _p(spells: Sequence[Spell], segment: str, block_s: float) -> float:
+def _compute_p(spells: Sequence[Spell], segment: str, block_s: float) -> float:
     """How likely chance leaves so little moment about one point, block by block."""
-    parts = _parts(spells, block_s)
+    parts = _split_into_blocks(spells, block_s)
     if len(parts) < _MANY:
-        return _brief_p(spells, segment)
+        return _compute_brief_p(spells, segment)
     ratios = []
     for known, new in ((parts[0::2], parts[1::2]), (parts[1::2], parts[0::2])):
-        point = fitted_point(known, segment).point
+        point = fit_point(known, segment).point
         for part in new:
             left = part.left_about(segment, point)
             ratios.append(np.log(max(part.square - left, 1e-12) / max(left, 1e-12)))
-    return p_above_zero(np.array(ratios))
+    return assess_above_zero(np.array(ratios))
 
 
-def _parts(spells: Sequence[Spell], block_s: float) -> list[Spell]:
+def _split_into_blocks(spells: Sequence[Spell], block_s: float) -> list[Spell]:
     """The frames by blocks of time."""
     return [
         Spell(spell.wrench, rows)
         for spell in spells
-        for s in spell.wrench.blocks(_length(spells, block_s))
+        for s in spell.wrench.blocks(_choose_block_length(spells, block_s))
         if len(rows := spell.rows[(spell.rows >= s.start) & (spell.rows < s.stop)]) >= _FEWEST
     ]
 
 
-def _not_told_apart(parts: Sequence[Spell], best: Fitting, other: Fitting) -> bool:
+def _is_not_distinguished(parts: Sequence[Spell], best: Fitting, other: Fitting) -> bool:
     """Whether chance makes the difference: the moment's noise, or what differs from part to part.
 
     A few frames far apart make no part, and then nothing tells segments apart.
@@ -247,23 +251,23 @@ def _not_told_apart(parts: Sequence[Spell], best: Fitting, other: Fitting) -> bo
     if not parts or other.misfit - best.misfit < _ALIKE:
         return True
     scale = max(best.left, 1e-12) / (3.0 * sum(len(part.rows) for part in parts))
-    return p_of_lead(-costs(parts, best, scale), -costs(parts, other, scale), 0.0) > _LEVEL
+    return assess_lead(-compute_costs(parts, best, scale), -compute_costs(parts, other, scale), 0.0) > _LEVEL
 
 
-def _length(spells: Sequence[Spell], block_s: float) -> float:
+def _choose_block_length(spells: Sequence[Spell], block_s: float) -> float:
     """Shorter blocks for a short contact, yet longer than the filter's memory, s."""
     lasting = sum(float(np.ptp(s.wrench.times[s.rows])) for s in spells)
     memory = max(1.0 / s.wrench.cutoff_hz for s in spells)
     return float(min(block_s, max(memory, lasting / _PARTS)))
 
 
-def _brief_p(spells: Sequence[Spell], segment: str) -> float:
+def _compute_brief_p(spells: Sequence[Spell], segment: str) -> float:
     """For contacts too brief for blocks: how far force and moment stand above what is left of the moment.
 
     Both are taken to be as many independent numbers as pass the filter. Frames were picked because their
     force stands out, so that much is no evidence.
     """
-    left = fitted_point(spells, segment).left
+    left = fit_point(spells, segment).left
     gap = sum(s.square for s in spells)
     passed = sum(2.0 * s.wrench.cutoff_hz * len(s.rows) / s.wrench.tracked.trial.rate_hz for s in spells)
     own, others = 3.0 * passed, max(3.0 * passed - 3.0, 1.0)
@@ -271,37 +275,37 @@ def _brief_p(spells: Sequence[Spell], segment: str) -> float:
     return float(scipy.stats.f.sf(ratio / _PICKED, own, others))
 
 
-def _details(effect: Estimate, after: Fit) -> Mapping[str, float]:
+def _describe_contact(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """From when to when, where on the segment, and how strong."""
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
     point = dict(zip(("x_mm", "y_mm", "z_mm"), (1e3 * v for v in contact.point), strict=True))
-    rms, _ = _rms(_touched(effect, after), contact)
+    rms, _ = _measure_rms(_list_touched(effect, after), contact)
     return {"start_s": contact.start_s, "end_s": contact.end_s, "rms_N": rms, **point}
 
 
-def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
+def _estimate_contact_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """Of its beginning, end and strength, where it has both of the former."""
     contact = effect.candidate.change
     assert isinstance(contact, Contact)
-    here = _touched(effect, after)
-    edges = edges_of(here, contact)
+    here = _list_touched(effect, after)
+    edges = find_edges(here, contact)
     if edges is None:
         return {}
     (_, of_start), (_, of_end) = edges
-    rms, of_noise = _rms(here, contact)
+    rms, of_noise = _measure_rms(here, contact)
     # The mean square over an interval that is longer by a share is smaller by that share; a force that grows
     # and fades slowly hides at both ends.
     of_interval = 0.5 * rms * (of_start + of_end) / (contact.end_s - contact.start_s)
     return {"start_s": of_start, "end_s": of_end, "rms_N": float(np.hypot(of_noise, of_interval))}
 
 
-def _touched(effect: Estimate, after: Fit) -> list[WrenchFit]:
+def _list_touched(effect: Estimate, after: Fit) -> list[WrenchFit]:
     shown = [item for item in after.wrenches if effect.candidate.holds_in(item.name)]
     return [item for item in shown if item.touched is not None]
 
 
-def _rms(here: Sequence[WrenchFit], contact: Contact) -> tuple[float, float]:
+def _measure_rms(here: Sequence[WrenchFit], contact: Contact) -> tuple[float, float]:
     """RMS of the force inferred, free of what noise adds to it, and what noise makes of it, N."""
     squares, noise, independent = [], [], 0.0
     for item in here:
@@ -323,7 +327,7 @@ EFFECTS = (
         "something touches the segment that no plate measures",
         search=find_contacts,
         seen_in="wrench",
-        details=_details,
-        spreads=_spreads,
+        details=_describe_contact,
+        spreads=_estimate_contact_spreads,
     ),
 )

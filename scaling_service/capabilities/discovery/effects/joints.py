@@ -9,10 +9,10 @@ import numpy as np
 from scaling_service.capabilities.discovery.effects._columns import (
     DEG,
     MOST_MM_PER_DEG,
+    make_shifts,
+    make_turns,
     shift_of,
-    shifts,
     turn_of,
-    turns,
 )
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
@@ -23,14 +23,14 @@ _THIRD = 2  # of a joint of two turns: the axis about which neither is taken to 
 AXIS_TILT = "joint_axis_tilt"
 
 
-def centre_offsets(scene: Scene) -> Iterator[Candidate]:
+def propose_centre_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
     for segment in scene.jointed:
-        columns = shifts(shift_of(segment.name), most=80.0)
+        columns = make_shifts(shift_of(segment.name), most=80.0)
         yield Candidate("joint_centre_offset", (segment.joint_name,), columns)
 
 
-def axis_tilts(scene: Scene) -> Iterator[Candidate]:
+def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
     """Every joint with one or two coordinates that turn it; one with three takes any direction anyhow.
 
     The turn goes before the joint's own and back after them, so that the neutral pose stays. About the
@@ -42,13 +42,13 @@ def axis_tilts(scene: Scene) -> Iterator[Candidate]:
             main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
             across = [k for k in range(3) if k != main]
             columns = tuple(
-                Column(f"{LETTERS[k]}_deg", DEG, _there_and_back(segment.name, k), low=-45.0, high=45.0)
+                Column(f"{LETTERS[k]}_deg", DEG, _shift_and_return(segment.name, k), low=-45.0, high=45.0)
                 for k in across
             )
             yield Candidate(AXIS_TILT, (segment.joint_name,), columns)
 
 
-def _there_and_back(segment: str, axis: int) -> tuple[Part, Part]:
+def _shift_and_return(segment: str, axis: int) -> tuple[Part, Part]:
     before, after = (JointSpot(segment, at, "rotation", axis) for at in _AROUND)
     return Part(before), Part(after, gain=-1.0)
 
@@ -56,18 +56,18 @@ def _there_and_back(segment: str, axis: int) -> tuple[Part, Part]:
 _AROUND: tuple[At, At] = ("before", "after")
 
 
-def coupled_motions(scene: Scene) -> Iterator[Candidate]:
+def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns, gliding or turning with each of its own coordinates."""
     for segment in scene.jointed:
         for driver in scene.coordinates_of(segment):
             where = (segment.joint_name,)
-            gliding = shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
-            turning = turns(turn_of(segment.name), driver=driver)
+            gliding = make_shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
+            turning = make_turns(turn_of(segment.name), driver=driver)
             yield Candidate("coupled_motion", where, gliding, (driver,))
             yield Candidate("coupled_motion", where, turning, (driver,), note="turning")
 
 
-def segment_lengths(scene: Scene) -> Iterator[Candidate]:
+def propose_segment_lengths(scene: Scene) -> Iterator[Candidate]:
     """Every segment that has a size."""
     sized = {joint.scales_with for _, joint in scene.model.joints() if joint.scales_with}
     sized |= {m.segment for m in scene.model.markers if m.follows_size}
@@ -79,8 +79,14 @@ def segment_lengths(scene: Scene) -> Iterator[Candidate]:
 
 
 EFFECTS = (
-    Effect("joint_centre_offset", "the joint's centre lies elsewhere in the parent segment", centre_offsets),
-    Effect(AXIS_TILT, "the joint's axis is turned", axis_tilts),
-    Effect("coupled_motion", "the joint glides or turns along with a coordinate", coupled_motions),
-    Effect("segment_length", "the segment is longer or shorter, its markers following", segment_lengths),
+    Effect(
+        "joint_centre_offset",
+        "the joint's centre lies elsewhere in the parent segment",
+        propose_centre_offsets,
+    ),
+    Effect(AXIS_TILT, "the joint's axis is turned", propose_axis_tilts),
+    Effect("coupled_motion", "the joint glides or turns along with a coordinate", propose_coupled_motions),
+    Effect(
+        "segment_length", "the segment is longer or shorter, its markers following", propose_segment_lengths
+    ),
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, best_span
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, find_best_span
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
@@ -37,13 +37,13 @@ class Swap:
 
 def find_swaps(fit: Fit) -> Iterator[ScoredCandidate]:
     """The best pair and span of every trial, and of all of them where all have the same."""
-    found = [swap for swap in map_parallel(_best, fit.tracked) if swap is not None]
-    together = _together(found)
+    found = [swap for swap in map_parallel(_find_best, fit.tracked) if swap is not None]
+    together = _join_swaps(found)
     for swap in found if together is None or len(found) < len(fit.tracked) else [*found, together]:
-        yield _scored(swap, fit)
+        yield _score_swap(swap, fit)
 
 
-def _scored(swap: Swap, fit: Fit) -> ScoredCandidate:
+def _score_swap(swap: Swap, fit: Fit) -> ScoredCandidate:
     """An exchange takes nothing from the data but its span, so all that it explains counts as held out."""
     where = (swap.exchange.first, swap.exchange.second)
     candidate = Candidate("marker_swap", where, (), trials=swap.trials, change=swap.exchange)
@@ -57,7 +57,7 @@ def _scored(swap: Swap, fit: Fit) -> ScoredCandidate:
     return ScoredCandidate(candidate, fitted, None, HeldOut(swap.gain / max(square, 1e-300), p, folds=True))
 
 
-def _together(found: Sequence[Swap]) -> Swap | None:
+def _join_swaps(found: Sequence[Swap]) -> Swap | None:
     """One exchange for all trials, where all have the same pair at the same times."""
     spans = np.array([(s.exchange.start_s, s.exchange.end_s) for s in found])
     pairs = {(s.exchange.first, s.exchange.second) for s in found}
@@ -67,12 +67,12 @@ def _together(found: Sequence[Swap]) -> Swap | None:
     return Swap(exchange, (), sum(s.gain for s in found), max(s.level for s in found))
 
 
-def _best(item: TrackedTrial) -> Swap | None:
+def _find_best(item: TrackedTrial) -> Swap | None:
     pairs = list(combinations(range(len(item.markers)), 2))
     if not pairs:
         return None
-    gains, square, freedom = _gains(item, pairs)
-    spans = [best_span(gains[:, k]) for k in range(len(pairs))]
+    gains, square, freedom = _measure_gains(item, pairs)
+    spans = [find_best_span(gains[:, k]) for k in range(len(pairs))]
     k = int(np.argmax([gain for gain, _ in spans]))
     gain, rows = spans[k]
     if gain <= 0.0 or rows.stop - rows.start < _SHORTEST:
@@ -86,19 +86,19 @@ def _best(item: TrackedTrial) -> Swap | None:
     return Swap(exchange, (item.name,), gain, level)
 
 
-def _gains(item: TrackedTrial, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
+def _measure_gains(item: TrackedTrial, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
     """Of every frame what exchanging each pair would take off, (n, n_pairs); its square; its freedom."""
     generators = Generators.of(item, ())
     a, b = np.array(pairs, dtype=np.intp).T
 
     def of(chunk: slice) -> tuple[Array, Array, Array]:
-        return _gains_in(chunk, item, generators, a, b)
+        return _measure_gains_in(chunk, item, generators, a, b)
 
     gains, square, freedom = zip(*map_parallel(of, item.chunks(_CHUNK)), strict=True)
     return np.concatenate(gains), np.concatenate(square), np.concatenate(freedom)
 
 
-def _gains_in(
+def _measure_gains_in(
     chunk: slice, item: TrackedTrial, generators: Generators, a: NDArray[np.intp], b: NDArray[np.intp]
 ) -> tuple[Array, Array, Array]:
     """The same in some frames.
@@ -120,7 +120,7 @@ def _gains_in(
     return gains, (gap**2).sum(axis=1), 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
 
 
-def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+def _describe_swap(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     """From when to when."""
     exchange = effect.candidate.change
     assert isinstance(exchange, Exchange)
@@ -128,5 +128,5 @@ def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 
 EFFECTS = (
-    Effect("marker_swap", "two labels are exchanged for a while", search=find_swaps, details=_details),
+    Effect("marker_swap", "two labels are exchanged for a while", search=find_swaps, details=_describe_swap),
 )

@@ -6,56 +6,58 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, of_markers, shifts
+from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, make_shifts, of_markers
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 
 
-def marker_offsets(scene: Scene) -> Iterator[Candidate]:
+def propose_marker_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every marker, in all trials, in each one and since each one: it may have been stuck on again."""
     for marker in scene.markers:
-        columns = shifts(of_markers(marker), most=80.0)
+        columns = make_shifts(of_markers(marker), most=80.0)
         for trials in scene.scopes:
             yield Candidate("marker_offset", (marker,), columns, trials=trials)
 
 
-def skin_artefacts(scene: Scene) -> Iterator[Candidate]:
+def propose_skin_artefacts(scene: Scene) -> Iterator[Candidate]:
     """Every marker and the groups of every segment, with each coordinate at its ends, groups with two."""
     for segment in scene.bearing:
         groups = scene.groups_on(segment.name)
         for driver in scene.drivers_of(segment.name):
             for group in groups:
-                columns = shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+                columns = make_shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
                 yield Candidate("soft_tissue_artefact", group, columns, (driver,))
         for drivers in combinations(scene.drivers_of(segment.name), 2):
             for group in groups:
                 if len(group) > 1:
-                    yield Candidate("soft_tissue_artefact", group, _following(group, drivers), drivers)
+                    yield Candidate(
+                        "soft_tissue_artefact", group, _make_following_shifts(group, drivers), drivers
+                    )
 
 
-def _following(group: Sequence[str], drivers: Sequence[str]) -> tuple[Column, ...]:
+def _make_following_shifts(group: Sequence[str], drivers: Sequence[str]) -> tuple[Column, ...]:
     """Shifts of markers together, with several coordinates at once."""
     return tuple(
         replace(column, name=column.name.replace("_", f"_{driver}_", 1))
         for driver in drivers
-        for column in shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+        for column in make_shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
     )
 
 
-def capture_scale(_scene: Scene) -> Iterator[Candidate]:
+def propose_capture_scale(_scene: Scene) -> Iterator[Candidate]:
     """The whole recording: a calibration wand of another length."""
     column = Column("factor", 1.0, (Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
     yield Candidate("capture_scale", ("markers",), (column,))
 
 
 EFFECTS = (
-    Effect("marker_offset", "the marker sits elsewhere on its segment", marker_offsets),
+    Effect("marker_offset", "the marker sits elsewhere on its segment", propose_marker_offsets),
     Effect(
         "soft_tissue_artefact",
         "the skin under the marker moves over the bone with a joint's angle",
-        skin_artefacts,
+        propose_skin_artefacts,
     ),
-    Effect("capture_scale", "all measured positions are scaled by one factor", capture_scale),
+    Effect("capture_scale", "all measured positions are scaled by one factor", propose_capture_scale),
 )

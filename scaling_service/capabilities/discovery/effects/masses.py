@@ -14,29 +14,29 @@ from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.model.body import BodyModel, Segment
-from scaling_service.model.inertia import tensor_of
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.inertia import to_matrix
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR
 
 _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 
 
-def segment_masses(scene: Scene) -> Iterator[Candidate]:
+def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
         com = np.array(segment.com)
-        tensor = tensor_of(segment.inertia) + segment.mass * _spread(com, com)
+        tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
         every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
         load = Inertial(segment.name, tuple((every / segment.mass).tolist()))
         column = Column("kg", 1.0, load=load, low=-0.9 * segment.mass, high=20.0)
         yield Candidate("segment_mass", (segment.name,), (column,))
 
 
-def centres_of_mass(scene: Scene) -> Iterator[Candidate]:
+def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass."""
     for segment in scene.heavy:
-        loads = [Inertial(segment.name, tuple(_per_metre(segment, k).tolist())) for k in range(3)]
+        loads = [Inertial(segment.name, tuple(_differentiate_inertia(segment, k).tolist())) for k in range(3)]
         columns = tuple(
             Column(f"{letter}_mm", MM, load=load, low=-200.0, high=200.0)
             for letter, load in zip(LETTERS, loads, strict=True)
@@ -44,9 +44,9 @@ def centres_of_mass(scene: Scene) -> Iterator[Candidate]:
         yield Candidate("segment_com", (segment.name,), columns)
 
 
-def carried_loads(scene: Scene) -> Iterator[Candidate]:
+def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
     """Every segment: a mass at its origin, and first moments that say where it is."""
-    unit, near = np.eye(10), nearest_bone(scene.model)
+    unit, near = np.eye(10), make_nearest_bone_test(scene.model)
     names = (("kg", 1.0, 0.0, 60.0), *((f"{axis}_kgmm", 1e3, -3e4, 3e4) for axis in LETTERS))
     for segment in scene.heavy:
         columns = tuple(
@@ -56,18 +56,18 @@ def carried_loads(scene: Scene) -> Iterator[Candidate]:
         yield Candidate("carried_load", (segment.name,), columns, together=near(segment.name))
 
 
-def within_reach(size: Array) -> bool:
+def is_within_reach(size: Array) -> bool:
     """Whether a load (mass, first moments) hangs within reach of its segment."""
     return bool(np.linalg.norm(size[1:]) <= _REACH_M * abs(size[0]))
 
 
-def nearest_bone(model: BodyModel) -> Callable[[str], Callable[[Array], bool]]:
+def make_nearest_bone_test(model: BodyModel) -> Callable[[str], Callable[[Array], bool]]:
     """By segment, whether a load (mass, first moments) is in reach and no nearer to the neighbours' bones.
 
     A bone runs from its joint to those that it carries, or twice as far as its centre of mass. The model
     stands in its neutral pose.
     """
-    frames, bones = neutral_frames(model), {}
+    frames, bones = pose_neutral_frames(model), {}
     for s in model.segments:
         R, origin = frames[s.name]
         ends = [frames[child.name][1] for child in model.children(s.name)] or [
@@ -80,17 +80,19 @@ def nearest_bone(model: BodyModel) -> Callable[[str], Callable[[Array], bool]]:
         beside = [bones[s] for s in (segment.parent, *(c.name for c in model.children(name))) if s in bones]
 
         def near(size: Array) -> bool:
-            if not within_reach(size) or not size[0]:
+            if not is_within_reach(size) or not size[0]:
                 return False
             place = origin + R @ (size[1:] / size[0])
-            return _distance(place, bones[name]) <= min((_distance(place, b) for b in beside), default=np.inf)
+            return _measure_distance(place, bones[name]) <= min(
+                (_measure_distance(place, b) for b in beside), default=np.inf
+            )
 
         return near
 
     return of
 
 
-def _distance(place: Array, lines: Array) -> float:
+def _measure_distance(place: Array, lines: Array) -> float:
     """From the nearest of some lines from point to point, (n, 2, 3), m."""
     start, way = lines[:, 0], lines[:, 1] - lines[:, 0]
     share = np.einsum("ni,ni->n", place - start, way) / np.maximum(np.square(way).sum(axis=1), 1e-12)
@@ -103,7 +105,7 @@ def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return dict(zip(("x_mm", "y_mm", "z_mm"), place.tolist(), strict=True))
 
 
-def _per_metre(segment: Segment, axis: int) -> Array:
+def _differentiate_inertia(segment: Segment, axis: int) -> Array:
     """Change of the ten inertial parameters about the segment's origin per metre of its centre of mass."""
     com, unit = np.array(segment.com), np.eye(3)[axis]
     tensor = 2.0 * segment.mass * _spread(com, unit)
@@ -116,7 +118,9 @@ def _spread(a: Array, b: Array) -> Array:
 
 
 EFFECTS = (
-    Effect("segment_mass", "the segment is heavier or lighter, of the same shape", segment_masses),
-    Effect("segment_com", "the segment's centre of mass lies elsewhere", centres_of_mass),
-    Effect("carried_load", "the segment carries a load at a point", carried_loads, details=_place_of_load),
+    Effect("segment_mass", "the segment is heavier or lighter, of the same shape", propose_segment_masses),
+    Effect("segment_com", "the segment's centre of mass lies elsewhere", propose_centres_of_mass),
+    Effect(
+        "carried_load", "the segment carries a load at a point", propose_carried_loads, details=_place_of_load
+    ),
 )

@@ -10,7 +10,7 @@ import numpy as np
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.statistics import fit_each
-from scaling_service.capabilities.discovery.evidence.wrench import observation_of
+from scaling_service.capabilities.discovery.evidence.wrench import choose_observation
 from scaling_service.capabilities.discovery.laws.candidates import (
     SHAPES,
     TRIED,
@@ -18,7 +18,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Column,
     Estimate,
     Part,
-    oscillating_at,
+    describe_oscillation,
     with_shape_columns,
 )
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
@@ -32,7 +32,7 @@ _LONG_M = (
 )
 
 
-def wobbling_skin(scene: Scene) -> Iterator[Candidate]:
+def propose_wobbling_skin(scene: Scene) -> Iterator[Candidate]:
     """Every marker and the groups of every segment, at each frequency and damping tried."""
     for segment in scene.bearing:
         for group in scene.groups_on(segment.name):
@@ -41,10 +41,10 @@ def wobbling_skin(scene: Scene) -> Iterator[Candidate]:
                     Part(MarkerSpot(m, k), Oscillation(m, *pair, k)) for m in group for k in range(3)
                 )
                 column = Column("share", 1.0, parts, low=0.3, high=3.0, natural=1.0)
-                yield Candidate("skin_wobble", group, (column,), note=oscillating_at(*pair))
+                yield Candidate("skin_wobble", group, (column,), note=describe_oscillation(*pair))
 
 
-def wobbling_masses(scene: Scene) -> Iterator[Candidate]:
+def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, at each frequency and damping tried, at its centre or near its joint.
 
     Nearer only where that makes a difference: a belly hangs below the middle of the trunk.
@@ -54,26 +54,26 @@ def wobbling_masses(scene: Scene) -> Iterator[Candidate]:
         for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
             load = Wobbling(segment.name, *pair, along)
             column = Column("kg", 1.0, load=load, low=0.0, high=segment.mass)
-            yield Candidate("wobbling_mass", (segment.name,), (column,), note=oscillating_at(*pair))
+            yield Candidate("wobbling_mass", (segment.name,), (column,), note=describe_oscillation(*pair))
 
 
-def _details(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     """At which frequency and damping it oscillates."""
     pair = effect.candidate.oscillation
     assert pair is not None
     return dict(zip(SHAPES, pair, strict=True))
 
 
-def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
+def _estimate_oscillation_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """Standard deviations of size, frequency and damping, which are estimated together.
 
     A lighter mass that is less damped oscillates as far. Where noise has so large a part in what oscillates
     that nothing else determines it, that part is not taken off: the deviations are the least there are.
     """
     whole = with_shape_columns(effect)
-    known = observation_of(whole).known(after)
+    known = choose_observation(whole).known(after)
     for freed_of in (known, ()):
-        covariance = _covariance(whole, after, freed_of)
+        covariance = _compute_covariance(whole, after, freed_of)
         if len(covariance) == len(whole.columns) and (np.diag(covariance) > 0.0).all():
             names = [*(column.name for column in effect.candidate.columns), *SHAPES]
             units = np.array([*(column.unit for column in effect.candidate.columns), *(1.0 for _ in SHAPES)])
@@ -81,8 +81,8 @@ def _spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
     return {}
 
 
-def _covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimate]) -> Array:
-    observation = observation_of(whole)
+def _compute_covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimate]) -> Array:
+    observation = choose_observation(whole)
     others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
     evidence = observation.gather(
         observation.items(after),
@@ -99,15 +99,15 @@ EFFECTS = (
     Effect(
         "skin_wobble",
         "the skin under the marker oscillates when the segment accelerates",
-        wobbling_skin,
-        details=_details,
-        spreads=_spreads,
+        propose_wobbling_skin,
+        details=_describe_oscillation,
+        spreads=_estimate_oscillation_spreads,
     ),
     Effect(
         "wobbling_mass",
         "part of the segment's own mass oscillates on a spring",
-        wobbling_masses,
-        details=_details,
-        spreads=_spreads,
+        propose_wobbling_masses,
+        details=_describe_oscillation,
+        spreads=_estimate_oscillation_spreads,
     ),
 )

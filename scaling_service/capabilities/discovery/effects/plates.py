@@ -36,7 +36,7 @@ _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 _MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
 
 
-def plate_biases(scene: Scene) -> Iterator[Candidate]:
+def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
     """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
@@ -57,7 +57,7 @@ def contradict_bias(
     """
     if candidate.kind != "plate_bias":
         return False
-    shown = [_unloaded_readings(candidate.where[0], w) for w in wrenches if candidate.holds_in(w.name)]
+    shown = [_list_unloaded_readings(candidate.where[0], w) for w in wrenches if candidate.holds_in(w.name)]
     readings = np.concatenate([np.zeros((0, 6)), *shown])
     if not len(readings):
         return False
@@ -67,7 +67,7 @@ def contradict_bias(
     return bool(wrong > _CONTRADICTS * np.linalg.norm(size / arms))
 
 
-def _unloaded_readings(plate: str, fit: WrenchFit) -> Array:
+def _list_unloaded_readings(plate: str, fit: WrenchFit) -> Array:
     """What a plate shows in the frames in which nobody is on it, (n, 6), moment about its middle."""
     free = fit.contacts.unloaded
     if free is None or plate not in fit.contacts.ground.plates:
@@ -77,7 +77,7 @@ def _unloaded_readings(plate: str, fit: WrenchFit) -> Array:
     return read
 
 
-def plate_gains(scene: Scene) -> Iterator[Candidate]:
+def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
         column = Column("factor", 1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
@@ -85,7 +85,7 @@ def plate_gains(scene: Scene) -> Iterator[Candidate]:
             yield Candidate("plate_gain", (plate,), (column,), trials=trials)
 
 
-def plate_positions(scene: Scene) -> Iterator[Candidate]:
+def propose_plate_positions(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
@@ -96,7 +96,7 @@ def plate_positions(scene: Scene) -> Iterator[Candidate]:
             yield Candidate("plate_position", (plate,), columns, trials=trials)
 
 
-def plate_rotations(scene: Scene) -> Iterator[Candidate]:
+def propose_plate_rotations(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, about the vertical and leaning, in all recordings and in each.
 
     Readings without the plate's place do not tell about which point it is turned: about the vertical one is
@@ -121,17 +121,17 @@ def plate_rotations(scene: Scene) -> Iterator[Candidate]:
                 elsewhere,
                 trials=trials,
                 note="about another point",
-                together=_turns,
+                together=_is_turn_alone,
             )
             yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
 
 
-def _turns(size: Array) -> bool:
+def _is_turn_alone(size: Array) -> bool:
     """Whether a turn with a shift is more than a shift."""
     return bool(abs(size[0]) >= _LEAST_TURN)
 
 
-def force_delays(scene: Scene) -> Iterator[Candidate]:
+def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
         columns = (Column("delay_s", 1.0, load=Late(), low=-0.3, high=0.3),)
@@ -139,7 +139,7 @@ def force_delays(scene: Scene) -> Iterator[Candidate]:
             yield Candidate("force_delay", ("forces",), columns, trials=trials)
 
 
-def gravity_tilt(scene: Scene) -> Iterator[Candidate]:
+def propose_gravity_tilt(scene: Scene) -> Iterator[Candidate]:
     """The whole world, about its two level axes."""
     if scene.plates:
         columns = tuple(
@@ -149,14 +149,14 @@ def gravity_tilt(scene: Scene) -> Iterator[Candidate]:
 
 
 EFFECTS = (
-    Effect("plate_bias", "something constant is added to what the plate measures", plate_biases),
-    Effect("plate_gain", "the plate measures a multiple of the true force", plate_gains),
+    Effect("plate_bias", "something constant is added to what the plate measures", propose_plate_biases),
+    Effect("plate_gain", "the plate measures a multiple of the true force", propose_plate_gains),
     Effect(
         "plate_position",
         "the plate lies elsewhere, so that its centre of pressure is shifted",
-        plate_positions,
+        propose_plate_positions,
     ),
-    Effect("plate_rotation", "the plate is turned", plate_rotations),
-    Effect("force_delay", "the forces come later (or earlier) than the markers", force_delays),
-    Effect("gravity_tilt", "the laboratory's vertical is not vertical", gravity_tilt),
+    Effect("plate_rotation", "the plate is turned", propose_plate_rotations),
+    Effect("force_delay", "the forces come later (or earlier) than the markers", propose_force_delays),
+    Effect("gravity_tilt", "the laboratory's vertical is not vertical", propose_gravity_tilt),
 )

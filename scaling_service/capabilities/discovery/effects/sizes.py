@@ -13,8 +13,8 @@ import scipy
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import total_mass
-from scaling_service.model.reference import read_reference, reference_folder
+from scaling_service.model.inertia import sum_mass
+from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 _AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
@@ -43,11 +43,11 @@ class Range:
         return math.isfinite(near) and not self.low + near < value < self.high - near
 
 
-def usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range | None]:
+def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range | None]:
     """By its name in the results, the range of a number that laboratories meet; None where none is known."""
-    of_kind, where = _sizes().get(candidate.kind, {}), candidate.where
+    of_kind, where = _read_sizes().get(candidate.kind, {}), candidate.where
     own = next((s.mass for s in model.segments if s.name == where[0]), 0.0)
-    units = {"sizes": 1.0, "of_body": total_mass(model), "of_segment": own}
+    units = {"sizes": 1.0, "of_body": sum_mass(model), "of_segment": own}
 
     def usual(name: str) -> Range | None:
         for table, unit in units.items():
@@ -60,20 +60,20 @@ def usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range
     return usual
 
 
-def source_of_sizes(kind: str) -> str:
+def cite_source_of_sizes(kind: str) -> str:
     """Where the sizes of a kind come from."""
-    return str(_sizes()[kind]["source"])
+    return str(_read_sizes()[kind]["source"])
 
 
 @cache
-def _sizes() -> Mapping[str, Any]:
-    found: Mapping[str, Any] = read_reference(reference_folder() / "effect_sizes.yaml")
+def _read_sizes() -> Mapping[str, Any]:
+    found: Mapping[str, Any] = read_reference(find_reference_folder() / "effect_sizes.yaml")
     return found
 
 
 def is_usual(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
     """Whether laboratories meet every number of an effect (SI, as its columns) of which a range is known."""
-    usual = usual_sizes(candidate, model)
+    usual = look_up_usual_sizes(candidate, model)
     sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
         known = usual(column.name)

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.laws.spots import Generators, JointS
 from scaling_service.capabilities.discovery.observations.tracked import MOVEMENT_HZ, TrackedTrial
 from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 
 _CHUNK = 64
 _RATE = 4.0  # frames looked at per period of the filter; chosen: products of what passes it need two
@@ -47,14 +47,16 @@ class FreeCourse:
         return self.every * len(self.square)
 
 
-def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> tuple[list[FreeCourse], Array]:
+def solve_courses(
+    item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]
+) -> tuple[list[FreeCourse], Array]:
     """Of every three spots what the residuals of a trial say, and the squares of their columns."""
     groups, rate = len(spots) // 3, 1.0 / item.step
     generators = Generators.of(item, spots)
     gaps, freedom = item.pose_free
     every = max(1, int(rate / (_RATE * MOVEMENT_HZ)))
     if rate > 2.5 * MOVEMENT_HZ:
-        gaps = butterworth(gaps, rate_hz=rate, cutoff_hz=MOVEMENT_HZ, order=4).values
+        gaps = filter_butterworth(gaps, rate_hz=rate, cutoff_hz=MOVEMENT_HZ, order=4).values
     gaps, freedom = gaps[::every], every * freedom[::every]
     square = every * np.square(gaps).sum(axis=1)
     slopes, curvatures = np.empty((len(gaps), groups, 3)), np.empty((len(gaps), groups, 3, 3))
@@ -73,7 +75,7 @@ def courses_of(item: TrackedTrial, spots: Sequence[JointSpot | MarkerSpot]) -> t
     return found, raw.reshape(groups, 3).max(axis=1)
 
 
-def common_axis(courses: Sequence[FreeCourse]) -> Array | None:
+def find_common_axis(courses: Sequence[FreeCourse]) -> Array | None:
     """The direction that the residuals keep to most, (3,)."""
     if not courses:
         return None
@@ -94,16 +96,16 @@ def common_axis(courses: Sequence[FreeCourse]) -> Array | None:
     return np.asarray(axis / np.linalg.norm(axis) * np.sign(largest))
 
 
-def energies(courses: Sequence[FreeCourse], axis: Array) -> tuple[Array, Array]:
+def compute_energies(courses: Sequence[FreeCourse], axis: Array) -> tuple[Array, Array]:
     """Of each block what the direction takes off, and what any other direction would."""
-    own = np.array([_along(c, axis).sum() for c in courses])
+    own = np.array([_square_along(c, axis).sum() for c in courses])
     others = np.array([c.square.sum() for c in courses]) - own
     freedom = np.array([c.freedom.sum() for c in courses])
     frames = np.array([c.frames for c in courses])
     return own, others / np.maximum(freedom - frames, 1.0) * frames
 
 
-def _along(course: FreeCourse, axis: Array) -> Array:
+def _square_along(course: FreeCourse, axis: Array) -> Array:
     """Square of the residuals along the direction, in every frame."""
     bend = np.einsum("k,nkl,l->n", axis, course.curvature, axis)
     return np.asarray(np.divide((course.slope @ axis) ** 2, bend, out=np.zeros(len(bend)), where=bend > 0))
@@ -117,30 +119,30 @@ def spread_along(courses: Sequence[FreeCourse], axis: Array) -> float:
     return float(np.sqrt(np.mean((slope[known] / bend[known]) ** 2))) if known.any() else 0.0
 
 
-def course_rms(tracked: Sequence[TrackedTrial], name: str) -> float:
+def compute_course_rms(tracked: Sequence[TrackedTrial], name: str) -> float:
     """RMS of a coordinate over the trials that fitted it, rad or m; not a number where none has it.
 
     Its square is freed of what noise of the markers adds to it on average.
     """
-    courses = _fitted_courses(tracked, name)
+    courses = _list_fitted_courses(tracked, name)
     squares = [course**2 - variance for _, course, variance in courses]
     return float(np.sqrt(max(np.concatenate(squares).mean(), 0.0))) if squares else float("nan")
 
 
-def course_error(tracked: Sequence[TrackedTrial], name: str, block_s: float) -> float:
-    """Standard deviation of :func:`course_rms` by noise of the markers.
+def compute_course_error(tracked: Sequence[TrackedTrial], name: str, block_s: float) -> float:
+    """Standard deviation of :func:`compute_course_rms` by noise of the markers.
 
     The variance of the mean of N independent numbers (c + e)2, with e of variance v, is (4 c2 v + 2 v2) / N.
     """
-    rms, courses = course_rms(tracked, name), _fitted_courses(tracked, name)
+    rms, courses = compute_course_rms(tracked, name), _list_fitted_courses(tracked, name)
     if not courses or not rms > 0.0:
         return float("nan")
     variance = float(np.concatenate([v for _, _, v in courses]).mean())
-    count = sum(len(item.q) / _memory(item, block_s) for item, _, _ in courses)
+    count = sum(len(item.q) / _estimate_memory(item, block_s) for item, _, _ in courses)
     return float(np.sqrt((4.0 * rms**2 * variance + 2.0 * variance**2) / count) / (2.0 * rms))
 
 
-def _memory(item: TrackedTrial, longest_s: float) -> float:
+def _estimate_memory(item: TrackedTrial, longest_s: float) -> float:
     """How many frames one independent number of the noise stands for: 1 + 2 x its autocorrelations."""
     count = np.maximum(item.seen.sum(axis=0), 1)[:, None]
     mean = np.nan_to_num(item.residuals).sum(axis=0) / count
@@ -152,18 +154,20 @@ def _memory(item: TrackedTrial, longest_s: float) -> float:
     return 1.0 + 2.0 * sum(alike[:first_lost])
 
 
-def _fitted_courses(tracked: Sequence[TrackedTrial], name: str) -> list[tuple[TrackedTrial, Array, Array]]:
+def _list_fitted_courses(
+    tracked: Sequence[TrackedTrial], name: str
+) -> list[tuple[TrackedTrial, Array, Array]]:
     """The trials that fitted a coordinate, its course in each and the variance of that, rad or m."""
     found = []
     for item in tracked:
         names = item.task.model.coordinate_names
         if item.role == "fit" and name in names:
             k = names.index(name)
-            found.append((item, item.q[:, k], _variance(item, k)))
+            found.append((item, item.q[:, k], _compute_variance(item, k)))
     return found
 
 
-def _variance(item: TrackedTrial, coordinate: int) -> Array:
+def _compute_variance(item: TrackedTrial, coordinate: int) -> Array:
     """Of a coordinate in every frame by what the markers stray, (n,), rad2 or m2."""
     generators = Generators.of(item, ())
     at = int(np.flatnonzero(np.flatnonzero(item.task.free) == coordinate)[0])

@@ -10,21 +10,21 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.apply import (
-    corrected_forces,
-    corrected_trial,
-    gravity_of,
+    correct_forces,
+    correct_trial,
+    tilt_gravity,
     with_effects,
     with_inertial_changes,
 )
-from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, loads_of
-from scaling_service.capabilities.discovery.laws.contacts import wrench_of
+from scaling_service.capabilities.discovery.laws.candidates import Contact, Estimate, list_loads
+from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.laws.steady_skin import oscillating_markers, track_steady
+from scaling_service.capabilities.discovery.laws.steady_skin import find_oscillating_markers, track_steady
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
-from scaling_service.core.progress import idle
+from scaling_service.core.progress import report_nothing
 from scaling_service.core.threads import map_parallel
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.trial import Trial
@@ -51,7 +51,7 @@ class SearchContext:
     recordings: Sequence[Recording] = ()
     settings: DiscoverySettings = field(default_factory=DiscoverySettings)
     cache: InertialLoadCache = field(default_factory=InertialLoadCache)
-    advance: Callable[[], None] = idle
+    advance: Callable[[], None] = report_nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class Fit:
             for c, spread in zip(model.coordinates, q.std(axis=0), strict=True)
             if c.kind == "rotation" and c.name not in roots and spread > self.settings.moving_rad
         )
-        plates = dict.fromkeys(name for item in self.wrenches for name in _loaded(item))
+        plates = dict.fromkeys(name for item in self.wrenches for name in _list_loaded(item))
         trials, wrenches = (tuple(item.name for item in items) for items in (self.tracked, self.wrenches))
         return Scene(model, names, moving, trials, tuple(plates), wrenches)
 
@@ -139,9 +139,9 @@ def fit_wrenches(fit: Fit) -> Fit:
 def _track(
     model: BodyModel, recording: Recording, effects: Sequence[Estimate], near: TrackedTrial | None
 ) -> TrackedTrial:
-    trial = corrected_trial(recording.trial, effects)
+    trial = correct_trial(recording.trial, effects)
     known = with_effects(model, effects, trial.name)
-    oscillating = oscillating_markers(trial, effects)
+    oscillating = find_oscillating_markers(trial, effects)
     if near is None or not oscillating:
         near = TrackedTrial.of(known, trial, recording.role, near)
 
@@ -157,9 +157,9 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
     made = WrenchFit(
         item,
         with_inertial_changes(fit.model_in(item.name), here, item.name),
-        replace(contacts, ground=corrected_forces(contacts.ground, item.trial.times, here)),
-        gravity_of(here),
-        tuple(loads_of(here, Wobbling)),
+        replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
+        tilt_gravity(here),
+        tuple(list_loads(here, Wobbling)),
         known_covariance=noise,
         cache=fit.context.cache,
     )
@@ -167,18 +167,18 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
         contact = effect.candidate.change
         if isinstance(contact, Contact) and effect.candidate.holds_in(item.name):
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
-            made = replace(made, touched=before + wrench_of(made, contact))
+            made = replace(made, touched=before + compute_wrench(made, contact))
     return made
 
 
-def held_out_squares(fit: Fit) -> float:
+def sum_held_out_squares(fit: Fit) -> float:
     """Whitened sum of squares of markers and forces together in what is held out, else in everything."""
     items: list[TrackedTrial | WrenchFit] = [*fit.tracked, *fit.wrenches]
     held_out = [item.square for item in items if item.role == "held_out"]
     return float(sum(held_out or (item.square for item in items)))
 
 
-def _loaded(item: WrenchFit) -> list[str]:
+def _list_loaded(item: WrenchFit) -> list[str]:
     """The plates that bear something in a trial."""
     ground = item.contacts.ground
     return [name for k, name in enumerate(ground.plates) if ground.in_contact()[:, k].any()]

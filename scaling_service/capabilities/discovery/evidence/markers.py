@@ -16,10 +16,13 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordi
 from scaling_service.capabilities.discovery.evidence.observation import Observation
 from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Column, Estimate, Seen
-from scaling_service.capabilities.discovery.laws.profiles import Oscillation, Profile, values_of
+from scaling_service.capabilities.discovery.laws.profiles import Oscillation, Profile, evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators, Spot
-from scaling_service.capabilities.discovery.laws.steady_skin import oscillations_of, steady_replicates
-from scaling_service.capabilities.discovery.observations.performed import performed
+from scaling_service.capabilities.discovery.laws.steady_skin import (
+    collect_oscillations,
+    make_steady_replicates,
+)
+from scaling_service.capabilities.discovery.observations.performed import perform_movement
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span
 from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
@@ -55,13 +58,13 @@ class Markers(Observation[TrackedTrial]):
         known: list[tuple[TrackedTrial, Generators]] = []
         sources = []
         for item in items:
-            generators = next((g for other, g in known if _same_body(item, other)), None)
+            generators = next((g for other, g in known if _are_of_same_body(item, other)), None)
             if generators is None:
                 generators = Generators.of(item, spots)
                 known.append((item, generators))
             here = products.of_columns(layout.active_in(item.name), layout.rough)
-            step = _step(item, items, layout, block_s)
-            made = _Columns(item, generators, here, values_of(profiles, item), step)
+            step = _choose_step(item, items, layout, block_s)
+            made = _Columns(item, generators, here, evaluate_profiles(profiles, item), step)
             strays = list(made.strays(profiles, layout)) if layout.sizes.any() else []
             for stretch in made.stretches(item.blocks(block_s)):
                 block, *by_chance = (partial(one.blocks, stretch) for one in (made, *strays))
@@ -86,7 +89,7 @@ class Markers(Observation[TrackedTrial]):
         names = self.places(fit)
         at = [names.index(m) for m in item.markers]
         slow = np.zeros(len(at)) if noise is None else noise[at]
-        floor = np.where(item.seen, np.maximum(_left(item) * item.sure_noise**2, slow), 0.0)
+        floor = np.where(item.seen, np.maximum(_compute_free_share(item) * item.sure_noise**2, slow), 0.0)
         square = np.nan_to_num(np.square(item.residuals).sum(axis=2))
         wide = np.zeros((3, len(item.q), len(names)))
         wide[:, :, at] = square, floor, item.seen
@@ -100,16 +103,16 @@ class Markers(Observation[TrackedTrial]):
 
     def performed(self, fit: Fit, movement: str) -> TrackedTrial | None:
         """By the markers of the first trial."""
-        return performed(fit.tracked[0], movement)
+        return perform_movement(fit.tracked[0], movement)
 
 
-def _same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
+def _are_of_same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
     """Whether two recordings are tracked by the same body with the same markers and coordinates."""
     alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
     return alike and one.task.model == other.task.model
 
 
-def _step(item: TrackedTrial, tracked: Sequence[TrackedTrial], layout: Layout, block_s: float) -> int:
+def _choose_step(item: TrackedTrial, tracked: Sequence[TrackedTrial], layout: Layout, block_s: float) -> int:
     """Every how many frames to look at; all together the products stay within bounds."""
     if layout.rough:
         shortest: int = min(rows.stop - rows.start for rows in item.blocks(block_s))
@@ -186,10 +189,10 @@ class _Columns:
         """
         shaken = [k for k, profile in enumerate(profiles) if isinstance(profile, Oscillation)]
         sized = zip(layout.columns, layout.sizes.tolist(), strict=True)
-        held = oscillations_of((column, size) for column, size in sized if size)
-        for other in steady_replicates(self.item, held):
+        held = collect_oscillations((column, size) for column, size in sized if size)
+        for other in make_steady_replicates(self.item, held):
             stray = np.zeros_like(self.values)
-            stray[shaken] = values_of([profiles[k] for k in shaken], other) - self.values[shaken]
+            stray[shaken] = evaluate_profiles([profiles[k] for k in shaken], other) - self.values[shaken]
             yield replace(self, values=stray, sizes=layout.sizes)
 
     @property
@@ -243,7 +246,7 @@ class _Columns:
             yield Chunk(columns, residuals, square, numbers, hidden)
 
 
-def _left(item: TrackedTrial) -> Array:
+def _compute_free_share(item: TrackedTrial) -> Array:
     """How many of a marker's three numbers the pose leaves free, (n, n_markers)."""
     generators = Generators.of(item, ())
 

@@ -61,7 +61,7 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     if it shows.
     """
     found = {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
-    own = {observation.name: _instrument(fit, observation) for observation in OBSERVATIONS}
+    own = {observation.name: _measure_instrument(fit, observation) for observation in OBSERVATIONS}
     known = found[MARKERS.name].noise
     more = np.concatenate([noise / own[MARKERS.name][trial] for trial, noise in known.items()])
     finite = more[np.isfinite(more)]
@@ -75,7 +75,7 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     }
 
 
-def _instrument(fit: Fit, observation: Observation[Any]) -> Mapping[str, Array]:
+def _measure_instrument(fit: Fit, observation: Observation[Any]) -> Mapping[str, Array]:
     """Mean square per frame that third differences' noise would leave at every place of every trial."""
     found = {}
     for item in observation.items(fit):
@@ -90,7 +90,7 @@ def _instrument(fit: Fit, observation: Observation[Any]) -> Mapping[str, Array]:
 def measure_noise_floor(fit: Fit, observation: Observation[Any], moving: Sequence[str]) -> NoiseFloor:
     """Of one observation, as coordinates that move predict it."""
     residuals = observation.residuals(fit)
-    predicted = _predicted(residuals, moving, fit.settings.block_s) if residuals else []
+    predicted = _predict_residuals(residuals, moving, fit.settings.block_s) if residuals else []
     found = {
         item.name: _by_place(residual, guess, observation.per_place)
         for (item, residual), guess in zip(residuals, predicted, strict=True)
@@ -108,13 +108,13 @@ def _by_place(residual: Array, predicted: Array, width: int) -> tuple[Array, Arr
     return np.where(known.any(axis=0), mean, np.nan), square - left
 
 
-def _predicted(
+def _predict_residuals(
     residuals: Sequence[tuple[TrackedTrial, Array]], moving: Sequence[str], block_s: float
 ) -> list[Array]:
     """Residuals of every block as those between predict them, each (n, n_numbers); NaN where not known."""
     items, values = zip(*residuals, strict=True)
-    folds = np.concatenate([folds_of(item, block_s) for item in items])
-    chosen = predict_between(_functions(items, moving), np.concatenate(values), folds)
+    folds = np.concatenate([assign_folds(item, block_s) for item in items])
+    chosen = predict_between(_evaluate_functions(items, moving), np.concatenate(values), folds)
     edges = np.cumsum([0, *(len(r) for r in values)])
     pairs = zip(values, edges[:-1], edges[1:], strict=True)
     return [np.where(np.isfinite(r), chosen[a:b], np.nan) for r, a, b in pairs]
@@ -141,7 +141,7 @@ def predict_between(x: Array, y: Array, folds: Array) -> Array:
     )
 
 
-def folds_of(item: TrackedTrial, block_s: float) -> Array:
+def assign_folds(item: TrackedTrial, block_s: float) -> Array:
     """Every other block of time, (n,): 0 or 1."""
     fold = np.zeros(len(item.q))
     for k, rows in enumerate(item.blocks(block_s)):
@@ -149,7 +149,7 @@ def folds_of(item: TrackedTrial, block_s: float) -> Array:
     return fold
 
 
-def _functions(items: Sequence[TrackedTrial], moving: Sequence[str]) -> Array:
+def _evaluate_functions(items: Sequence[TrackedTrial], moving: Sequence[str]) -> Array:
     """Functions of movement and time, (n, n_functions), each of unit variance or so."""
     movement = np.concatenate([_of_movement(item, moving) for item in items])
     spread = movement.std(axis=0)

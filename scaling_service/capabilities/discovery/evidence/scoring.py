@@ -16,8 +16,8 @@ from scaling_service.capabilities.discovery.evidence.statistics import (
     fit_each,
     try_held_out,
 )
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks
-from scaling_service.capabilities.discovery.evidence.wrench import observation_of
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, select_fitting_blocks
+from scaling_service.capabilities.discovery.evidence.wrench import choose_observation
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -66,7 +66,7 @@ def score_candidates(fit: Fit, choice: Sequence[Candidate], shortlist: int) -> l
     """The likely ones of candidates that all show in the same observation, the best first."""
     if not choice:
         return []
-    observation, picked = observation_of(choice[0]), choice
+    observation, picked = choose_observation(choice[0]), choice
     if len(choice) > shortlist:
         rough = observation.gather_beside(fit, choice, together=False, rough=True)
         picked = [choice[k] for k, _ in keep_likely(rough, choice)[:shortlist]]
@@ -77,7 +77,7 @@ def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[Scor
     """The likely ones of candidates whose evidence was gathered together, the best first."""
     found = []
     for k, fitted in keep_likely(evidence, choice):
-        gains = explain(evidence, k, fitting_blocks(evidence.blocks, choice[k])).gains
+        gains = explain(evidence, k, select_fitting_blocks(evidence.blocks, choice[k])).gains
         held_out = try_held_out(evidence, k, choice[k], fitted.by_chance / max(len(fitted.size), 1))
         found.append(ScoredCandidate(choice[k], fitted, gains, held_out))
     return found
@@ -86,11 +86,11 @@ def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[Scor
 def keep_likely(evidence: Evidence, choice: Sequence[Candidate]) -> list[tuple[int, Fitted]]:
     """Which of them have plausible numbers, the best first."""
     fitted = fit_each(evidence, choice)
-    likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _plausible(c, f)]
+    likely = [(k, f) for k, (c, f) in enumerate(zip(choice, fitted, strict=True)) if _is_plausible(c, f)]
     return sorted(likely, key=lambda one: one[1].rank)
 
 
-def _plausible(candidate: Candidate, fitted: Fitted) -> bool:
+def _is_plausible(candidate: Candidate, fitted: Fitted) -> bool:
     """Whether every number lies in its range, give or take its own deviation, and all do together."""
     if not len(fitted.size):
         return False

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, inverse_of
+from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence, invert_curvature
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.numerics.multibody.laws import Array
 
@@ -89,7 +89,7 @@ def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitte
     scores = np.array([s.scores for s in fits]).reshape(len(fits), width)
     cross = np.array([s.cross for s in fits]).reshape(len(fits), count, width)
     total, inner = cross.sum(axis=0), cross[:, :, :count]
-    inverse = inverse_of(total[:, :count], raw[:count])[0]
+    inverse = invert_curvature(total[:, :count], raw[:count])[0]
     follow, step = inverse @ total, inverse @ scores[:, :count].sum(axis=0)
     carried = inner @ follow
     scores = scores - scores[:, :count] @ follow - step @ (cross - carried)
@@ -116,7 +116,7 @@ def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] =
     what is left, and each block counts as a marker in one frame.
     """
     curvature = own.sum(axis=0)
-    inverse, identifiable, directions = inverse_of(curvature, raw)
+    inverse, identifiable, directions = invert_curvature(curvature, raw)
     rank = directions.shape[1]
     if rank == 0:
         return NOTHING
@@ -134,7 +134,7 @@ def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] =
         hotelling = float(((vector.T @ total) ** 2 / value).sum())
         by_chance = float(np.trace(variance))
         p = float(scipy.special.fdtrc(rank, freedom, hotelling * freedom / (rank * (counting - 1.0))))
-    if _takes_most(gain, blocks):
+    if _is_most_explained(gain, blocks):
         unexplained = (sum(s.square for s in blocks) - gain) / sum(s.freedom for s in blocks)
         strays, few = max(1.0, unexplained, float(np.trace(variance)) / rank), 3.0 * len(blocks)
         p = min(1.0, 2.0 * min(p, float(scipy.special.fdtrc(rank, few, gain / (rank * strays)))))
@@ -149,7 +149,7 @@ def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] =
     return Fitted(size, covariance, gain, by_chance, p, identifiable, freedom)
 
 
-def _takes_most(gain: float, blocks: Sequence[Block]) -> bool:
+def _is_most_explained(gain: float, blocks: Sequence[Block]) -> bool:
     """Whether a gain is most of what surely stands above the noise of blocks.
 
     Noise with memory is larger than the floors, and no larger than in the quietest block.
@@ -186,18 +186,18 @@ def explain(evidence: Evidence, index: int, blocks: Sequence[Block]) -> Explaine
     total, score, inverse = evidence.summed(tuple(blocks))
     follow, step = inverse @ total[:count, rows], inverse @ score[:count]
     curvature = total[rows, rows] - total[rows, :count] @ follow
-    size = inverse_of(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
+    size = invert_curvature(curvature, evidence.raw[rows])[0] @ (score[rows] - follow.T @ score[:count])
     along = -follow @ size
     found = Explained(size, along, step, np.zeros(0))
-    return replace(found, gains=gains_of(evidence, index, found, blocks))
+    return replace(found, gains=compute_gains(evidence, index, found, blocks))
 
 
-def gains_of(evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]) -> Array:
+def compute_gains(evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]) -> Array:
     """What a candidate takes off blocks beyond what nuisances by themselves do, (n_blocks,)."""
-    return _gains_and_squares(evidence, index, found, blocks)[0]
+    return _compute_gains_and_squares(evidence, index, found, blocks)[0]
 
 
-def _gains_and_squares(
+def _compute_gains_and_squares(
     evidence: Evidence, index: int, found: Explained, blocks: Sequence[Block]
 ) -> tuple[Array, Array]:
     """Gains, and the squares of what the candidate predicts, (n_blocks,) each."""
@@ -215,7 +215,7 @@ def _gains_and_squares(
     return both[:, 0], both[:, 1]
 
 
-def p_of_lead(best: Array, other: Array, penalty: float) -> float:
+def assess_lead(best: Array, other: Array, penalty: float) -> float:
     """How likely chance alone makes the best as much better as it is (Vuong 1989, Econometrica 57:307).
 
     ``best``, ``other``: gains of the two, (n_blocks,); ``penalty``: what the best spends more on chance, not
@@ -226,7 +226,7 @@ def p_of_lead(best: Array, other: Array, penalty: float) -> float:
     lead = best - other - penalty / len(best)
     if not lead.std():
         return 1.0 if lead.mean() <= 0.0 else 0.0
-    return p_above_zero(lead)
+    return assess_above_zero(lead)
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,15 +264,15 @@ def try_held_out(
     gains, squares, square, freedom = [], [], 0.0, 0.0
     for known, new in rounds:
         found = explain(evidence, index, [*others, *known])
-        gain, predicted = _gains_and_squares(evidence, index, found, new)
+        gain, predicted = _compute_gains_and_squares(evidence, index, found, new)
         gains.append(gain)
         squares.append(predicted)
         square += sum(s.square for s in new)
         freedom += sum(s.freedom for s in new)
     every = np.concatenate(gains)
     share = float(every.sum() / square) if square else 0.0
-    most = _takes_most(float(every.sum()), [s for _, new in rounds for s in new])
-    p, outweighs = p_above_zero(every), bool(every.sum() > freedom > 0.0)
+    most = _is_most_explained(float(every.sum()), [s for _, new in rounds for s in new])
+    p, outweighs = assess_above_zero(every), bool(every.sum() > freedom > 0.0)
     if np.isfinite(overdispersion) and (most or (len(every) < _FEW and outweighs)):
         left = max(square - float(every.sum()), 0.0) / freedom
         noise = 4.0 * max(1.0, overdispersion, left) * float(np.concatenate(squares).sum())
@@ -281,12 +281,12 @@ def try_held_out(
     return HeldOut(share, p, len(rounds) > 1, most or outweighs)
 
 
-def p_of_share(taken: float, by_chance: float, numbers: float) -> float:
+def assess_share(taken: float, by_chance: float, numbers: float) -> float:
     """How likely as many numbers take off as much as some did of squares, by chance (Fisher's F)."""
     return float(scipy.special.fdtrc(numbers, numbers, taken / max(by_chance, 1e-300))) if numbers else 1.0
 
 
-def p_above_zero(values: Array) -> float:
+def assess_above_zero(values: Array) -> float:
     """How likely chance alone brings the mean so far above zero."""
     if len(values) < _FEWEST:
         return 1.0
@@ -296,7 +296,7 @@ def p_above_zero(values: Array) -> float:
     return float(scipy.special.stdtr(len(values) - 1, -values.mean() / (spread / np.sqrt(len(values)))))
 
 
-def best_span(gain: Array) -> tuple[float, slice]:
+def find_best_span(gain: Array) -> tuple[float, slice]:
     """The span of the largest sum, and that sum (Bentley 1984, Commun ACM 27:865)."""
     total = np.concatenate([[0.0], np.cumsum(gain)])
     low = np.minimum.accumulate(total)
@@ -305,7 +305,7 @@ def best_span(gain: Array) -> tuple[float, slice]:
     return float(total[stop] - total[start]), slice(start, stop)
 
 
-def holm(p: Array) -> Array:
+def adjust_holm(p: Array) -> Array:
     """P-values that pay for their number (Holm 1979, Scand J Stat 6:65)."""
     order, count = np.argsort(p), len(p)
     stepped = np.maximum.accumulate((count - np.arange(count)) * p[order])

@@ -42,7 +42,7 @@ class Block:
     chance: tuple[Array, Array] | None = None
 
 
-def fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]:
+def select_fitting_blocks(blocks: Sequence[Block], candidate: Candidate) -> list[Block]:
     """Those that fit a candidate: all to fit, and where it is in none of them, those where it is.
 
     Where it is not they tell the nuisances from it.
@@ -91,7 +91,7 @@ class Evidence:
 
         Most candidates are fitted to the same blocks, one after the other.
         """
-        return lru_cache(_KEPT)(partial(_summed, self.raw, self.nuisances))
+        return lru_cache(_KEPT)(partial(_sum_products, self.raw, self.nuisances))
 
 
 class Chunk(NamedTuple):
@@ -155,13 +155,13 @@ def _without(block: Block, drawn: Sequence[Block]) -> Block:
     )
 
 
-def _summed(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:
+def _sum_products(raw: Array, count: int, blocks: tuple[Block, ...]) -> tuple[Array, Array, Array]:
     total = np.sum([s.own for s in blocks], axis=0)
-    inverse = inverse_of(total[:count, :count], raw[:count])[0]
+    inverse = invert_curvature(total[:count, :count], raw[:count])[0]
     return total, np.sum([s.scores for s in blocks], axis=0), inverse
 
 
-def inverse_of(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
+def invert_curvature(curvature: Array, raw: Array) -> tuple[Array, float, Array]:
     """Inverse (k, k) of a curvature where the recordings show something, and how much they show.
 
     That is the largest share of any direction's square that is not hidden. Also directions D (k, rank) with

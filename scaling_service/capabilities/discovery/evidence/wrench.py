@@ -15,8 +15,8 @@ from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
 from scaling_service.capabilities.discovery.evidence.sums import BlockSource, Chunk, Layout
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
-from scaling_service.capabilities.discovery.laws.loads import columns_of
-from scaling_service.capabilities.discovery.observations.performed import performed_on_plates
+from scaling_service.capabilities.discovery.laws.loads import compute_columns
+from scaling_service.capabilities.discovery.observations.performed import perform_on_plates
 from scaling_service.capabilities.discovery.observations.tracked import FEW_DRAWS, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.core.threads import map_parallel
@@ -52,13 +52,13 @@ class Wrench(Observation[WrenchFit]):
         draws = _DRAWS[layout.rough]
         replicates = map_parallel(lambda item: list(item.noise_replicates(draws)), items)
         pairs = [(item, one) for item, some in zip(items, replicates, strict=True) for one in (item, *some)]
-        made = iter(map_parallel(lambda pair: _whitened(*pair, layout), pairs))
+        made = iter(map_parallel(lambda pair: _whiten_columns(*pair, layout), pairs))
         sources = []
         for item in items:
             own = next(made)
             strays = [_White(*map(np.subtract, next(made), own)) for _ in range(draws)]
             weight = float(_thin(item))
-            for used in _frames_of(item, block_s):
+            for used in _list_frames(item, block_s):
                 block, *by_chance = (partial(one.block, used, weight) for one in (own, *strays))
                 sources.append(BlockSource(item.name, item.role, block, by_chance))
         return sources
@@ -87,7 +87,7 @@ class Wrench(Observation[WrenchFit]):
 
     def performed(self, fit: Fit, movement: str) -> WrenchFit | None:
         """On plates under the feet of the first trial that has both."""
-        made = (performed_on_plates(item, movement) for item in fit.wrenches)
+        made = (perform_on_plates(item, movement) for item in fit.wrenches)
         return next((item for item in made if item is not None), None)
 
 
@@ -110,7 +110,7 @@ def _thin(item: WrenchFit) -> int:
     return max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
 
 
-def _frames_of(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
+def _list_frames(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
     """Of each block the frames that count, as numbers among those looked at."""
     thin = _thin(item)
     for rows in item.blocks(block_s):
@@ -119,13 +119,13 @@ def _frames_of(item: WrenchFit, block_s: float) -> Iterator[NDArray[np.intp]]:
             yield used[used % thin == 0] // thin
 
 
-def _whitened(item: WrenchFit, replicate: WrenchFit, layout: Layout) -> _White:
+def _whiten_columns(item: WrenchFit, replicate: WrenchFit, layout: Layout) -> _White:
     """Columns of a replicate, zero where there is no load, about its trunk's origin, by the item's floor."""
     on = layout.active_in(item.name)
     loads = [column.load if active else None for column, active in zip(layout.columns, on, strict=True)]
     known = {load: k for k, load in enumerate(dict.fromkeys(load for load in loads if load is not None))}
     raw = np.zeros((len(item.times), 6, len(known) + 1))
-    raw[:, :, :-1] = columns_of(list(known), replicate)
+    raw[:, :, :-1] = compute_columns(list(known), replicate)
     thin = _thin(item)
     made, about = replicate.smoothed(raw)[::thin], replicate.about[::thin, None]
     made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
@@ -139,6 +139,6 @@ OBSERVATIONS: tuple[Observation[Any], ...] = (MARKERS, WRENCH)
 """The motion first: forces have no part in it."""
 
 
-def observation_of(candidate: Candidate) -> Observation[Any]:
+def choose_observation(candidate: Candidate) -> Observation[Any]:
     """In which a candidate shows."""
     return next(o for o in OBSERVATIONS if o.shows(candidate))

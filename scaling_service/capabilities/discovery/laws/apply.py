@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     FreeMotion,
     Masked,
     Reweighed,
-    loads_of,
+    list_loads,
 )
 from scaling_service.capabilities.discovery.laws.loads import Inertial, Late, Plate, PlateFault, Tilt
 from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
@@ -27,10 +27,10 @@ from scaling_service.capabilities.discovery.laws.spots import (
     VolumeSpot,
     put_joint,
 )
-from scaling_service.capabilities.discovery.observations.wrench import middle_of
+from scaling_service.capabilities.discovery.observations.wrench import find_middle_of_pressure
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.inertia import inertias_of, with_inertias
+from scaling_service.model.inertia import gather_inertias, with_inertias
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias
@@ -51,11 +51,11 @@ def with_effects(model: BodyModel, effects: Iterable[Estimate], trial: str) -> B
             for column, size in reversed(effect.columns):
                 model = _with_column(model, column, size)
             if isinstance(effect.candidate.change, FreeMotion):
-                model = _with_freedom(model, effect.candidate.change, freedom_name(effect.candidate))
+                model = _with_freedom(model, effect.candidate.change, name_freedom(effect.candidate))
     return model
 
 
-def freedom_name(candidate: Candidate) -> str:
+def name_freedom(candidate: Candidate) -> str:
     """The name of the coordinate that a missing degree of freedom becomes."""
     return f"{candidate.where[0]}_{candidate.note.replace(' ', '_')}"
 
@@ -77,7 +77,7 @@ def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
     return replace(model, coordinates=(*model.coordinates, Coordinate(name, free.kind)))
 
 
-def corrected_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
+def correct_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
     """The recording freed of the faults that are its own: its scale, exchanged labels."""
     markers = trial.markers
     for effect in effects:
@@ -99,7 +99,7 @@ def corrected_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
 
 def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: str = "") -> BodyModel:
     """The model with masses, centres and tensors changed."""
-    declared = inertias_of(model).parameters()
+    declared = gather_inertias(model).parameters()
     numbers = declared.copy()
     changed = False
     for effect in effects:
@@ -107,15 +107,15 @@ def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: 
         if isinstance(whole, Reweighed):
             numbers += (whole.factor_in(trial) - 1.0) * declared
             changed = True
-        for segment, change in _inertial_changes(effect):
+        for segment, change in _list_inertial_changes(effect):
             numbers[model.segment_names.index(segment)] += change
             changed = True
     return with_inertias(model, Inertias.of_parameters(numbers)) if changed else model
 
 
-def _inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
+def _list_inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
     """By segment; a carried load at a point adds the tensor that its mass and first moments make."""
-    found = [(load.segment, size * np.array(load.change)) for load, size in loads_of([effect], Inertial)]
+    found = [(load.segment, size * np.array(load.change)) for load, size in list_loads([effect], Inertial)]
     if effect.candidate.kind == "carried_load" and len(found) == _LOADED_COLUMNS and effect.size[0] > 0.0:
         mass, moment = float(effect.size[0]), effect.size[1:]
         tensor = ((moment @ moment) * np.eye(3) - np.outer(moment, moment)) / mass
@@ -124,15 +124,15 @@ def _inertial_changes(effect: Estimate) -> list[tuple[str, Array]]:
     return found
 
 
-def gravity_of(effects: Iterable[Estimate]) -> Array:
+def tilt_gravity(effects: Iterable[Estimate]) -> Array:
     """The acceleration of gravity once the vertical leans, (3,), m/s2."""
     turn = np.zeros(3)
-    for load, size in loads_of(effects, Tilt):
+    for load, size in list_loads(effects, Tilt):
         turn[load.axis] += size
     return GRAVITY + np.cross(turn, GRAVITY)
 
 
-def corrected_forces(ground: GroundForces, times: Array, effects: Iterable[Estimate]) -> GroundForces:
+def correct_forces(ground: GroundForces, times: Array, effects: Iterable[Estimate]) -> GroundForces:
     """The forces freed of the plates' own faults."""
     force, moment = ground.force.copy(), ground.moment.copy()
     late = 0.0
@@ -143,14 +143,16 @@ def corrected_forces(ground: GroundForces, times: Array, effects: Iterable[Estim
                 late += size
             elif isinstance(load, PlateFault) and load.plate in ground.plates:
                 k = ground.plates.index(load.plate)
-                plate = Plate(force[:, k], moment[:, k], middle_of(ground, k), ground.readings[:, k])
+                plate = Plate(
+                    force[:, k], moment[:, k], find_middle_of_pressure(ground, k), ground.readings[:, k]
+                )
                 force[:, k], moment[:, k] = load.corrected(plate, size)
     if late:
-        force, moment = (_earlier(values, times, late) for values in (force, moment))
+        force, moment = (_shift_earlier(values, times, late) for values in (force, moment))
     return ground.changed(force=force, moment=moment)
 
 
-def _earlier(values: Array, times: Array, late: float) -> Array:
+def _shift_earlier(values: Array, times: Array, late: float) -> Array:
     """Values (n, k, 3) as they were ``late`` seconds later, held at the end of what is known."""
     known = np.isfinite(values).all(axis=(1, 2))
     if known.sum() < 4:

@@ -165,7 +165,7 @@ class Candidate:
     def at(self, frequency_hz: float, damping: float) -> Candidate:
         """The same oscillating at another frequency and damping."""
         columns = tuple(column.at(frequency_hz, damping) for column in self.columns)
-        return replace(self, columns=columns, note=oscillating_at(frequency_hz, damping))
+        return replace(self, columns=columns, note=describe_oscillation(frequency_hz, damping))
 
     @property
     def name(self) -> str:
@@ -181,7 +181,7 @@ class Candidate:
         return self.name if self.oscillation is None else replace(self, note="").name
 
 
-def oscillating_at(frequency_hz: float, damping: float) -> str:
+def describe_oscillation(frequency_hz: float, damping: float) -> str:
     """A frequency and damping ratio as a candidate's note."""
     return f"{frequency_hz:.3g} Hz, damping {damping:.2g}"
 
@@ -199,7 +199,7 @@ class Estimate:
         return tuple(zip(self.candidate.columns, self.size.tolist(), strict=True))
 
 
-def loads_of(estimates: Iterable[Estimate], kind: type[LoadOf]) -> Iterator[tuple[LoadOf, float]]:
+def list_loads(estimates: Iterable[Estimate], kind: type[LoadOf]) -> Iterator[tuple[LoadOf, float]]:
     """Loads of a kind with their sizes."""
     for estimate in estimates:
         for column, size in estimate.columns:
@@ -212,11 +212,11 @@ def with_shape_columns(effect: Estimate) -> Candidate:
     pair = effect.candidate.oscillation
     if pair is None or not effect.size.any():
         return effect.candidate
-    slopes = (_slope(effect, pair, k) for k in range(len(SHAPES)))
+    slopes = (_differentiate_shape(effect, pair, k) for k in range(len(SHAPES)))
     return replace(effect.candidate, columns=(*effect.candidate.columns, *slopes))
 
 
-def stepped(effect: Estimate, step: Array) -> Estimate:
+def step_shape(effect: Estimate, step: Array) -> Estimate:
     """An effect after a step of all columns of :func:`with_shape_columns`."""
     count = len(effect.size)
     moved = replace(effect, size=effect.size + step[:count])
@@ -227,7 +227,7 @@ def stepped(effect: Estimate, step: Array) -> Estimate:
     return replace(moved, candidate=effect.candidate.at(*place))
 
 
-def _slope(effect: Estimate, pair: tuple[float, float], k: int) -> Column:
+def _differentiate_shape(effect: Estimate, pair: tuple[float, float], k: int) -> Column:
     """How the effect changes with its frequency (k = 0) or damping (k = 1)."""
     step = _APART * pair[k]
     ends = []

@@ -21,7 +21,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
 from scaling_service.numerics.least_squares.border import minimise_within
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import skew
+from scaling_service.numerics.multibody.rigid import build_skew
 
 WANDER_M = {"foot": 0.06, "other": 0.02}
 """m; how far a contact wanders on its segment, one standard deviation. A sole is 0.25 m long (uniform: 0.07);
@@ -47,16 +47,16 @@ class Spell:
 
     def left_about(self, segment: str, point: Array) -> float:
         """Whitened square of the moment that a contact at a point of a segment leaves."""
-        return float(solved(self.wrench, segment, self.rows, point)[2].sum())
+        return float(solve_force(self.wrench, segment, self.rows, point)[2].sum())
 
 
-def wrench_of(item: WrenchFit, contact: Contact) -> Array:
+def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
     inside = (item.times >= contact.start_s - 1e-9) & (item.times <= contact.end_s + 1e-9) & item.usable
     rows = np.flatnonzero(inside)
     found = np.zeros((len(item.times), 6))
     if len(rows):
-        force, moment, _ = solved(item, contact.segment, rows, np.array(contact.point))
+        force, moment, _ = solve_force(item, contact.segment, rows, np.array(contact.point))
         found[rows] = np.concatenate([force, moment], axis=1)
     return found
 
@@ -71,18 +71,18 @@ class Fitting:
     misfit: float
 
 
-def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
+def fit_point(spells: Sequence[Spell], segment: str) -> Fitting:
     """The point within reach of the segment about which the disagreement has least moment.
 
     Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
     products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
     force that keeps its direction only noise would place the point: it stays in the middle.
     """
-    low, high = _extent(spells[0].wrench, segment)
+    low, high = _bound_reach(spells[0].wrench, segment)
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
-        point = _stepped(spells, segment, point, middle, (low, high))
-    parts = [_cost(spell, segment, point) for spell in spells]
+        point = _step_point(spells, segment, point, middle, (low, high))
+    parts = [_compute_cost(spell, segment, point) for spell in spells]
     left, spread = np.sum(parts, axis=0).tolist()
     count = 3 * sum(len(s.rows) for s in spells)
     # frames are not independent: the likelihood counts one of them for each period of the filter
@@ -91,17 +91,17 @@ def fitted_point(spells: Sequence[Spell], segment: str) -> Fitting:
     return Fitting(segment, point, left, misfit)
 
 
-def _stepped(
+def _step_point(
     spells: Sequence[Spell], segment: str, point: Array, middle: Array, within: tuple[Array, Array]
 ) -> Array:
     """The best point with the weights of another one, (3,), m."""
     normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     for spell in spells:
         item, rows = spell.wrench, spell.rows
-        gap, weight = item.residuals[rows], _weights(item, segment, rows, point)
+        gap, weight = item.residuals[rows], _compute_weights(item, segment, rows, point)
         origin, axes = (places[rows] for places in item.segment_frame(segment))
-        across = _about(origin - item.about[rows])
-        unit = -skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
+        across = _move_to_point(origin - item.about[rows])
+        unit = -build_skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
         lever = np.einsum("na,anjk->njk", gap[:, :3], unit)
         weighted = weight @ lever
         normal += np.einsum("njk,njl->kl", lever, weighted)
@@ -120,37 +120,39 @@ def _stepped(
     return middle + minimise_within(steep, vector, slope, low, high)
 
 
-def costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
+def compute_costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
     """Twice the negative logarithm of the likelihood of every part, all frames counted, (n_parts,).
 
     ``scale``: mean whitened square of one number.
     """
-    every = np.array([_cost(part, fitting.segment, fitting.point) for part in parts])
+    every = np.array([_compute_cost(part, fitting.segment, fitting.point) for part in parts])
     return np.asarray(every[:, 0] / scale + every[:, 1])
 
 
-def _cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
+def _compute_cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
     """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
-    _, _, square = solved(spell.wrench, segment, spell.rows, point)
-    weight = _weights(spell.wrench, segment, spell.rows, point)
+    _, _, square = solve_force(spell.wrench, segment, spell.rows, point)
+    weight = _compute_weights(spell.wrench, segment, spell.rows, point)
     return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
 
 
-def _extent(item: WrenchFit, segment: str) -> tuple[Array, Array]:
+def _bound_reach(item: WrenchFit, segment: str) -> tuple[Array, Array]:
     """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
     own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
     places = np.array([*own, np.array(item.model.segment(segment).com)])
     return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
 
 
-def solved(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> tuple[Array, Array, Array]:
+def solve_force(
+    item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array
+) -> tuple[Array, Array, Array]:
     """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
     force = -item.residuals[rows, :3]
     place = _place(item, segment, rows, point)
     left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
-    weight = _weights(item, segment, rows, point)
+    weight = _compute_weights(item, segment, rows, point)
     square = np.einsum("na,nab,nb->n", left, weight, left)
-    wandering = np.einsum("nab,nbc,nc->na", _wandering(force, segment), weight, left)
+    wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, segment), weight, left)
     return force, np.cross(place, force) - wandering, square
 
 
@@ -160,22 +162,22 @@ def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) 
     return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
 
 
-def _weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+def _compute_weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
     """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
-    across = _about(_place(item, segment, rows, point) - item.about[rows])
+    across = _move_to_point(_place(item, segment, rows, point) - item.about[rows])
     noise = across @ item.covariance @ across.transpose(0, 2, 1)
-    return np.asarray(np.linalg.inv(_wandering(item.residuals[rows, :3], segment) + noise))
+    return np.asarray(np.linalg.inv(_compute_wandering(item.residuals[rows, :3], segment) + noise))
 
 
-def _wandering(force: Array, segment: str) -> Array:
+def _compute_wandering(force: Array, segment: str) -> Array:
     """Covariance of the moment of a force whose point wanders, (n, 3, 3)."""
-    inside = skew(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
+    inside = build_skew(force) * WANDER_M["foot" if segment.startswith(FEET) else "other"]
     return np.asarray(inside @ inside.transpose(0, 2, 1))
 
 
-def _about(arm: Array) -> Array:
+def _move_to_point(arm: Array) -> Array:
     """What makes of a wrench its moment about a point at the end of an arm (n, 3), (n, 3, 6)."""
-    return np.concatenate([-skew(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
+    return np.concatenate([-build_skew(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
 
 
 _THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
@@ -185,26 +187,26 @@ Edges = tuple[tuple[float, float], tuple[float, float]]
 """When a contact begins and when it ends, s, each with its standard deviation."""
 
 
-def lasts_throughout(item: WrenchFit, rows: NDArray[np.intp]) -> bool:
+def is_throughout(item: WrenchFit, rows: NDArray[np.intp]) -> bool:
     """Whether frames are most of a trial."""
     return bool(len(rows) > _THROUGHOUT * item.usable.sum())
 
 
-def edges_of(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
+def find_edges(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
     """The edges of a contact that was taken out of recordings; None where it lasts throughout one."""
     found = []
     for item in wrenches:
         inside = (item.times >= contact.start_s) & (item.times <= contact.end_s)
         rows = np.flatnonzero(inside & item.usable)
-        if item.touched is None or len(rows) < _FEWEST or lasts_throughout(item, rows):
+        if item.touched is None or len(rows) < _FEWEST or is_throughout(item, rows):
             return None
         found.append(
-            edges(item, rows, item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0))
+            fit_edges(item, rows, item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0))
         )
-    return together(found) if found else None
+    return join_edges(found) if found else None
 
 
-def edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
+def fit_edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
     """From the force along its main direction, as far before and after the frames as they last.
 
     ``rows``: frames in which the force stands out; ``gap``: what the plates do not measure of it, negative,
@@ -219,12 +221,12 @@ def edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
     memory = item.tracked.trial.rate_hz / (2.0 * item.cutoff_hz)
     before = item.usable & (item.times >= first - lasting) & (item.times <= middle)
     after = item.usable & (item.times <= last + lasting) & (item.times >= middle)
-    start, of_start = onset(item.times[before], course[before], noise, memory)
-    end, of_end = onset(-item.times[after][::-1], course[after][::-1], noise, memory)
+    start, of_start = estimate_onset(item.times[before], course[before], noise, memory)
+    end, of_end = estimate_onset(-item.times[after][::-1], course[after][::-1], noise, memory)
     return (start, of_start), (-end, of_end)
 
 
-def together(found: Sequence[Edges]) -> Edges:
+def join_edges(found: Sequence[Edges]) -> Edges:
     """One beginning and end for several trials."""
     values, spreads = np.array(found).transpose(2, 0, 1)
     apart = values.var(axis=0, ddof=1) / len(values) if len(values) > 1 else np.zeros(2)
@@ -237,7 +239,7 @@ _BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked throu
 _CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
 
 
-def onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:
+def estimate_onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:
     """When a course rises from nothing, s: mean and standard deviation over all ramps.
 
     ``times`` (n,), s: from well before the rise to about the middle of what comes after it; ``course`` (n,):
@@ -248,7 +250,10 @@ def onset(times: Array, course: Array, noise: float, memory: float) -> tuple[flo
     beginnings = np.linspace(times[0], times[-1], _BEGINNINGS, endpoint=False)
     lengths = whole * np.linspace(0.0, 1.0, _LENGTHS + 1)[1:] ** 2  # short ones more closely
     left = np.concatenate(
-        [_left(times, course, beginnings, some) for some in np.array_split(lengths, _LENGTHS // _CHUNK)],
+        [
+            _compute_left_squares(times, course, beginnings, some)
+            for some in np.array_split(lengths, _LENGTHS // _CHUNK)
+        ],
         axis=1,
     )
     level = max(noise**2, float(left.min()) / len(times))
@@ -259,7 +264,7 @@ def onset(times: Array, course: Array, noise: float, memory: float) -> tuple[flo
     return mean, float(np.sqrt(share @ (beginnings - mean) ** 2 + step**2 / 12.0))
 
 
-def _left(times: Array, course: Array, beginnings: Array, lengths: Array) -> Array:
+def _compute_left_squares(times: Array, course: Array, beginnings: Array, lengths: Array) -> Array:
     """Squares that ramps leave, (n_beginnings, n_lengths, n_shapes)."""
     u = np.clip((times - beginnings[:, None, None]) / lengths[:, None], 0.0, 1.0)
     ramps = [u, u * (2.0 - u), u**2 * (3.0 - 2.0 * u), u**3 * (10.0 - 15.0 * u + 6.0 * u**2)]

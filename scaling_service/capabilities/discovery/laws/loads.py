@@ -13,10 +13,10 @@ from typing import ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.observations.oscillator import oscillate
+from scaling_service.capabilities.discovery.observations.oscillator import simulate_oscillator
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 
 _UNIT = np.eye(3)
@@ -141,7 +141,7 @@ class PlateTurn:
 
     def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
-        turn, point = rotation_about(_UNIT[self.axis], size), self._point(plate.middle)
+        turn, point = rotate_about(_UNIT[self.axis], size), self._point(plate.middle)
         about = plate.moment - np.cross(point, plate.force)
         turned = plate.force @ turn.T
         return turned, about @ turn.T + np.cross(point, turned)
@@ -243,7 +243,7 @@ class Wobbling:
 
     def column(self, fit: WrenchFit) -> Array:
         """What a kilogram needs more as it moves against its segment and lies beside its place, (n, 6)."""
-        return _oscillating(fit, [self.segment], self.shape)[:, :, 0]
+        return _compute_oscillating(fit, [self.segment], self.shape)[:, :, 0]
 
     @property
     def shape(self) -> tuple[float, float, float]:
@@ -264,7 +264,7 @@ class Between:
         return self.factor * (self.high.column(fit) - self.low.column(fit))
 
 
-def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:
+def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
     """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
     made = np.empty((len(fit.times), 6, len(loads)))
     changing: dict[int, Inertial] = {}
@@ -285,15 +285,15 @@ def columns_of(loads: Sequence[Load], fit: WrenchFit) -> Array:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
         made[:, :, list(changing)] = fit.needed_more(segments, np.array(changes))
     for shape, here in oscillating.items():
-        made[:, :, list(here)] = _oscillating(fit, list(here.values()), shape)
+        made[:, :, list(here)] = _compute_oscillating(fit, list(here.values()), shape)
     return made
 
 
-def _oscillating(fit: WrenchFit, segments: Sequence[str], shape: tuple[float, float, float]) -> Array:
+def _compute_oscillating(fit: WrenchFit, segments: Sequence[str], shape: tuple[float, float, float]) -> Array:
     """What a kilogram on a spring needs more, in each of some segments, (n, 6, n_segments)."""
     frequency_hz, damping, along = shape
     place, pull = fit.centres(segments, along), fit.pulls(segments, along)
-    displaced, speed = oscillate(pull, fit.step, frequency_hz, damping)
+    displaced, speed = simulate_oscillator(pull, fit.step, frequency_hz, damping)
     w = 2.0 * np.pi * frequency_hz
     force = pull - 2.0 * damping * w * speed - w * w * displaced
     moment = np.cross(place, force) + np.cross(displaced, force - pull - fit.gravity)

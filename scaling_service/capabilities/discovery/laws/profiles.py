@@ -8,12 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.observations.oscillator import oscillate, rates_of
+from scaling_service.capabilities.discovery.observations.oscillator import (
+    differentiate_places,
+    simulate_oscillator,
+)
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.body import Term
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import positions
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.multibody.tree import place_tree_markers
+from scaling_service.numerics.signals.filters import filter_butterworth
 
 _LOW = 0.05  # quantile of heights at which a segment stands
 _NEAR_M = 0.015  # m; chosen: a foot that rolls over the floor keeps its middle so near its lowest
@@ -97,7 +100,7 @@ class Standing:
 
     def values(self, item: TrackedTrial, _skin: Skin) -> Array:
         """In every frame, (n,)."""
-        height = _height(item, self.markers)
+        height = _measure_height(item, self.markers)
         down = height < np.quantile(height, _LOW) + _NEAR_M
         frames = np.arange(len(down))
         last_up = np.maximum.accumulate(np.where(down, -1, frames))
@@ -128,13 +131,13 @@ class Skin:
     def _places_and_axes(self) -> tuple[Array, Array]:
         """Of every marker, (n, n_markers, 3), ground; its segment's axes."""
         tree, poses = self._item.task.tree, self._item.poses
-        return np.moveaxis(positions(tree, poses), -1, 0), poses.axes[tree.marker_link]
+        return np.moveaxis(place_tree_markers(tree, poses), -1, 0), poses.axes[tree.marker_link]
 
     @cached_property
     def _rates_and_axes(self) -> tuple[Array, Array, Array]:
         """Velocity and acceleration under every marker, (n, n_markers, 3), ground; its segment's axes."""
         places, axes = self._places_and_axes
-        return *rates_of(places, self._item.step), axes
+        return *differentiate_places(places, self._item.step), axes
 
     def passing(self, order: int) -> Array:
         """Rates of this order under every marker, (n, n_markers, 3), in the axes of its segment."""
@@ -147,7 +150,7 @@ class Skin:
         """What is faster than a frequency in every marker's path, (n, n_markers, 3), m, as ``passing``."""
         if frequency_hz not in self._high_passed:
             places, axes = self._places_and_axes
-            slow = butterworth(
+            slow = filter_butterworth(
                 places.reshape(len(places), -1),
                 rate_hz=1.0 / self._item.step,
                 cutoff_hz=frequency_hz,
@@ -162,12 +165,12 @@ class Skin:
         pair = (frequency_hz, damping)
         if pair not in self._moved:
             _, acceleration, axes = self._rates_and_axes
-            moved = oscillate(-acceleration, self._item.step, frequency_hz, damping)[0]
+            moved = simulate_oscillator(-acceleration, self._item.step, frequency_hz, damping)[0]
             self._moved[pair] = np.asarray(np.einsum("majn,nmj->nma", axes, moved))
         return self._moved[pair]
 
 
-def values_of(profiles: Sequence[Profile], item: TrackedTrial) -> Array:
+def evaluate_profiles(profiles: Sequence[Profile], item: TrackedTrial) -> Array:
     """Profiles in every frame of a recording, (n_profiles, n_frames)."""
     skin = Skin(item)
     found = np.ones((len(profiles), len(item.q)))
@@ -176,14 +179,14 @@ def values_of(profiles: Sequence[Profile], item: TrackedTrial) -> Array:
     return found
 
 
-def stands(item: TrackedTrial, markers: Sequence[str]) -> bool:
+def is_stance(item: TrackedTrial, markers: Sequence[str]) -> bool:
     """Whether a segment with these markers comes down to the floor and leaves it again."""
-    height = _height(item, markers)
+    height = _measure_height(item, markers)
     low = float(np.quantile(height, _LOW))
     return low < _FLOOR_M and float(height.max()) - low > _RISES_M
 
 
-def _height(item: TrackedTrial, markers: Sequence[str]) -> Array:
+def _measure_height(item: TrackedTrial, markers: Sequence[str]) -> Array:
     """Of the middle of the markers, (n,), m."""
     at = [item.markers.index(m) for m in markers if m in item.markers]
     return np.asarray(item.places[:, at, 1].mean(axis=1)) if at else np.zeros(len(item.q))

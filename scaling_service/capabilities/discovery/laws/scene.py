@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.laws.spots import turning
+from scaling_service.capabilities.discovery.laws.spots import find_turning_joints
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
 from scaling_service.numerics.multibody.laws import Array
 
@@ -41,7 +41,7 @@ class Scene:
 
     def _ends(self, segment: str) -> Array:
         """The joints that carry a segment and that it carries, (n, 3), m, in its frame."""
-        children = [joints_offset(child) for child in self.model.children(segment)]
+        children = [find_joints_offset(child) for child in self.model.children(segment)]
         return np.array([(0.0, 0.0, 0.0), *children])
 
     def _from(self, marker: str, ends: Array) -> list[float]:
@@ -57,12 +57,12 @@ class Scene:
     @property
     def scopes(self) -> tuple[tuple[str, ...], ...]:
         """Trials in which something that does not change in a trial may be; () for all of them."""
-        return _scopes(self.trials)
+        return _list_scopes(self.trials)
 
     @property
     def scopes_with_forces(self) -> tuple[tuple[str, ...], ...]:
         """The same of trials with forces."""
-        return _scopes(self.wrenches)
+        return _list_scopes(self.wrenches)
 
     @property
     def bearing(self) -> tuple[Segment, ...]:
@@ -76,7 +76,7 @@ class Scene:
     @property
     def jointed(self) -> tuple[Segment, ...]:
         """Bearing segments that hang on another segment by a joint that turns."""
-        return tuple(s for s in self.bearing if s.parent != GROUND and turning(s) is not None)
+        return tuple(s for s in self.bearing if s.parent != GROUND and find_turning_joints(s) is not None)
 
     def coordinates_of(self, segment: Segment) -> tuple[str, ...]:
         """The moving coordinates of the joint that carries a segment."""
@@ -90,7 +90,7 @@ class Scene:
         return tuple(dict.fromkeys(c for s in near for c in self.coordinates_of(s)))
 
 
-def joints_offset(segment: Segment) -> Vector:
+def find_joints_offset(segment: Segment) -> Vector:
     """Where the joint of a segment lies in its parent's frame, m, as far as that does not move."""
     place = np.zeros(3)
     for joint in segment.joints:
@@ -100,7 +100,7 @@ def joints_offset(segment: Segment) -> Vector:
     return x, y, z
 
 
-def _scopes(trials: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def _list_scopes(trials: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
     """All trials, each by itself, and all since the second, the third and so on."""
     if len(trials) < 2:
         return ((),)

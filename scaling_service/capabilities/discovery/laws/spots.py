@@ -17,10 +17,16 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span, without_span
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree, forward, frame_by_frame, jacobian, positions
+from scaling_service.numerics.multibody.tree import (
+    Tree,
+    compute_jacobian,
+    order_by_frame,
+    place_tree_markers,
+    pose_links,
+)
 
 AXES: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 LETTERS = "xyz"
@@ -129,7 +135,7 @@ FieldSpot = VolumeSpot | BentSpot | WarpedSpot
 Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot | WarpedSpot
 
 
-def turning(segment: Segment) -> tuple[int, int] | None:
+def find_turning_joints(segment: Segment) -> tuple[int, int] | None:
     """The first of the joints of a segment that turn, and one past the last; None if none does."""
     found = [k for k, j in enumerate(segment.joints) if j.turns]
     return (found[0], found[-1] + 1) if found else None
@@ -139,16 +145,16 @@ def put_joint(model: BodyModel, segment: str, at: At, joint: Joint) -> BodyModel
     """The model with a joint in the chain that carries a segment; a ValueError where that does not turn."""
 
     def longer(item: Segment) -> Segment:
-        place = _index(item, at)
+        place = _find_index(item, at)
         return replace(item, joints=(*item.joints[:place], joint, *item.joints[place:]))
 
     return replace(model, segments=tuple(longer(s) if s.name == segment else s for s in model.segments))
 
 
-def _index(segment: Segment, at: At) -> int:
+def _find_index(segment: Segment, at: At) -> int:
     if at == "start":
         return 0
-    span = turning(segment)
+    span = find_turning_joints(segment)
     if span is None:
         raise ValueError(f"the joint of '{segment.name}' does not turn")
     return span[0] if at == "before" else span[1]
@@ -220,7 +226,7 @@ class Generators:
         volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, FieldSpot))
         return cls(
             tree,
-            parameter_values(opened),
+            list_parameter_values(opened),
             np.concatenate([free, np.array(chosen, dtype=np.intp)]),
             volumes,
         )
@@ -235,9 +241,9 @@ class Generators:
 
     def at(self, item: TrackedTrial, rows: Frames) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), by floors."""
-        poses = forward(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
-        placed = positions(self.tree, poses)
-        rates = jacobian(self.tree, poses, placed, self.variables)
+        poses = pose_links(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
+        placed = place_tree_markers(self.tree, poses)
+        rates = compute_jacobian(self.tree, poses, placed, self.variables)
         n, count = placed.shape[-1], int(item.task.free.sum())
         if self.volumes:
             at = [count + k for k, _ in self.volumes]
@@ -249,6 +255,6 @@ class Generators:
         scale = np.repeat(1.0 / item.floor, 3)
         shown = np.isfinite(measured).reshape(n, -1)
         gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
-        white = frame_by_frame(rates)
+        white = order_by_frame(rates)
         white *= (shown * scale)[:, None]
         return gap, white[:, :count], white[:, count:]

@@ -20,10 +20,10 @@ from scaling_service.capabilities.discovery.laws.candidates import Column, Estim
 from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.oscillator import (
-    oscillate,
-    oscillator_taps,
-    pulled,
-    pulled_taps,
+    compute_pull,
+    make_oscillator_taps,
+    make_pull_taps,
+    simulate_oscillator,
 )
 from scaling_service.capabilities.discovery.observations.tracked import FEW_DRAWS, TrackedTrial, span
 from scaling_service.model.trial import Trial
@@ -38,18 +38,18 @@ _CLOSE = 0.1  # share of what is left that a step may leave (chosen)
 Track = Callable[[Trial, TrackedTrial], TrackedTrial]
 
 
-def oscillating_markers(trial: Trial, effects: Sequence[Estimate]) -> tuple[str, ...]:
+def find_oscillating_markers(trial: Trial, effects: Sequence[Estimate]) -> tuple[str, ...]:
     """The trial's markers that skin moves in some effect."""
-    names = {profile.marker for profile, _ in _oscillations(trial, effects)}
+    names = {profile.marker for profile, _ in _list_oscillations(trial, effects)}
     return tuple(label for label in trial.labels if label in names)
 
 
-def _oscillations(trial: Trial, effects: Sequence[Estimate]) -> list[tuple[Oscillation, float]]:
+def _list_oscillations(trial: Trial, effects: Sequence[Estimate]) -> list[tuple[Oscillation, float]]:
     present = (effect for effect in effects if effect.candidate.holds_in(trial.name))
-    return oscillations_of(column for effect in present for column in effect.columns)
+    return collect_oscillations(column for effect in present for column in effect.columns)
 
 
-def oscillations_of(columns: Iterable[tuple[Column, float]]) -> list[tuple[Oscillation, float]]:
+def collect_oscillations(columns: Iterable[tuple[Column, float]]) -> list[tuple[Oscillation, float]]:
     """Each marker's oscillation once, and its share, of columns with their sizes."""
     return [
         (profile, size)
@@ -66,18 +66,18 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
     part of them stays open, and the round that left least is given. ``item``: the trial tracked as well as is
     known; ``track``: tracks a trial from a start.
     """
-    springs = Springs.of(item, _oscillations(trial, effects))
+    springs = Springs.of(item, _list_oscillations(trial, effects))
     if not springs.markers:
         return track(trial, item)
     on = [trial.index(name) for name in springs.markers]
-    moved, carried = _under(item, springs), Carried.by(item, springs)
+    moved, carried = _displace_skin(item, springs), Carried.by(item, springs)
     floor = float(np.median(item.floor))
     best, least = item, np.inf
     for _ in range(_ROUNDS):
         markers = trial.markers.copy()
         markers[:, on] -= moved
         item = track(replace(trial, markers=markers), item)
-        left = _under(item, springs) - moved
+        left = _displace_skin(item, springs) - moved
         rms = float(np.sqrt(np.mean(left**2)))
         gained = rms < _WORTH * least
         if rms < least:
@@ -88,12 +88,14 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
     return best
 
 
-def _under(item: TrackedTrial, springs: Springs) -> Array:
+def _displace_skin(item: TrackedTrial, springs: Springs) -> Array:
     """How far a motion moves the skin, (n, n_markers, 3), m, ground."""
     return springs.moved(item.places[:, springs.numbers(item)])
 
 
-def steady_replicates(item: TrackedTrial, held: Sequence[tuple[Oscillation, float]]) -> list[TrackedTrial]:
+def make_steady_replicates(
+    item: TrackedTrial, held: Sequence[tuple[Oscillation, float]]
+) -> list[TrackedTrial]:
     """Replicates of a recording's noise in which the skin is at rest, too: noise drives it as the bone does.
 
     ``held``: what oscillates, and its share.
@@ -131,9 +133,9 @@ class Springs:
 
     def moved(self, places: Array) -> Array:
         """How far skin moves over bone that is at some places, both (n, n_markers, 3), m, ground."""
-        pull, found = pulled(places, self.step), np.zeros_like(places)
+        pull, found = compute_pull(places, self.step), np.zeros_like(places)
         for k, share, frequency, damping in self.held:
-            found[:, k] += share * oscillate(pull[:, k], self.step, frequency, damping)[0]
+            found[:, k] += share * simulate_oscillator(pull[:, k], self.step, frequency, damping)[0]
         return found
 
     def numbers(self, item: TrackedTrial) -> list[int]:
@@ -188,8 +190,8 @@ class Carried:
         """Taps of the skin's places, and factors of the equations of places and pulls (n, 2, 3 n_markers)."""
         n, width, _ = self.follows.shape
         bone = bsr_array((self.follows, np.arange(n), np.arange(n + 1)))
-        taps = pulled_taps(self.springs.step)
-        of_place, of_pull = (kron(_centred(each, n), eye_array(width)) for each in taps)
+        taps = make_pull_taps(self.springs.step)
+        of_place, of_pull = (kron(_make_centred_taps(each, n), eye_array(width)) for each in taps)
         places, pulls = self._held(n)
         order = np.arange(2 * n * width).reshape(2, n, width).transpose(1, 0, 2).ravel()
         whole = csr_array(block_array([[places, pulls], [-of_place @ bone, of_pull]]))[order][:, order]
@@ -200,19 +202,19 @@ class Carried:
         largest = {k: held for k, *held in sorted(self.springs.held, key=lambda held: abs(held[1]))}
         places, pulls = [], []
         for k, (share, frequency, damping) in largest.items():
-            of_pull, of_place = oscillator_taps(self.springs.step, frequency, damping)
+            of_pull, of_place = make_oscillator_taps(self.springs.step, frequency, damping)
             own = np.repeat(np.arange(len(self.springs.markers)) == k, 3).astype(float)
-            places.append(kron(_backwards(of_place, n), diags_array(own)))
-            pulls.append(kron(_backwards(share * of_pull, n), diags_array(own)))
+            places.append(kron(_make_backward_taps(of_place, n), diags_array(own)))
+            pulls.append(kron(_make_backward_taps(share * of_pull, n), diags_array(own)))
         return csr_array(sum(places[1:], places[0])), csr_array(sum(pulls[1:], pulls[0]))
 
 
-def _centred(taps: Array, n: int) -> dia_array:
+def _make_centred_taps(taps: Array, n: int) -> dia_array:
     """Taps about each frame, (n, n)."""
     middle = len(taps) // 2
     return diags_array(list(taps), offsets=list(range(-middle, middle + 1)), shape=(n, n))
 
 
-def _backwards(taps: Array, n: int) -> dia_array:
+def _make_backward_taps(taps: Array, n: int) -> dia_array:
     """Taps of each frame and those before it, (n, n)."""
     return diags_array(list(taps), offsets=[-k for k in range(len(taps))], shape=(n, n))

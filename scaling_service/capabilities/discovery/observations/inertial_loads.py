@@ -11,12 +11,12 @@ import numpy as np
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import parameter_values
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.tree import forward
-from scaling_service.numerics.wrench import regressor_blocks
+from scaling_service.numerics.multibody.tree import pose_links
+from scaling_service.numerics.wrench import compute_regressor_blocks
 
 _BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
 
@@ -39,13 +39,13 @@ class InertialLoads:
     @cached_property
     def root(self) -> Array:
         """The trunk's origin, (n, 3), m."""
-        poses = forward(self.mechanism.tree, self.rated.rates.q, parameter_values(self.model))
+        poses = pose_links(self.mechanism.tree, self.rated.rates.q, list_parameter_values(self.model))
         return np.ascontiguousarray(poses.origins[0].T)
 
     def per_number(self) -> Array:
         """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
-        p = parameter_values(self.model)
-        found = regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
+        p = list_parameter_values(self.model)
+        found = compute_regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
         made = np.concatenate([block.ground for block in found])
         made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
         return made
@@ -56,7 +56,7 @@ class InertialLoads:
         return _compiled(self.model)
 
 
-_compiled = lru_cache(8)(mechanism_of)  # chosen: bodies of as many recordings, if each has its own
+_compiled = lru_cache(8)(compile_mechanism)  # chosen: bodies of as many recordings, if each has its own
 
 
 class InertialLoadCache:

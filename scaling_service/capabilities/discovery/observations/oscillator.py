@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import butterworth, butterworth_sections
-from scaling_service.numerics.signals.splines import spline_rates
+from scaling_service.numerics.signals.filters import design_butterworth, filter_butterworth
+from scaling_service.numerics.signals.splines import differentiate_spline
 
 CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
@@ -19,42 +19,44 @@ _SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 
-def pulled(places: Array, step: float) -> Array:
+def compute_pull(places: Array, step: float) -> Array:
     """Minus the acceleration of points, of the shape (n, any) or (n, any, 3), m/s2, in six frames or more."""
-    return -rates_of(places, step)[1]
+    return -differentiate_places(places, step)[1]
 
 
-def rates_of(places: Array, step: float) -> tuple[Array, Array]:
-    """Velocity (m/s) and acceleration (m/s2) of points, each shaped as ``places``, as :func:`pulled`."""
+def differentiate_places(places: Array, step: float) -> tuple[Array, Array]:
+    """Velocity (m/s) and acceleration (m/s2) of points, shaped as ``places``, as :func:`compute_pull`."""
     flat = places.reshape(len(places), -1)
-    smooth = butterworth(flat, rate_hz=1 / step, cutoff_hz=_cutoff(step), order=2 * _PASS).values
-    speed, acceleration = spline_rates(step * np.arange(len(flat)), smooth)
+    smooth = filter_butterworth(
+        flat, rate_hz=1 / step, cutoff_hz=_choose_cutoff(step), order=2 * _PASS
+    ).values
+    speed, acceleration = differentiate_spline(step * np.arange(len(flat)), smooth)
     return speed.reshape(places.shape), acceleration.reshape(places.shape)
 
 
-def _cutoff(step: float) -> float:
+def _choose_cutoff(step: float) -> float:
     return min(CUTOFF_HZ, 0.4 / step)
 
 
-def pulled_taps(step: float) -> tuple[Array, Array]:
-    """What :func:`pulled` is away from the ends: taps of the places and of the pull, each about its middle.
+def make_pull_taps(step: float) -> tuple[Array, Array]:
+    """What :func:`compute_pull` is away from the ends: taps of places and of the pull, about their middles.
 
     The second derivative is the central difference of fourth order.
     """
     places, pull = -_SECOND / step**2, np.ones(1)
-    for section in butterworth_sections(_PASS, _cutoff(step), 1 / step):
+    for section in design_butterworth(_PASS, _choose_cutoff(step), 1 / step):
         above, below = section[:3], section[3:]
         places = np.convolve(places, np.convolve(above, above[::-1]))
         pull = np.convolve(pull, np.convolve(below, below[::-1]))
     return places, pull
 
 
-def oscillator_taps(step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
-    """What :func:`oscillate` is once begun: taps of the pull and of the place, from each frame backwards."""
-    return _filters(step, frequency_hz, damping)[0]
+def make_oscillator_taps(step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
+    """What :func:`simulate_oscillator` is once begun: taps of pull and place, from each frame backwards."""
+    return _design_filters(step, frequency_hz, damping)[0]
 
 
-def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
+def simulate_oscillator(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
     """Displacement (m) and speed (m/s) of oscillators, each shaped as ``pull`` (m/s2).
 
     At first they rest where a steady pull as strong as that of the first moments would hold them.
@@ -62,13 +64,13 @@ def oscillate(pull: Array, step: float, frequency_hz: float, damping: float) -> 
     steady = pull[: max(1, round(_FIRST_S / step))].mean(axis=0)
     place, speed = (
         np.asarray(scipy.signal.lfilter(above, below, pull - steady, axis=0))
-        for above, below in _filters(step, frequency_hz, damping)
+        for above, below in _design_filters(step, frequency_hz, damping)
     )
     return place + steady / (2.0 * np.pi * frequency_hz) ** 2, speed
 
 
 @lru_cache(maxsize=512)
-def _filters(step: float, frequency_hz: float, damping: float) -> tuple[tuple[Array, Array], ...]:
+def _design_filters(step: float, frequency_hz: float, damping: float) -> tuple[tuple[Array, Array], ...]:
     """Numerators and denominators of place and speed for inputs that run straight from frame to frame."""
     w = 2.0 * np.pi * frequency_hz
     below = [1.0, 2.0 * damping * w, w * w]

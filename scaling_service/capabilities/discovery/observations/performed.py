@@ -14,56 +14,63 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import FEET, ContactAssignment, WrenchFit
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import default_coordinates
+from scaling_service.model.compile import repeat_default_pose
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import marker_positions
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.multibody.tree import pose_markers
+from scaling_service.numerics.signals.filters import filter_butterworth
 
 N_FRAMES, RATE_HZ = 200, 50.0
 
 _Course = Callable[[Array], Array]
 
 
-def _wave(mean_deg: float, swing_deg: float, lead: float = 0.0, times: int = 1) -> _Course:
+def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0, times: int = 1) -> _Course:
     """Degrees over a cycle 0 to 1."""
     return lambda phase: np.radians(mean_deg + swing_deg * np.cos(2.0 * np.pi * (times * phase + lead)))
 
 
 MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {
-    "quiet standing": {"hip_flexion": _wave(0, 1), "knee": _wave(3, 1), "ankle": _wave(2, 1)},
+    "quiet standing": {"hip_flexion": _make_wave(0, 1), "knee": _make_wave(3, 1), "ankle": _make_wave(2, 1)},
     "a squat": {
-        "hip_flexion": _wave(45, -45),
-        "knee": _wave(50, -50),
-        "ankle": _wave(12, -12),
-        "lumbar_extension": _wave(-15, 15),
-        "arm_flex": _wave(40, -40),
+        "hip_flexion": _make_wave(45, -45),
+        "knee": _make_wave(50, -50),
+        "ankle": _make_wave(12, -12),
+        "lumbar_extension": _make_wave(-15, 15),
+        "arm_flex": _make_wave(40, -40),
     },
     "gait": {
-        "hip_flexion": _wave(10, 22),
-        "hip_adduction": _wave(0, 5, 0.25),
-        "hip_rotation": _wave(0, 5, 0.4),
-        "knee": _wave(25, 22, 0.35),
-        "ankle": _wave(0, 12, 0.6),
-        "lumbar_extension": _wave(-3, 3),
-        "arm_flex": _wave(5, 20, 0.5),
+        "hip_flexion": _make_wave(10, 22),
+        "hip_adduction": _make_wave(0, 5, 0.25),
+        "hip_rotation": _make_wave(0, 5, 0.4),
+        "knee": _make_wave(25, 22, 0.35),
+        "ankle": _make_wave(0, 12, 0.6),
+        "lumbar_extension": _make_wave(-3, 3),
+        "arm_flex": _make_wave(5, 20, 0.5),
     },
     "hip circumduction": {
-        "hip_flexion": _wave(15, 30),
-        "hip_adduction": _wave(-10, 20, 0.25),
-        "knee": _wave(5, 4),
+        "hip_flexion": _make_wave(15, 30),
+        "hip_adduction": _make_wave(-10, 20, 0.25),
+        "knee": _make_wave(5, 4),
     },
-    "standing hip rotation with a straight knee": {"hip_rotation": _wave(0, 30), "knee": _wave(2, 1)},
-    "bending the knee with a still hip": {"hip_flexion": _wave(10, 3), "knee": _wave(55, -50)},
+    "standing hip rotation with a straight knee": {
+        "hip_rotation": _make_wave(0, 30),
+        "knee": _make_wave(2, 1),
+    },
+    "bending the knee with a still hip": {"hip_flexion": _make_wave(10, 3), "knee": _make_wave(55, -50)},
     "a jump": {
-        "hip_flexion": _wave(35, -35),
-        "knee": _wave(45, -45),
-        "ankle": _wave(-5, -25),
-        "arm_flex": _wave(40, -60),
+        "hip_flexion": _make_wave(35, -35),
+        "knee": _make_wave(45, -45),
+        "ankle": _make_wave(-5, -25),
+        "arm_flex": _make_wave(40, -60),
     },
-    "leaning the trunk": {"lumbar_extension": _wave(-20, 20), "lumbar_bending": _wave(0, 15, 0.25)},
-    "swinging the arms": {"arm_flex": _wave(40, 60), "elbow": _wave(40, 40), "arm_add": _wave(-30, 20, 0.25)},
+    "leaning the trunk": {"lumbar_extension": _make_wave(-20, 20), "lumbar_bending": _make_wave(0, 15, 0.25)},
+    "swinging the arms": {
+        "arm_flex": _make_wave(40, 60),
+        "elbow": _make_wave(40, 40),
+        "arm_add": _make_wave(-30, 20, 0.25),
+    },
 }
 """Coordinate (the beginning of its name) to its course over one cycle of two seconds, degrees. Ranges are
 those of healthy adults (gait: Winter 2009, appendix; the others chosen round)."""
@@ -75,21 +82,21 @@ _ALSO = {
 }
 
 
-def coordinates_of(model: BodyModel, movement: str) -> Array | None:
+def simulate_coordinates(model: BodyModel, movement: str) -> Array | None:
     """The model's coordinates through a movement, (N_FRAMES, n_coordinates); None if it has none of them."""
     phase = np.arange(N_FRAMES) / N_FRAMES * (N_FRAMES / RATE_HZ) / 2.0
-    q = default_coordinates(model, N_FRAMES)
+    q = repeat_default_pose(model, N_FRAMES)
     found = False
     for start, course in MOVEMENTS[movement].items():
         for k, name in enumerate(model.coordinate_names):
             if name.startswith(_ALSO.get(start, (start,))) and not name.endswith("beta"):
                 other = 0.5 if name.endswith("_l") and movement in ("gait", "swinging the arms") else 0.0
-                q[:, k] = _within(model, k, course(phase + other))
+                q[:, k] = _clip_to_range(model, k, course(phase + other))
                 found = True
     return q if found else None
 
 
-def _within(model: BodyModel, k: int, values: Array) -> Array:
+def _clip_to_range(model: BodyModel, k: int, values: Array) -> Array:
     """Values in the range that the model declares; a knee that bends the other way is turned round."""
     c = model.coordinates[k]
     if c.lower < c.upper and np.isfinite([c.lower, c.upper]).all():
@@ -105,26 +112,26 @@ _SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis
 _SIDES = ("_r", "_l")
 
 
-def performed(like: TrackedTrial, movement: str) -> TrackedTrial | None:
+def perform_movement(like: TrackedTrial, movement: str) -> TrackedTrial | None:
     """The same markers on the same body in another movement; None if it has none of its coordinates."""
-    q = coordinates_of(like.task.model, movement)
-    return None if q is None else _moving(like, q, movement)
+    q = simulate_coordinates(like.task.model, movement)
+    return None if q is None else _move_trial(like, q, movement)
 
 
-def performed_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
+def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     """The same body with its feet on plates, which measure what the movement needs.
 
     Each plate lies under the foot that it was under in the recording; the feet share the load as the centre
     of pressure lies between them. None where the body has no two feet, or the plates no foot.
     """
-    item = performed(like.tracked, movement)
-    feet = _feet(like.tracked)
+    item = perform_movement(like.tracked, movement)
+    feet = _find_foot_markers(like.tracked)
     if item is None or feet is None:
         return None
-    sides = _sides(like, feet)
+    sides = _assign_sides(like, feet)
     if not sides:
         return None
-    item = _moving(item, _grounded(item, feet), movement)
+    item = _move_trial(item, _keep_on_floor(item, feet), movement)
     made = replace(
         like,
         tracked=item,
@@ -133,18 +140,18 @@ def performed_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
         touched=None,
         known_covariance=like.covariance,
     )
-    ground = _shared(made, feet, sides)
+    ground = _share_wrench(made, feet, sides)
     return replace(made, contacts=ContactAssignment(ground, made.contacts.usable, like.cutoff_hz))
 
 
-def _moving(like: TrackedTrial, q: Array, movement: str) -> TrackedTrial:
+def _move_trial(like: TrackedTrial, q: Array, movement: str) -> TrackedTrial:
     times: Array = np.arange(len(q)) / RATE_HZ
-    places = marker_positions(like.task.tree, q, like.task.p)
+    places = pose_markers(like.task.tree, q, like.task.p)
     trial = Trial(movement, times, like.markers, places, RATE_HZ)
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
 
 
-def _feet(item: TrackedTrial) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
+def _find_foot_markers(item: TrackedTrial) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
     """Columns of the markers of the right and of the left foot."""
     found = []
     for side in _SIDES:
@@ -154,15 +161,15 @@ def _feet(item: TrackedTrial) -> tuple[NDArray[np.intp], NDArray[np.intp]] | Non
     return (found[0], found[1]) if len(found[0]) and len(found[1]) else None
 
 
-def _centres(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _locate_feet(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
     """Where the feet are, (n, 2, 3), m; NaN where not seen."""
     return np.stack([item.task.measured[:, on].mean(axis=1) for on in feet], axis=1)
 
 
-def _sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> dict[str, int]:
+def _assign_sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> dict[str, int]:
     """Loaded plates, and which foot (0: right, 1: left) was on each for most of the time."""
     ground = like.contacts.ground
-    apart = ground.centre_of_pressure()[:, :, None] - _centres(like.tracked, feet)[:, None]
+    apart = ground.centre_of_pressure()[:, :, None] - _locate_feet(like.tracked, feet)[:, None]
     distance = np.linalg.norm(apart[..., [0, 2]], axis=3)
     found = {}
     for k, plate in enumerate(ground.plates):
@@ -172,29 +179,29 @@ def _sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> 
     return found
 
 
-def _grounded(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _keep_on_floor(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
     """The coordinates with the lower foot kept on the floor; as they are where the root does not travel."""
     task, q = item.task, item.q.copy()
-    height = _centres(item, feet)[:, :, 1].min(axis=1)
-    smooth = butterworth(height, rate_hz=RATE_HZ, cutoff_hz=_SMOOTH_HZ, order=4).values
+    height = _locate_feet(item, feet)[:, :, 1].min(axis=1)
+    smooth = filter_butterworth(height, rate_hz=RATE_HZ, cutoff_hz=_SMOOTH_HZ, order=4).values
     for k, coordinate in enumerate(task.model.coordinates):
         if coordinate.kind == "translation":
             moved = q[:1].copy()
             moved[0, k] += _STEP_M
-            lifted = marker_positions(task.tree, moved, task.p) - task.measured[:1]
+            lifted = pose_markers(task.tree, moved, task.p) - task.measured[:1]
             if np.abs(lifted - _STEP_M * _UP).max() < _SAME:
                 q[:, k] -= smooth - smooth[0]
                 break
     return q
 
 
-def _shared(
+def _share_wrench(
     made: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]], sides: dict[str, int]
 ) -> GroundForces:
     """What the movement needs, given by the plates under both feet, which read all the time."""
     need = made.needed
     force, moment = need[:, :3], need[:, 3:]
-    centres = _centres(made.tracked, feet)
+    centres = _locate_feet(made.tracked, feet)
     floor = np.array([0.0, float(centres[..., 1].min()), 0.0])
     about = moment - np.cross(floor, force)
     pressed = floor + np.cross(_UP, about) / force[:, 1:2]

@@ -17,8 +17,14 @@ from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_t
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Poses, forward, frame_by_frame, jacobian, positions
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.multibody.tree import (
+    Poses,
+    compute_jacobian,
+    order_by_frame,
+    place_tree_markers,
+    pose_links,
+)
+from scaling_service.numerics.signals.filters import filter_butterworth
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -82,9 +88,9 @@ class TrackedTrial:
     def of(cls, model: BodyModel, trial: Trial, role: Role, near: TrackedTrial | None = None) -> TrackedTrial:
         """Track a trial with a model, from where a model like this one did; TrialUnusable without markers."""
         plain = Task.of(model, trial, bounded=False)
-        floor = marker_noise(plain.measured)
-        task = Task.of(model, trial, bounded=False, weights=_weights(plain, floor))
-        return cls(trial, role, task, solve_task(task, trial.times, _carried_over(task, near)).q, floor)
+        floor = estimate_marker_noise(plain.measured)
+        task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor))
+        return cls(trial, role, task, solve_task(task, trial.times, _carry_over_motion(task, near)).q, floor)
 
     @property
     def name(self) -> str:
@@ -120,7 +126,7 @@ class TrackedTrial:
     def smooth_rates(self) -> tuple[Array, Array, Array]:
         """Coordinates, speeds and accelerations of the voluntary movement, each (n_frames, n_coordinates)."""
         rate = 1.0 / self.step
-        q = butterworth(self.q, rate_hz=rate, cutoff_hz=min(MOVEMENT_HZ, 0.4 * rate), order=4).values
+        q = filter_butterworth(self.q, rate_hz=rate, cutoff_hz=min(MOVEMENT_HZ, 0.4 * rate), order=4).values
         speed = np.gradient(q, self.times, axis=0)
         return q, speed, np.gradient(speed, self.times, axis=0)
 
@@ -128,12 +134,12 @@ class TrackedTrial:
     def places(self) -> Array:
         """Of the model's markers, (n_frames, n_markers, 3), m, ground."""
         tree = self.task.tree
-        return np.moveaxis(positions(tree, self.poses), -1, 0)
+        return np.moveaxis(place_tree_markers(tree, self.poses), -1, 0)
 
     @property
     def poses(self) -> Poses:
         """Of all segments in all frames."""
-        return forward(self.task.tree, np.ascontiguousarray(self.q.T), self.task.p)
+        return pose_links(self.task.tree, np.ascontiguousarray(self.q.T), self.task.p)
 
     @cached_property
     def residuals(self) -> Array:
@@ -143,9 +149,9 @@ class TrackedTrial:
     def pose_columns(self, rows: slice) -> Array:
         """What the coordinates do to the markers in some frames, by floors, (n, n_free, 3 n_markers)."""
         tree, free = self.task.tree, np.flatnonzero(self.task.free)
-        poses = forward(tree, np.ascontiguousarray(self.q[rows].T), self.task.p)
-        rates = jacobian(tree, poses, positions(tree, poses), free)
-        white = frame_by_frame(rates)
+        poses = pose_links(tree, np.ascontiguousarray(self.q[rows].T), self.task.p)
+        rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), free)
+        white = order_by_frame(rates)
         white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
         return white
 
@@ -176,7 +182,7 @@ class TrackedTrial:
         longer = 2.0 * np.log(spread[1:] / spread[0])
         known = np.isfinite(longer).any(axis=1)  # none where recordings are too short to tell
         powers = np.array(_STRIDES[1:])[known, None, None]
-        expected = np.log(_growth(_MEMORIES**powers, _SHARES) / _growth(_MEMORIES, _SHARES))
+        expected = np.log(_compute_growth(_MEMORIES**powers, _SHARES) / _compute_growth(_MEMORIES, _SHARES))
         off = np.abs(np.nanmedian(longer[known], axis=1)[:, None, None] - expected).sum(axis=0)
         memory, share = np.unravel_index(off.argmin(), off.shape)
         found = LastingNoise(float(_MEMORIES[memory, 0]), float(_SHARES[share]))
@@ -196,7 +202,7 @@ class TrackedTrial:
     @property
     def noise(self) -> Array:
         """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
-        return np.asarray(self.floor * np.sqrt(_growth(*WHITE) / _growth(*self.lasting)))
+        return np.asarray(self.floor * np.sqrt(_compute_growth(*WHITE) / _compute_growth(*self.lasting)))
 
     @property
     def sure_noise(self) -> Array:
@@ -210,7 +216,7 @@ class TrackedTrial:
     @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:
         """The same recording with as much noise of the markers once more, anew in each of a few draws."""
-        return tuple(replace(self, q=self.q + stray) for stray in _strays(self))
+        return tuple(replace(self, q=self.q + stray) for stray in _draw_strays(self))
 
     def give_way(self, moved: Array) -> Array:
         """How the pose of each frame follows markers that move, (draws, n, n_coordinates), rad or m.
@@ -277,7 +283,7 @@ def without_span(residuals: Array, basis: Array) -> Array:
     return residuals - (basis.transpose(0, 2, 1) @ taken)[:, :, 0]
 
 
-def marker_noise(measured: Array) -> Array:
+def estimate_marker_noise(measured: Array) -> Array:
     """Standard deviation (m) of one coordinate's noise for each marker, (n_markers,).
 
     A body moves smoothly from frame to frame, a camera's noise does not: third differences of a marker's path
@@ -291,7 +297,7 @@ def marker_noise(measured: Array) -> Array:
     return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
 
 
-def _growth(memory: Any, share: Any) -> Any:
+def _compute_growth(memory: Any, share: Any) -> Any:
     """Variance of third differences of noise of unit variance, of which a share lasts."""
     return 20.0 + share * (-30.0 * memory + 12.0 * memory**2 - 2.0 * memory**3)
 
@@ -300,16 +306,16 @@ def _spread(steps: Array) -> float:
     known = steps[np.isfinite(steps).all(axis=1)]
     if len(known) < _ENOUGH:
         return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_growth(*WHITE)))
+    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_compute_growth(*WHITE)))
 
 
-def _weights(task: Task, floor: Array) -> dict[str, float]:
+def _weight_markers(task: Task, floor: Array) -> dict[str, float]:
     """One over the variance of each marker, the median marker's being one."""
     typical = float(np.median(floor))
     return {name: (typical / sd) ** 2 for name, sd in zip(task.markers, floor, strict=True)}
 
 
-def _carried_over(task: Task, near: TrackedTrial | None) -> Array | None:
+def _carry_over_motion(task: Task, near: TrackedTrial | None) -> Array | None:
     """The motion of the same trial as it was tracked before, by names of coordinates; new ones at zero."""
     if near is None:
         return None
@@ -333,7 +339,7 @@ def _draw_noise(lasting: LastingNoise, shape: tuple[int, ...]) -> Array:
     return np.asarray(np.sqrt(1.0 - lasting.share) * white + np.sqrt(lasting.share) * slow)
 
 
-def _strays(item: TrackedTrial) -> Array:
+def _draw_strays(item: TrackedTrial) -> Array:
     """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
 
     Noise of each marker's own size that lasts as the trial's does.

@@ -15,17 +15,17 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import (
     InertialLoadCache,
     InertialLoads,
 )
-from scaling_service.capabilities.discovery.observations.oscillator import pulled
+from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
 from scaling_service.capabilities.discovery.observations.tracked import DRAWS, Role, TrackedTrial
 from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ, RatedMotion
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import parameter_values
+from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.inertia import inertias_of, mechanism_of
+from scaling_service.model.inertia import compile_mechanism, gather_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
-from scaling_service.numerics.multibody.tree import forward, positions
-from scaling_service.numerics.signals.filters import butterworth
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.filters import filter_butterworth
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 FEET = ("calcn", "toes", "foot", "talus")
@@ -47,7 +47,7 @@ class Load(Protocol):
         """Its derivative, (n, 6), moment about the ground origin."""
 
 
-def band_hz(rate_hz: float) -> float:
+def choose_band_hz(rate_hz: float) -> float:
     """The light filter's half-power frequency at a frame rate."""
     return min(BAND_HZ, 0.4 * rate_hz)
 
@@ -56,7 +56,7 @@ def band_hz(rate_hz: float) -> float:
 class ContactAssignment:
     """The ground's forces in one trial, and in which frames they are all that touches the body."""
 
-    ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`band_hz`
+    ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`choose_band_hz`
     usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
     cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
     unloaded: NDArray[np.bool_] | None = None  # (n, n_plates): nobody stands on a plate that is read
@@ -105,7 +105,7 @@ class WrenchFit:
     @property
     def inertial_loads(self) -> InertialLoads:
         """What the motion needs, filtered as lightly as the forces."""
-        return self.tracked.inertial_loads(self.gravity, band_hz(self.tracked.trial.rate_hz))
+        return self.tracked.inertial_loads(self.gravity, choose_band_hz(self.tracked.trial.rate_hz))
 
     @property
     def rated(self) -> RatedMotion:
@@ -120,7 +120,7 @@ class WrenchFit:
         """
         rate = self.tracked.trial.rate_hz
         cutoff = min(self.cutoff_hz, 0.4 * rate)
-        return butterworth(ground_wrench, rate_hz=rate, cutoff_hz=cutoff, order=4).values
+        return filter_butterworth(ground_wrench, rate_hz=rate, cutoff_hz=cutoff, order=4).values
 
     @cached_property
     def measured(self) -> Array:
@@ -148,7 +148,7 @@ class WrenchFit:
     @cached_property
     def needed(self) -> Array:
         """What the motion needs with the model's masses, (n, 6), moment about the ground origin."""
-        return np.asarray(self._per_number() @ inertias_of(self.model).parameters().ravel())
+        return np.asarray(self._per_number() @ gather_inertias(self.model).parameters().ravel())
 
     def _per_number(self) -> Array:
         return self.cache.per_number(self.inertial_loads)
@@ -221,22 +221,22 @@ class WrenchFit:
     @cached_property
     def _places(self) -> tuple[Array, Array, Array]:
         """Centres of mass (n, s, 3), origins (n, s, 3) and axes (n, s, 3, 3) of all segments."""
-        mechanism, p = mechanism_of(self.model), parameter_values(self.model)
-        poses = forward(mechanism.tree, self.rated.rates.q, p)
-        centres = np.moveaxis(positions(mechanism.tree, poses), -1, 0)
+        mechanism, p = compile_mechanism(self.model), list_parameter_values(self.model)
+        poses = pose_links(mechanism.tree, self.rated.rates.q, p)
+        centres = np.moveaxis(place_tree_markers(mechanism.tree, poses), -1, 0)
         return centres, np.moveaxis(poses.origins, -1, 0), np.moveaxis(poses.axes, -1, 0)
 
     def centres(self, segments: Sequence[str], along: float = 1.0) -> Array:
         """Points ``along`` of the way from origins to centres of mass of segments, (n, n_segments, 3), m."""
-        return _between(self._places[:2], along, self._numbers(segments))
+        return _interpolate_places(self._places[:2], along, self._numbers(segments))
 
     def pulls(self, segments: Sequence[str], along: float = 1.0) -> Array:
         """Minus the acceleration of these points, (n, n_segments, 3), m/s2."""
-        return _between(self._pulls, along, self._numbers(segments))
+        return _interpolate_places(self._pulls, along, self._numbers(segments))
 
     @cached_property
     def _pulls(self) -> tuple[Array, Array]:
-        centres, origins = (pulled(places, self.step) for places in self._places[:2])
+        centres, origins = (compute_pull(places, self.step) for places in self._places[:2])
         return centres, origins
 
     def segment_frame(self, segment: str) -> tuple[Array, Array]:
@@ -276,16 +276,20 @@ class WrenchFit:
     def centre(self, name: str) -> Array:
         """The middle of a plate, (3,), m; zero for a plate that there is not."""
         ground = self.contacts.ground
-        return middle_of(ground, ground.plates.index(name)) if name in ground.plates else np.zeros(3)
+        return (
+            find_middle_of_pressure(ground, ground.plates.index(name))
+            if name in ground.plates
+            else np.zeros(3)
+        )
 
 
-def _between(ends: tuple[Array, Array], along: float, numbers: Sequence[int]) -> Array:
+def _interpolate_places(ends: tuple[Array, Array], along: float, numbers: Sequence[int]) -> Array:
     """Between values of some segments' centres (along = 1) and origins (0)."""
     centres, origins = (values[:, numbers] for values in ends)
     return np.asarray(along * centres + (1.0 - along) * origins)
 
 
-def middle_of(ground: GroundForces, k: int) -> Array:
+def find_middle_of_pressure(ground: GroundForces, k: int) -> Array:
     """The mean centre of pressure of a plate, else the point of its surface that is known, (3,), m."""
     centres = ground.centre_of_pressure()[:, k]
     known = np.isfinite(centres).all(axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from scaling_service.capabilities.discovery.disturbances.disturbance import (
     Disturbance,
     find_disturbance,
-    outdoes,
+    is_better_than_effects,
 )
 from scaling_service.capabilities.discovery.disturbances.free_marker import find_free_marker
 from scaling_service.capabilities.discovery.effects.catalogue import ask_questions
@@ -36,8 +36,8 @@ from scaling_service.capabilities.discovery.search.elimination import (
 from scaling_service.capabilities.discovery.search.estimation import (
     ROUGHLY,
     estimate,
-    observations_of,
     remove,
+    select_observations,
 )
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tell_classes
@@ -46,7 +46,7 @@ from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.capabilities.discovery.search.summary.summarise import summarise
 from scaling_service.capabilities.discovery.search.testing import try_in_full
-from scaling_service.core.progress import Progress, Steps, silent
+from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
 
 _TIMES = 3  # that names are given and looked back at, at most (chosen)
@@ -88,7 +88,7 @@ def discover(
     TrialUnusable
         A trial shows no marker of the model.
     """
-    steps = Steps(progress or silent)
+    steps = Steps(progress or show_nothing)
     steps.begin("following the recordings", 0.0, _DONE)
     before = fit_recordings(SearchContext(model, recordings, settings, advance=steps.advance), free)
     search = Search(estimate(before, (), ROUGHLY) if free else before, steps)
@@ -98,7 +98,7 @@ def discover(
     named, fit = settle(named, fit)
     named, fit, negligible = drop_negligible(named, fit, before)
     named, fit, insufficient = drop_insufficient(named, fit, before)
-    fit, seen = _unmasked(fit)
+    fit, seen = _unmask_markers(fit)
     steps.begin("measuring the gap", _MEASURING, 1.0)
     findings = summarise(
         tell_classes(named, fit),
@@ -145,7 +145,7 @@ class Search:
         if law is None or not same:
             return
         without = remove(self.fit, [n.effect for n in same])
-        if outdoes(law, without, self.fit):
+        if is_better_than_effects(law, without, self.fit):
             self.named = [n for n in self.named if n not in same]
             self.fit = without
 
@@ -161,7 +161,7 @@ class Search:
             if answers:
                 self.named += answers
                 added = [n.effect for n in answers]
-                self.fit = estimate(fit, added, ROUGHLY, observations=observations_of(added))
+                self.fit = estimate(fit, added, ROUGHLY, observations=select_observations(added))
                 return True
         selection = select(fit, scored, self.named, self.refused)
         self.refused |= selection.refused
@@ -207,7 +207,7 @@ class Search:
         return bool(dropped)
 
 
-def _unmasked(fit: Fit) -> tuple[Fit, Fit]:
+def _unmask_markers(fit: Fit) -> tuple[Fit, Fit]:
     """The fit with every marker again, and one of all markers whose motion the odd ones do not pull."""
     kept = [e for e in fit.effects if not isinstance(e.candidate.change, Masked)]
     if len(kept) == len(fit.effects):

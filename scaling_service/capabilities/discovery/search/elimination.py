@@ -8,8 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import ask, details, is_answer, spreads
-from scaling_service.capabilities.discovery.evidence.fit import Fit, held_out_squares
+from scaling_service.capabilities.discovery.effects.catalogue import (
+    ask,
+    describe_details,
+    estimate_spreads,
+    is_answer,
+)
+from scaling_service.capabilities.discovery.evidence.fit import Fit, sum_held_out_squares
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import (
     measure_noise_floor,
@@ -21,7 +26,7 @@ from scaling_service.capabilities.discovery.evidence.sums import Block, Evidence
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Masked, Reweighed
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
-from scaling_service.capabilities.discovery.search.estimation import SETTLED, estimate, misfit, remove
+from scaling_service.capabilities.discovery.search.estimation import SETTLED, compute_misfit, estimate, remove
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.testing import in_range
 from scaling_service.numerics.multibody.laws import Array
@@ -77,10 +82,10 @@ def eliminate_backward(named: Sequence[NamedEffect], fit: Fit) -> tuple[list[Nam
             kept.remove(n)
             fit = remove(fit, [n.effect])
     spared: list[NamedEffect] = []
-    while len(kept) > 1 and (doubtful := _most_doubtful(kept, spared, fit)) is not None:
+    while len(kept) > 1 and (doubtful := _find_most_doubtful(kept, spared, fit)) is not None:
         n, by_chance = doubtful
         without = remove(fit, [n.effect])
-        if by_chance or held_out_squares(without) <= held_out_squares(fit):
+        if by_chance or sum_held_out_squares(without) <= sum_held_out_squares(fit):
             kept.remove(n)
             fit = without
         else:
@@ -97,14 +102,14 @@ def withdraw_answers(named: Sequence[NamedEffect], fit: Fit) -> tuple[list[Named
     for n in named:
         if len(kept) > 1 and is_answer(n.candidate.kind):
             without = remove(fit, [n.effect])
-            as_good = misfit(without) <= fit.settings.as_good * misfit(fit)
+            as_good = compute_misfit(without) <= fit.settings.as_good * compute_misfit(fit)
             if as_good and ask(n.candidate.kind, without) is None:
                 kept.remove(n)
                 fit = without
     return kept, fit
 
 
-def _most_doubtful(
+def _find_most_doubtful(
     named: Sequence[NamedEffect], spared: Sequence[NamedEffect], fit: Fit
 ) -> tuple[NamedEffect, bool] | None:
     """Of effects that chance explains as well, or that do no sure good where not fitted, the least sure.
@@ -132,13 +137,13 @@ def drop_predictable(named: Sequence[NamedEffect], fit: Fit, before: Fit) -> tup
     """Drop names at whose place the movement or the time still predicts much of what is left."""
     kept = list(named)
     for n in named:
-        if _predicted_share(n, before, fit) > fit.settings.predictable_share:
+        if _compute_predicted_share(n, before, fit) > fit.settings.predictable_share:
             kept.remove(n)
             fit = remove(fit, [n.effect])
     return kept, fit
 
 
-def _predicted_share(n: NamedEffect, before: Fit, fit: Fit) -> float:
+def _compute_predicted_share(n: NamedEffect, before: Fit, fit: Fit) -> float:
     """What is still predicted at the place of a marker's effect, over what the effect took off there.
 
     Of effects of joints, segments and forces no single place is theirs, so nothing is asked.
@@ -151,11 +156,11 @@ def _predicted_share(n: NamedEffect, before: Fit, fit: Fit) -> float:
     explained = measure_noise_floor(fit, MARKERS, before.scene.moving).explained
     left = sum(float(explained[trial][:, rows].sum()) for trial in trials)
     wanted = [names[r] for r in rows]
-    taken = _squares_at(before, wanted, trials) - _squares_at(fit, wanted, trials)
+    taken = _sum_squares_at(before, wanted, trials) - _sum_squares_at(fit, wanted, trials)
     return left / max(taken, 1e-300)
 
 
-def _squares_at(fit: Fit, markers: Sequence[str], trials: Sequence[str]) -> float:
+def _sum_squares_at(fit: Fit, markers: Sequence[str], trials: Sequence[str]) -> float:
     """Squared residuals of some markers in some trials, m2."""
     squares = 0.0
     for item in fit.tracked:
@@ -171,10 +176,13 @@ def settle(named: Sequence[NamedEffect], fit: Fit) -> tuple[list[NamedEffect], F
     If that helps: skin near resonance may come to no rest.
     """
     settled = estimate(fit)
-    fit = settled if misfit(settled) <= misfit(fit) * (1.0 + SETTLED) else fit
+    fit = settled if compute_misfit(settled) <= compute_misfit(fit) * (1.0 + SETTLED) else fit
     by_key = {e.candidate.key: e for e in fit.effects}
     found = [replace(n, effect=by_key[n.key]) for n in named]
-    return [replace(n, details=details(n.effect, fit), spreads=spreads(n.effect, fit)) for n in found], fit
+    return [
+        replace(n, details=describe_details(n.effect, fit), spreads=estimate_spreads(n.effect, fit))
+        for n in found
+    ], fit
 
 
 _INSUFFICIENT = (
@@ -194,7 +202,7 @@ def drop_insufficient(
     that more is missing anyhow, what is left is not held against anything.
     """
     loads = [n for n in named if WRENCH.shows(n.candidate) and not isinstance(n.candidate.change, Reweighed)]
-    if not loads or sufficient(before, fit):
+    if not loads or is_sufficient(before, fit):
         return list(named), fit, ()
     gone = {n.key for n in loads}
     kept = tuple(e for e in fit.effects if e.candidate.key not in gone)
@@ -226,7 +234,7 @@ def drop_negligible(
     start = MARKERS.refit(before, before.free, masked) if masked else before  # of the same markers
     vague = max(n.member for n in moved) < fit.settings.vague
     least = fit.settings.vague_share if vague else fit.settings.negligible
-    was, left = (_excess(MARKERS.tally(each, None, noise)) for each in (start, fit))
+    was, left = (_compute_excess(MARKERS.tally(each, None, noise)) for each in (start, fit))
     if was <= fit.settings.tracked_excess or left <= (1.0 - least) * was:
         return list(named), fit, ()
     names = ", ".join(n.candidate.name for n in moved)
@@ -234,12 +242,12 @@ def drop_negligible(
     return [n for n in named if n not in moved], fit, (_NEGLIGIBLE.format(names=names),)
 
 
-def sufficient(before: Fit, after: Fit) -> bool:
+def is_sufficient(before: Fit, after: Fit) -> bool:
     """Whether the effects that lie between two fits explain the forces, as far as that can be told."""
     floors, settings = measure_noise_floors(after, before.scene.moving), after.settings
 
     def excess(observation: Observation[Any], fit: Fit, role: Role) -> float:
-        return _excess(observation.tally(fit, role, floors[observation.name].noise))
+        return _compute_excess(observation.tally(fit, role, floors[observation.name].noise))
 
     if any(excess(MARKERS, after, role) > settings.tracked_excess for role in ROLES):
         return True
@@ -247,7 +255,7 @@ def sufficient(before: Fit, after: Fit) -> bool:
     return all(now <= max(settings.wrench_slight, settings.wrench_left * was) for was, now in left)
 
 
-def _excess(tally: Tally | None) -> float:
+def _compute_excess(tally: Tally | None) -> float:
     """Mean square of all places, each in its own floors, beyond one; none where nothing is measured."""
     if tally is None:
         return 0.0

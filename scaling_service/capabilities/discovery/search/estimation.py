@@ -16,12 +16,16 @@ import numpy as np
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, fitting_blocks, inverse_of
+from scaling_service.capabilities.discovery.evidence.sums import (
+    Evidence,
+    invert_curvature,
+    select_fitting_blocks,
+)
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Estimate,
-    stepped,
+    step_shape,
     with_shape_columns,
 )
 from scaling_service.numerics.multibody.laws import Array
@@ -58,7 +62,7 @@ def estimate(
         Whether a fit need not be brought to its end; it is returned as it is.
     """
     fit = observations[0].refit(start, start.free, (*start.effects, *added))
-    if _misfit(MARKERS, fit, fit) > _misfit(MARKERS, start, fit):
+    if _compute_fit_misfit(MARKERS, fit, fit) > _compute_fit_misfit(MARKERS, start, fit):
         unsized = [replace(s, size=0.0 * s.size) if MARKERS.shows(s.candidate) else s for s in added]
         fit = MARKERS.refit(start, start.free, (*start.effects, *unsized))
     for observation in observations:
@@ -69,10 +73,10 @@ def estimate(
 def remove(fit: Fit, effects: Sequence[Estimate]) -> Fit:
     """Everything else estimated to the hundredth, with some of the effects taken back."""
     bare = fit.without({effect.candidate.key for effect in effects})
-    return estimate(bare, (), SOON, observations=observations_of(effects))
+    return estimate(bare, (), SOON, observations=select_observations(effects))
 
 
-def observations_of(effects: Sequence[Estimate]) -> tuple[Observation[Any], ...]:
+def select_observations(effects: Sequence[Estimate]) -> tuple[Observation[Any], ...]:
     """Those in which something changes with some effects."""
     forces_only = all(WRENCH.shows(effect.candidate) for effect in effects)
     return (WRENCH,) if forces_only else OBSERVATIONS
@@ -81,15 +85,15 @@ def observations_of(effects: Sequence[Estimate]) -> tuple[Observation[Any], ...]
 def refit_without(fit: Fit, keys: Collection[str]) -> Fit:
     """Refitted without the effects of some keys, all others as they are."""
     gone = [e for e in fit.effects if e.candidate.key in keys]
-    return observations_of(gone)[0].refit(fit, fit.free, fit.without(keys).effects)
+    return select_observations(gone)[0].refit(fit, fit.free, fit.without(keys).effects)
 
 
-def misfit(fit: Fit) -> float:
+def compute_misfit(fit: Fit) -> float:
     """Whitened squares of markers and forces in the trials that decide."""
-    return _misfit(MARKERS, fit, fit) + _misfit(WRENCH, fit, fit)
+    return _compute_fit_misfit(MARKERS, fit, fit) + _compute_fit_misfit(WRENCH, fit, fit)
 
 
-def _misfit(observation: Observation[Any], fit: Fit, of: Fit) -> float:
+def _compute_fit_misfit(observation: Observation[Any], fit: Fit, of: Fit) -> float:
     """Whitened squares of the trials that decide for a fit: those to fit, those with own effects."""
     return observation.squares(fit, [e.candidate for e in of.effects])
 
@@ -98,21 +102,21 @@ def _settle(
     fit: Fit, observation: Observation[Any], tolerance: float, hopeless: Callable[[Fit], object]
 ) -> Fit:
     """Everything that shows in an observation, estimated until little is gained."""
-    reached = _misfit(observation, fit, fit)
+    reached = _compute_fit_misfit(observation, fit, fit)
     for _round in range(_ROUNDS):
         if hopeless(fit):
             break
         before = reached
         least = _WORTH * tolerance * before if tolerance > SETTLED else 0.0
-        fit, gain, missed = _step(fit, observation, least)
-        reached = _misfit(observation, fit, fit)
+        fit, gain, missed = _take_step(fit, observation, least)
+        reached = _compute_fit_misfit(observation, fit, fit)
         kept = tolerance > SETTLED and missed < tolerance * before
         if kept or gain < tolerance * before:
             break
     return fit
 
 
-def _step(fit: Fit, observation: Observation[Any], least: float) -> tuple[Fit, float, float]:
+def _take_step(fit: Fit, observation: Observation[Any], least: float) -> tuple[Fit, float, float]:
     """One step of everything shared that shows in an observation, if it promises enough.
 
     Also what it takes off the squares, and by how much that differs from what it promises; less what it takes
@@ -129,13 +133,13 @@ def _step(fit: Fit, observation: Observation[Any], least: float) -> tuple[Fit, f
     promised = float(step @ sums.score)
     if promised < least:
         return fit, 0.0, promised
-    before = _misfit(observation, fit, fit)
+    before = _compute_fit_misfit(observation, fit, fit)
     for share in _SHARES:
         pairs = zip(moving, evidence.groups, strict=True)
-        sized = {id(s): stepped(s, share * step[rows]) for s, rows in pairs}
+        sized = {id(s): step_shape(s, share * step[rows]) for s, rows in pairs}
         free, effects = (tuple(sized.get(id(s), s) for s in some) for some in (fit.free, fit.effects))
         tried = observation.refit(fit, free, effects)
-        gain = before - _misfit(observation, tried, tried) - sums.gained_by_chance(share * step)
+        gain = before - _compute_fit_misfit(observation, tried, tried) - sums.gained_by_chance(share * step)
         if gain > 0.0:
             return tried, gain, abs(promised - gain)
     return fit, 0.0, promised
@@ -152,7 +156,7 @@ class _Sums(NamedTuple):
     @classmethod
     def of(cls, evidence: Evidence, chosen: Sequence[Candidate]) -> _Sums:
         """Of blocks in which the candidates are fitted."""
-        decided = {c.trials: {id(s) for s in fitting_blocks(evidence.blocks, c)} for c in chosen}
+        decided = {c.trials: {id(s) for s in select_fitting_blocks(evidence.blocks, c)} for c in chosen}
         owners = [c.trials for c in chosen for _ in c.columns]
         count = len(owners)
         curvature, score, stray_curvature, stray_score = (
@@ -170,7 +174,7 @@ class _Sums(NamedTuple):
 
     def best_step(self, evidence: Evidence) -> Array:
         """Where everything fits best to first order."""
-        return np.asarray(inverse_of(self.curvature, evidence.raw)[0] @ self.score)
+        return np.asarray(invert_curvature(self.curvature, evidence.raw)[0] @ self.score)
 
     def gained_by_chance(self, step: Array) -> float:
         """What a step takes off the squares that noise alone makes."""

@@ -16,7 +16,7 @@ Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]
 
 
-def observable_of(place: str) -> Observable:
+def classify_place(place: str) -> Observable:
     """What kind of place a name is."""
     if place not in COMPONENTS:
         return "marker"

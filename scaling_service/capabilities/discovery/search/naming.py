@@ -11,9 +11,9 @@ import scipy
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, ScoredCandidates
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, fit_each, p_of_lead
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, inverse_of
-from scaling_service.capabilities.discovery.evidence.wrench import observation_of
+from scaling_service.capabilities.discovery.evidence.statistics import Fitted, assess_lead, fit_each
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, invert_curvature
+from scaling_service.capabilities.discovery.evidence.wrench import choose_observation
 from scaling_service.capabilities.discovery.laws.candidates import (
     DAMPINGS,
     FREQUENCIES_HZ,
@@ -43,13 +43,13 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
         scored.fitted,
         scored.p_family(among.count),
         scored.held_out,
-        smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
+        find_smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
         equivalents,
-        rivals=tuple(o.candidate for o in among.best if _comparable(o.candidate, candidate)),
+        rivals=tuple(o.candidate for o in among.best if _are_comparable(o.candidate, candidate)),
     )
 
 
-def _comparable(other: Candidate, candidate: Candidate) -> bool:
+def _are_comparable(other: Candidate, candidate: Candidate) -> bool:
     """Whether both are sums of columns of the same sort."""
     return bool(other.columns and candidate.columns) and other.seen_in == candidate.seen_in
 
@@ -77,7 +77,7 @@ def find_equivalents(
             and renamed
             and not looser
         ):
-            p = p_of_lead(scored.gains, other.gains, scored.fitted.by_chance - other.fitted.by_chance)
+            p = assess_lead(scored.gains, other.gains, scored.fitted.by_chance - other.fitted.by_chance)
             if p > level:
                 found[one] = p
     return dict(sorted(found.items(), key=lambda item: -item[1]))
@@ -94,7 +94,9 @@ def tell_classes(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
     return found
 
 
-def smallest_nameable(effect: Estimate, fitted: Fitted, level: float, power: float) -> Mapping[str, float]:
+def find_smallest_nameable(
+    effect: Estimate, fitted: Fitted, level: float, power: float
+) -> Mapping[str, float]:
     """Sizes of the columns, in proportion as found, from which a share would pass the first gate.
 
     Parameters
@@ -128,7 +130,7 @@ def smallest_nameable(effect: Estimate, fitted: Fitted, level: float, power: flo
 
 def find_separating_movement(effect: Estimate, others: Sequence[Candidate], fit: Fit) -> str:
     """The movement in which the nearest of the others leaves most of the effect unexplained, or ``""``."""
-    own, settings, observation = effect.candidate, fit.settings, observation_of(effect.candidate)
+    own, settings, observation = effect.candidate, fit.settings, choose_observation(effect.candidate)
     columns = [c for c in others if c.columns and observation.shows(c)][: settings.separating_nearest]
     if not own.columns or not columns or not fit.tracked:
         return ""
@@ -138,13 +140,13 @@ def find_separating_movement(effect: Estimate, others: Sequence[Candidate], fit:
         item = observation.performed(fit, movement)
         if item is not None:
             shown = observation.gather([item], [], every, settings.separating_block_s, together=True)
-            left = _left(effect.size, shown)
+            left = _compute_left(effect.size, shown)
             if left > best[0]:
                 best = left, movement
     return best[1]
 
 
-def _left(size: Array, shown: Evidence) -> float:
+def _compute_left(size: Array, shown: Evidence) -> float:
     """Whitened square of the first candidate, of that size, that the best of the others cannot explain."""
     own, *rest = shown.groups
     total = np.sum([s.own for s in shown.blocks], axis=0)
@@ -152,7 +154,7 @@ def _left(size: Array, shown: Evidence) -> float:
     left = []
     for rows in rest:
         along = total[rows, own] @ size
-        inverse = inverse_of(total[rows, rows], shown.raw[rows])[0]
+        inverse = invert_curvature(total[rows, rows], shown.raw[rows])[0]
         left.append(signal - float(along @ inverse @ along))
     return min(left)
 
@@ -171,10 +173,10 @@ def tune(scored: ScoredCandidate, fit: Fit) -> ScoredCandidate | None:
     start = scored.candidate.oscillation
     if start is None:
         return scored
-    best = _best(start, scored.candidate, fit, _free)
+    best = _search_best(start, scored.candidate, fit, _free)
     if scored.candidate.columns[0].natural is not None:
-        natural = _best(start, scored.candidate, fit, _natural)
-        if _natural(*natural[1:]) > (1.0 - fit.settings.natural_lead) * _free(*best[1:]):
+        natural = _search_best(start, scored.candidate, fit, _compute_natural_gain)
+        if _compute_natural_gain(*natural[1:]) > (1.0 - fit.settings.natural_lead) * _free(*best[1:]):
             best = natural
     pair, candidate, fitted = best
     inside = all(low < x < high for x, (low, high) in zip(pair, (FREQUENCIES_HZ, DAMPINGS), strict=True))
@@ -188,21 +190,21 @@ def _free(_candidate: Candidate, fitted: Fitted) -> float:
     return fitted.gain
 
 
-def _natural(candidate: Candidate, fitted: Fitted) -> float:
+def _compute_natural_gain(candidate: Candidate, fitted: Fitted) -> float:
     """What it takes off at its natural size."""
     natural, size = candidate.columns[0].natural, float(fitted.size[0]) if len(fitted.size) else 0.0
     assert natural is not None
     return fitted.gain * (1.0 - ((natural - size) / size) ** 2) if size else 0.0
 
 
-def _best(
+def _search_best(
     start: Pair, candidate: Candidate, fit: Fit, worth: Callable[[Candidate, Fitted], float]
 ) -> tuple[Pair, Candidate, Fitted]:
     """A search on grids that grow finer about the best so far."""
-    observation, pair = observation_of(candidate), start
+    observation, pair = choose_observation(candidate), start
     for step in _STEPS:
         tried = sorted(
-            {_beside(pair, step * a, step * b) for a, b in product((-1, -0.5, 0, 0.5, 1), repeat=2)}
+            {_vary_pair(pair, step * a, step * b) for a, b in product((-1, -0.5, 0, 0.5, 1), repeat=2)}
         )
         choice = [candidate.at(*each) for each in tried]
         found = fit_each(observation.gather_beside(fit, choice, together=False), choice)
@@ -211,10 +213,10 @@ def _best(
     return best
 
 
-def _beside(pair: Pair, a: float, b: float) -> Pair:
+def _vary_pair(pair: Pair, a: float, b: float) -> Pair:
     """A pair changed by shares, within what is tried."""
-    return _within(pair[0] * (1.0 + a), FREQUENCIES_HZ), _within(pair[1] * (1.0 + b), DAMPINGS)
+    return _clip(pair[0] * (1.0 + a), FREQUENCIES_HZ), _clip(pair[1] * (1.0 + b), DAMPINGS)
 
 
-def _within(value: float, bounds: Pair) -> float:
+def _clip(value: float, bounds: Pair) -> float:
     return min(max(value, bounds[0]), bounds[1])

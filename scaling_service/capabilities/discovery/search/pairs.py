@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from scaling_service.capabilities.discovery.disturbances.free_marker import FreeMarker
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
-from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, estimate, misfit
+from scaling_service.capabilities.discovery.search.estimation import ROUGHLY, compute_misfit, estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.rivals import Name
 
@@ -45,13 +45,13 @@ def find_marker_pair(
     """
     laws = [
         c
-        for c in candidates(fit.scene)
+        for c in propose_candidates(fit.scene)
         if c.where == odd.candidate.where and c.oscillation is None and not c.trials and c.key not in refused
     ]
-    pair = _best(fit, laws, count)
+    pair = _find_best(fit, laws, count)
     if pair is None or fit.settings.free_marker_lead * pair.expected < odd.expected:
         return []
-    return _named(pair, fit, name, count)
+    return _name_both(pair, fit, name, count)
 
 
 def replace_by_plate_pair(
@@ -63,23 +63,23 @@ def replace_by_plate_pair(
     tries = 1 if len(several) > 1 else count  # one more effect than is named must stand as any other
     gone = {n.key for n in several}
     bare = WRENCH.refit(fit, fit.free, [e for e in fit.effects if e.candidate.key not in gone])
-    faults = [c for c in candidates(bare.scene) if not c.trials and c.where[0] in bare.scene.plates]
-    pair = _best(bare, faults, tries)
+    faults = [c for c in propose_candidates(bare.scene) if not c.trials and c.where[0] in bare.scene.plates]
+    pair = _find_best(bare, faults, tries)
     if pair is None:
         return list(named), fit
     tried = estimate(bare, pair.both, ROUGHLY, observations=(WRENCH,))
-    if misfit(tried) >= misfit(fit):
+    if compute_misfit(tried) >= compute_misfit(fit):
         return list(named), fit
-    sure = _named(pair, bare, name, tries)
+    sure = _name_both(pair, bare, name, tries)
     if not sure:
         return list(named), fit
     return [n for n in named if n not in several] + sure, tried
 
 
-def _best(fit: Fit, laws: Iterable[Candidate], tries: int) -> _Pair | None:
+def _find_best(fit: Fit, laws: Iterable[Candidate], tries: int) -> _Pair | None:
     """The two of different kinds at one place that explain most together, if it is no chance."""
     pairs = {
-        _together(a, b): (a, b) for a, b in combinations(laws, 2) if a.where == b.where and a.kind != b.kind
+        _join_pair(a, b): (a, b) for a, b in combinations(laws, 2) if a.where == b.where and a.kind != b.kind
     }
     level = fit.settings.level
     for scored in score_candidates(fit, list(pairs), 1):
@@ -92,18 +92,18 @@ def _best(fit: Fit, laws: Iterable[Candidate], tries: int) -> _Pair | None:
     return None
 
 
-def _together(one: Candidate, other: Candidate) -> Candidate:
+def _join_pair(one: Candidate, other: Candidate) -> Candidate:
     return Candidate("pair", one.where, (*one.columns, *other.columns), note=f"{one.name} and {other.name}")
 
 
-def _named(pair: _Pair, fit: Fit, name: Name, tries: int) -> list[NamedEffect]:
+def _name_both(pair: _Pair, fit: Fit, name: Name, tries: int) -> list[NamedEffect]:
     """Both as named effects where the other is known, if each stands by itself then; else none."""
-    made = [_beside(one, other, fit, name, tries) for one, other in (pair.both, pair.both[::-1])]
+    made = [_name_beside(one, other, fit, name, tries) for one, other in (pair.both, pair.both[::-1])]
     sure = [n for n in made if n is not None]
     return sure if len(sure) == len(made) else []
 
 
-def _beside(one: Estimate, other: Estimate, fit: Fit, name: Name, tries: int) -> NamedEffect | None:
+def _name_beside(one: Estimate, other: Estimate, fit: Fit, name: Name, tries: int) -> NamedEffect | None:
     known = replace(fit, effects=(*fit.effects, other))
     for scored in score_candidates(known, [one.candidate], 1):
         if max(tries * scored.fitted.p, scored.held_out.p) <= fit.settings.level:

@@ -13,17 +13,17 @@ from scaling_service.capabilities.discovery.effects.catalogue import search_effe
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.evidence.statistics import p_of_lead
+from scaling_service.capabilities.discovery.evidence.statistics import assess_lead
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact
 from scaling_service.capabilities.discovery.search.elimination import Removable
 from scaling_service.capabilities.discovery.search.estimation import (
     ROUGHLY,
     SOON,
+    compute_misfit,
     estimate,
-    misfit,
-    observations_of,
     refit_without,
+    select_observations,
 )
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.testing import in_range
@@ -37,8 +37,8 @@ def rename(named: Sequence[NamedEffect], fit: Fit, name: Name) -> tuple[list[Nam
     kept = list(named)
     for observation in OBSERVATIONS:
         sort = [k for k, n in enumerate(named) if observation.shows(n.candidate)]
-        early = [k for k in sort[:-1] if named[k].candidate.columns and _rivals(named[k])]
-        rivals = list(dict.fromkeys(c for k in early for c in _rivals(named[k])))
+        early = [k for k in sort[:-1] if named[k].candidate.columns and _list_rivals(named[k])]
+        rivals = list(dict.fromkeys(c for k in early for c in _list_rivals(named[k])))
         known: Removable | None = None
         for k in early:
             known = known or Removable.of(fit, observation, rivals)
@@ -50,14 +50,14 @@ def rename(named: Sequence[NamedEffect], fit: Fit, name: Name) -> tuple[list[Nam
 
 def _give_away(n: NamedEffect, known: Removable, fit: Fit, name: Name) -> tuple[NamedEffect, Fit] | None:
     """A better rival with the name, if there is one whose numbers a laboratory could meet."""
-    better = better_rival(n, known.without(n.effect, _rivals(n)), fit.settings)
+    better = find_better_rival(n, known.without(n.effect, _list_rivals(n)), fit.settings)
     if better is None:
         return None
     bare = refit_without(fit, {n.key})
     made = name(better, bare)
     if made is None:
         return None
-    tried = estimate(bare, [made.effect], SOON, observations=observations_of([made.effect]))
+    tried = estimate(bare, [made.effect], SOON, observations=select_observations([made.effect]))
     return (replace(made, rivals=n.rivals), tried) if in_range(made, tried) else None
 
 
@@ -75,16 +75,16 @@ def _place_contacts_anew(named: Sequence[NamedEffect], fit: Fit, name: Name) -> 
             made = None if best is None else name(best, bare)
             if made is not None:
                 tried = estimate(bare, [made.effect], ROUGHLY, observations=(WRENCH,))
-                if misfit(tried) < misfit(fit):
+                if compute_misfit(tried) < compute_misfit(fit):
                     kept[k], fit = made, tried
     return kept, fit
 
 
-def _rivals(n: NamedEffect) -> list[Candidate]:
+def _list_rivals(n: NamedEffect) -> list[Candidate]:
     return [c for c in n.rivals if c.key != n.key and c.trials == n.candidate.trials]
 
 
-def better_rival(
+def find_better_rival(
     n: NamedEffect, scored: Sequence[ScoredCandidate], settings: DiscoverySettings
 ) -> ScoredCandidate | None:
     """The best of a name and its rivals, if it is a rival and chance does not make the difference.
@@ -100,5 +100,5 @@ def better_rival(
         return best
     assert best.gains is not None
     assert mine.gains is not None
-    p = p_of_lead(best.gains, mine.gains, best.fitted.by_chance - mine.fitted.by_chance)
+    p = assess_lead(best.gains, mine.gains, best.fitted.by_chance - mine.fitted.by_chance)
     return best if p <= settings.equivalence_level else None

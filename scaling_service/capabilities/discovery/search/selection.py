@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates, search_effects
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates, search_effects
 from scaling_service.capabilities.discovery.effects.plates import contradict_bias
 from scaling_service.capabilities.discovery.effects.sizes import is_usual
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -26,7 +26,7 @@ from scaling_service.capabilities.discovery.evidence.scoring import (
     score_gathered,
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, choose_observation
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.capabilities.discovery.search.naming import (
     find_equivalents,
@@ -46,7 +46,7 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
         From the last round; what the same motion shows among the markers is not scored again.
     """
     taken = {s.candidate.key for s in fit.estimates}
-    every = [c for c in candidates(fit.scene) if c.key not in taken]
+    every = [c for c in propose_candidates(fit.scene) if c.key not in taken]
 
     def scored(observation: Observation[Any]) -> tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]]:
         choice = [c for c in every if observation.shows(c)]
@@ -90,23 +90,23 @@ def select(
     for observation in OBSERVATIONS:
         room = fit.settings.most - sum(observation.shows(n.candidate) for n in named)
         shown = [o for o in scored.best if observation.shows(o.candidate)]
-        passing = [o for o in (*_tuned(shown, scored, fit), *shown) if _passes(o, scored, fit)]
+        passing = [o for o in (*_tune_best(shown, scored, fit), *shown) if _is_accepted(o, scored, fit)]
         passing = [
             o for o in keep_widest(passing, trials, fitting, fit.settings) if o.candidate.key not in refused
         ]
-        for best in _usual_first(passing, scored, fit) if room > 0 else []:
+        for best in _put_usual_first(passing, scored, fit) if room > 0 else []:
             first = name_tuned(best, fit, scored)
             if first is not None:
                 others = [
                     o for o in passing if MARKERS.shows(o.candidate) and o.candidate.key not in implausible
                 ]
-                found += [first, *_companions(first, others, scored, fit)[: room - 1]]
+                found += [first, *_list_companions(first, others, scored, fit)[: room - 1]]
                 break
             implausible.add(best.candidate.key)
     return Selection(found, implausible)
 
 
-def _usual_first(
+def _put_usual_first(
     passing: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit
 ) -> Sequence[ScoredCandidate]:
     """The same; before a best of a size that laboratories do not meet, one that they do, not told from it."""
@@ -121,15 +121,15 @@ def _usual_first(
     return [*better[:1], *passing]
 
 
-def _tuned(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) -> list[ScoredCandidate]:
+def _tune_best(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) -> list[ScoredCandidate]:
     """The best candidate at its own frequency and damping, if it oscillates and between those tried may pass.
 
     One that explains much at a frequency beside its own strays too much from block to block to pass there.
     """
     best = next(iter(shown), None)
-    if best is None or best.candidate.oscillation is None or _passes(best, among, fit):
+    if best is None or best.candidate.oscillation is None or _is_accepted(best, among, fit):
         return []
-    observation = observation_of(best.candidate)
+    observation = choose_observation(best.candidate)
     if best.fitted.expected < fit.settings.oscillation_main * observation.above_noise(fit):
         return []
     tuned = tune(best, fit)
@@ -139,7 +139,7 @@ def _tuned(shown: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit) 
     return score_gathered(observation.gather_beside(fit, choice, together=True), choice)
 
 
-def _passes(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
+def _is_accepted(one: ScoredCandidate, among: ScoredCandidates, fit: Fit) -> bool:
     level = fit.settings.level
     by_chance = max(one.p_family(among.count), one.fitted.p)
     likely = by_chance <= level and one.fitted.expected > 0.0
@@ -160,7 +160,7 @@ def _is_partial_plate_fault(one: ScoredCandidate, fit: Fit) -> bool:
     return one.fitted.gain < fit.settings.whole_cause * above
 
 
-def _companions(
+def _list_companions(
     first: NamedEffect, passing: Sequence[ScoredCandidate], among: ScoredCandidates, fit: Fit
 ) -> list[NamedEffect]:
     """Effects that explain beside the first, and beside each other, most of what each does alone."""
@@ -184,7 +184,7 @@ def _companions(
             left[o.candidate.key]
             for o in again
             if o.fitted.expected > settings.companion_beside * left[o.candidate.key].fitted.expected
-            and _passes(o, among, fit)
+            and _is_accepted(o, among, fit)
         ]
         left = {o.candidate.key: o for o in still[1:]}
         found += [name_effect(o, fit, among) for o in still[:1]]
@@ -214,25 +214,25 @@ def keep_widest(
     every, known = frozenset(trials), frozenset(fitting)
     scopes: dict[str, dict[frozenset[str], float]] = {}
     for scored in passing:
-        scopes.setdefault(_thing(scored), {})[_scope(scored, every)] = scored.fitted.expected
+        scopes.setdefault(_name_thing(scored), {})[_list_scope(scored, every)] = scored.fitted.expected
 
     def covered(scored: ScoredCandidate) -> bool:
-        own, all_scopes = _scope(scored, every), scopes[_thing(scored)]
+        own, all_scopes = _list_scope(scored, every), scopes[_name_thing(scored)]
         wider = [other & known for other in all_scopes if own < other]
         return any(fits and own & known in (frozenset(), fits) for fits in wider)
 
     def reversed_later(scored: ScoredCandidate) -> bool:
-        own = _scope(scored, every)
-        others = scopes[_thing(scored)].get(every - own, 0.0)
+        own = _list_scope(scored, every)
+        others = scopes[_name_thing(scored)].get(every - own, 0.0)
         return trials[0] in own and others > settings.reversed_share * scored.fitted.expected
 
     return [scored for scored in passing if not covered(scored) and not reversed_later(scored)]
 
 
-def _scope(scored: ScoredCandidate, every: frozenset[str]) -> frozenset[str]:
+def _list_scope(scored: ScoredCandidate, every: frozenset[str]) -> frozenset[str]:
     return frozenset(scored.candidate.trials) or every
 
 
-def _thing(scored: ScoredCandidate) -> str:
+def _name_thing(scored: ScoredCandidate) -> str:
     """What it is, wherever it is."""
     return replace(scored.candidate, trials=()).name

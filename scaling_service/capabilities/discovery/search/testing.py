@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from scaling_service.capabilities.discovery.effects.missing_dof import keeps_to_range
+from scaling_service.capabilities.discovery.effects.missing_dof import is_in_usual_range
 from scaling_service.capabilities.discovery.effects.plates import contradict_bias
-from scaling_service.capabilities.discovery.evidence.fit import Fit, held_out_squares
+from scaling_service.capabilities.discovery.evidence.fit import Fit, sum_held_out_squares
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, observation_of
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH, choose_observation
 from scaling_service.capabilities.discovery.search.estimation import (
     ROUGHLY,
     estimate,
-    observations_of,
     refit_without,
     remove,
+    select_observations,
 )
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
 
@@ -45,11 +45,13 @@ def try_in_full(fit: Fit, found: Sequence[NamedEffect]) -> Outcome:
     left = list(found)
     tried = _with(left, fit)
     while True:
-        implausible = _implausible(left, tried)
-        broken = [] if implausible else [g for g in _sorts(left) if not _keep_their_promise(g, fit, tried)]
+        implausible = _list_implausible(left, tried)
+        broken = (
+            [] if implausible else [g for g in _sort_by_kind(left) if not _keep_their_promise(g, fit, tried)]
+        )
         sound = not implausible and not broken
-        harmful = [g for g in _sorts(left) if _do_harm(g, fit, tried)] if sound else []
-        worst = [_worst(group, tried) for group in harmful]
+        harmful = [g for g in _sort_by_kind(left) if _do_harm(g, fit, tried)] if sound else []
+        worst = [_find_worst(group, tried) for group in harmful]
         gone = implausible or worst or [n for group in broken for n in group[1:] or group]
         if not gone:
             return Outcome(tried, left, refused, early)
@@ -67,11 +69,11 @@ def try_in_full(fit: Fit, found: Sequence[NamedEffect]) -> Outcome:
 def _with(found: Sequence[NamedEffect], fit: Fit) -> Fit:
     """Everything estimated with effects, unless their numbers turn out to be implausible on the way."""
     added = [n.effect for n in found]
-    hopeless = partial(_implausible, found)
-    return estimate(fit, added, ROUGHLY, observations=observations_of(added), hopeless=hopeless)
+    hopeless = partial(_list_implausible, found)
+    return estimate(fit, added, ROUGHLY, observations=select_observations(added), hopeless=hopeless)
 
 
-def _implausible(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
+def _list_implausible(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
     """Those whose numbers no laboratory could meet."""
     return [n for n in named if not in_range(n, fit)]
 
@@ -80,10 +82,10 @@ def in_range(named: NamedEffect, fit: Fit) -> bool:
     """Whether all numbers, estimated with everything else, are such as a laboratory could meet."""
     effect = next(e for e in fit.effects if e.candidate.key == named.key)
     contradicted = contradict_bias(effect.candidate, effect.size, fit.wrenches, removed=True)
-    return keeps_to_range(effect, fit) and not contradicted
+    return is_in_usual_range(effect, fit) and not contradicted
 
 
-def _sorts(named: Sequence[NamedEffect]) -> list[list[NamedEffect]]:
+def _sort_by_kind(named: Sequence[NamedEffect]) -> list[list[NamedEffect]]:
     """Effects of the motion and of the forces apart."""
     sorts = [[n for n in named if observation.shows(n.candidate)] for observation in OBSERVATIONS]
     return [sort for sort in sorts if sort]
@@ -92,7 +94,7 @@ def _sorts(named: Sequence[NamedEffect]) -> list[list[NamedEffect]]:
 def _keep_their_promise(group: Sequence[NamedEffect], before: Fit, after: Fit) -> bool:
     """Whether the disagreement fell about as much as was expected of effects of one sort."""
     of = [n.candidate for n in group]
-    was, left = (observation_of(of[0]).squares(fit, of) for fit in (before, after))
+    was, left = (choose_observation(of[0]).squares(fit, of) for fit in (before, after))
     return was - left > before.settings.kept_promise * sum(n.fitted.expected for n in group)
 
 
@@ -107,14 +109,14 @@ def _do_harm(group: Sequence[NamedEffect], before: Fit, after: Fit) -> bool:
         return False
     motion = [e for e in after.effects if MARKERS.shows(e.candidate)]
     forces = [e for e in before.effects if WRENCH.shows(e.candidate)]
-    half_way = held_out_squares(WRENCH.refit(after, after.free, (*motion, *forces)))
+    half_way = sum_held_out_squares(WRENCH.refit(after, after.free, (*motion, *forces)))
     if WRENCH.shows(group[0].candidate):
-        return held_out_squares(after) > half_way
-    return half_way > held_out_squares(before)
+        return sum_held_out_squares(after) > half_way
+    return half_way > sum_held_out_squares(before)
 
 
-def _worst(group: Sequence[NamedEffect], fit: Fit) -> NamedEffect:
+def _find_worst(group: Sequence[NamedEffect], fit: Fit) -> NamedEffect:
     """Of effects of one sort that do harm, the one without which least is left where nothing was fitted."""
     if len(group) == 1:
         return group[0]
-    return min(group, key=lambda n: held_out_squares(refit_without(fit, {n.key})))
+    return min(group, key=lambda n: sum_held_out_squares(refit_without(fit, {n.key})))

@@ -13,11 +13,11 @@ import numpy as np
 from scipy import sparse
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import default_coordinates, parameter_values
-from scaling_service.model.inertia import tensor_of, whole_tree
+from scaling_service.model.compile import list_parameter_values, repeat_default_pose
+from scaling_service.model.inertia import compile_whole_tree, to_matrix
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR
-from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.multibody.tree import pose_links
 
 KEPT = 0.1
 """Share of the prior's mass, and of its second moment along any direction, that a segment keeps at least
@@ -39,7 +39,7 @@ class Body:
     high: Array
 
 
-def pseudo_inertia(parameters: Array) -> Array:
+def form_pseudo_inertia(parameters: Array) -> Array:
     """The matrix that is positive definite for every body and for nothing else.
 
     Of ``Inertias.parameters`` (..., 10), or of any change of them, for it is linear: (..., 4, 4), second
@@ -58,7 +58,7 @@ def pseudo_inertia(parameters: Array) -> Array:
     return matrix
 
 
-def possible_minimum(
+def minimise_within_cone(
     curvature: Array, slope: Array, mean: Array, directions: Array, bodies: tuple[Body, ...]
 ) -> Array | None:
     """Minimise ``y' diag(curvature) y / 2 - slope' y`` so that ``mean + directions @ y`` are bodies.
@@ -69,8 +69,8 @@ def possible_minimum(
     # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
     moves = (directions * unit).reshape(len(mean), N_PARAMETERS, -1)
-    boxes = [_within_box(mean[b.row], moves[b.row], b) for b in bodies]
-    cones = [_positive(mean[b.row], moves[b.row]) for b in bodies]
+    boxes = [_bound_box(mean[b.row], moves[b.row], b) for b in bodies]
+    cones = [_bound_cone(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
     free = slope * unit
     if all((a @ free + b >= 0.0).all() for a, b in boxes) and all(
@@ -93,7 +93,7 @@ def possible_minimum(
     return np.array(solution.x) * unit if str(solution.status) in _SOLVED else None
 
 
-def _within_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
+def _bound_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
     """Rows ``a y + b >= 0`` that keep the centre of mass in its box: linear in mass and first moment."""
     size = mean[0] * np.maximum(body.high - body.low, 1e-6)[:, None]
     lower = (moves[1:4] - body.low[:, None] * moves[0]) / size
@@ -102,16 +102,16 @@ def _within_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
     return np.concatenate([lower, upper]), at / np.concatenate([size[:, 0], size[:, 0]])
 
 
-def _positive(mean: Array, moves: Array) -> tuple[Array, Array]:
+def _bound_cone(mean: Array, moves: Array) -> tuple[Array, Array]:
     """Rows of ``pseudo-inertia - KEPT * prior's``, in axes that make the prior's nearly the unit matrix."""
-    values, vectors = np.linalg.eigh(pseudo_inertia(mean))
+    values, vectors = np.linalg.eigh(form_pseudo_inertia(mean))
     # A flat body (toes in OpenSim's models) has no thickness to lose: it counts as a thin one.
     to_unit = vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
-    turned = to_unit.T @ pseudo_inertia(moves.T) @ to_unit
-    return _triangle(turned).T, _triangle((1.0 - KEPT) * np.eye(_SIDE))
+    turned = to_unit.T @ form_pseudo_inertia(moves.T) @ to_unit
+    return _take_triangle(turned).T, _take_triangle((1.0 - KEPT) * np.eye(_SIDE))
 
 
-def _triangle(matrices: Array) -> Array:
+def _take_triangle(matrices: Array) -> Array:
     """Upper triangles as the solver takes them, (..., 10)."""
     return matrices[..., _ROWS, _COLUMNS] * _ROOTS
 
@@ -123,15 +123,15 @@ def _is_positive(triangle: Array) -> bool:
     return bool(np.linalg.eigvalsh(matrix)[0] >= 0.0)
 
 
-def bodies_of(model: BodyModel) -> tuple[Body, ...]:
+def list_bodies(model: BodyModel) -> tuple[Body, ...]:
     """The box of every segment with mass, in its own frame.
 
     It spans the joint centres (the segment's own and those of the segments that it carries, in the model's
     default posture) and the markers on it. Along each axis it reaches at least one standard deviation of the
     segment's own mass to both sides of the prior's centre, for so far the segment itself reaches.
     """
-    tree, q = whole_tree(model), np.ascontiguousarray(default_coordinates(model, 1).T)
-    poses = forward(tree, q, parameter_values(model))
+    tree, q = compile_whole_tree(model), np.ascontiguousarray(repeat_default_pose(model, 1).T)
+    poses = pose_links(tree, q, list_parameter_values(model))
     origins, axes = poses.origins[..., 0], poses.axes[..., 0].transpose(0, 2, 1)
     bodies = []
     for k, segment in enumerate(model.segments):
@@ -140,7 +140,7 @@ def bodies_of(model: BodyModel) -> tuple[Body, ...]:
         carried = [i for i, s in enumerate(model.segments) if s.parent == segment.name]
         joints = (origins[[k, *carried]] - origins[k]) @ axes[k]
         markers = np.array([m.nominal for m in model.markers if m.segment == segment.name]).reshape(-1, 3)
-        com, tensor = np.array(segment.com), tensor_of(segment.inertia)
+        com, tensor = np.array(segment.com), to_matrix(segment.inertia)
         moments = 0.5 * np.trace(tensor) - np.diag(tensor)
         reach = np.sqrt(np.clip(moments, 0.0, None) / segment.mass)
         points = np.concatenate([joints, markers, [com - reach, com + reach]])

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import parameter_values
-from scaling_service.model.inertia import mechanism_of
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.wrench import moment_about, regressor_blocks
+from scaling_service.numerics.wrench import compute_regressor_blocks, move_moment
 
 N_COMPONENTS = 6
 
@@ -57,15 +57,15 @@ class Evidence:
         return np.asarray(np.sqrt(np.clip(left, 0.0, None) / self.frames))
 
 
-def evidence_of(model: BodyModel, recording: ForceRecording) -> Evidence:
+def gather_evidence(model: BodyModel, recording: ForceRecording) -> Evidence:
     """Normal equations of one recording, over the frames that have a motion and all their forces."""
     dynamics, used = recording.dynamics, recording.used
-    mechanism = mechanism_of(model)
+    mechanism = compile_mechanism(model)
     prior = mechanism.inertias.parameters().ravel()
-    measured = moment_about(dynamics.external.T, dynamics.root.T).T
+    measured = move_moment(dynamics.external.T, dynamics.root.T).T
     curvature, slope = np.zeros((N_COMPONENTS, prior.size, prior.size)), np.zeros((N_COMPONENTS, prior.size))
     errors = np.full(measured.shape, np.nan)
-    for block in regressor_blocks(mechanism, dynamics.motion.rates, parameter_values(model)):
+    for block in compute_regressor_blocks(mechanism, dynamics.motion.rates, list_parameter_values(model)):
         kept = used[block.rows]
         rows = block.ground[kept]
         error = measured[block.rows][kept] - rows @ prior
@@ -120,7 +120,7 @@ def weigh_errors(
     return squares, count
 
 
-def most_likely_noise(gains: Array, slopes: Array, squares: float, count: float) -> float:
+def estimate_noise(gains: Array, slopes: Array, squares: float, count: float) -> float:
     """The noise that makes the recorded errors most likely, whatever the parameters are.
 
     ``gains`` (k,) are eigenvalues of the whitened information at a noise of one, ``slopes`` (k,) those at the

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.capabilities.dynamics.inertia.cone import bodies_of, possible_minimum
+from scaling_service.capabilities.dynamics.inertia.cone import list_bodies, minimise_within_cone
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
     Evidence,
     ForceRecording,
-    evidence_of,
+    estimate_noise,
     gather,
-    most_likely_noise,
+    gather_evidence,
     weigh_errors,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import (
@@ -30,13 +30,13 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
     WrenchFit,
     describe_combinations,
     describe_parameters,
-    inertial_prior,
+    make_inertial_prior,
 )
 from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.core.text import few
-from scaling_service.model.anatomy.inertia import possible_tensor
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import inertias_of, with_inertias
+from scaling_service.model.inertia import gather_inertias, with_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
 
@@ -132,11 +132,11 @@ def identify_inertia(
             field="trials.calibration",
             remedy="Name recordings with forces",
         )
-    prior = inertial_prior(
+    prior = make_inertial_prior(
         model, settings.spread, mass_known=settings.mass_known, symmetric=settings.symmetric
     )
-    evidence = [evidence_of(model, recording) for recording in fitted]
-    checks = [evidence_of(model, recording) for recording in held_out]
+    evidence = [gather_evidence(model, recording) for recording in fitted]
+    checks = [gather_evidence(model, recording) for recording in held_out]
     solution = _solve(model, prior, evidence, components, None if noise is None else np.asarray(noise, float))
     changed = with_inertias(
         model, Inertias.of_parameters(prior.mean + solution.change.reshape(-1, N_PARAMETERS))
@@ -176,13 +176,13 @@ def _choose_components(
 
 def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
     """The model with every tensor that no body can have replaced by the nearest possible one."""
-    inertias = inertias_of(model)
-    nearest = [possible_tensor(tensor) for tensor in inertias.tensor]
+    inertias = gather_inertias(model)
+    nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
     wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
     if not wrong:
         return model, []
     tensors = np.array([tensor for tensor, _ in nearest])
-    said = f"no body can have the inertia of {few(wrong)}: the nearest possible one was taken"
+    said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
     return with_inertias(model, replace(inertias, tensor=tensors)), [said]
 
 
@@ -202,13 +202,15 @@ def _solve(
     size = (
         1.0
         if noise_known is not None
-        else most_likely_noise(gains, slopes, *weigh_errors(evidence, assumed, components))
+        else estimate_noise(gains, slopes, *weigh_errors(evidence, assumed, components))
     )
     gains, slopes = gains / size**2, slopes / size**2
     kept = np.flatnonzero(gains > DECIDES)[::-1]
     directions = prior.basis @ vectors[:, kept]
-    bodies = bodies_of(model)
-    moves = possible_minimum(1.0 + gains[kept], slopes[kept], prior.mean, prior.scale @ directions, bodies)
+    bodies = list_bodies(model)
+    moves = minimise_within_cone(
+        1.0 + gains[kept], slopes[kept], prior.mean, prior.scale @ directions, bodies
+    )
     if moves is None:
         raise TrialUnusable(
             "no possible inertia was found that fits the forces",
@@ -227,7 +229,8 @@ def _warn(result: InertialIdentification, settings: IdentificationSettings) -> I
     surprises = [f"{p.segment} {p.quantity}" for p in result.parameters if abs(p.moved) > SURPRISING]
     if surprises:
         yield (
-            f"{few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: doubt "
+            f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
+            f"doubt "
             "the motion or the forces first"
         )
     ratio = result.relative_error(held_out=True)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import null_space
 
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import inertias_of
+from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Inertias
 
@@ -59,26 +59,26 @@ class InertialPrior:
     basis: Array  # (10 n, k), orthonormal: the directions of z that may move
 
 
-def inertial_prior(
+def make_inertial_prior(
     model: BodyModel, spread: PriorSpread, *, mass_known: bool, symmetric: bool
 ) -> InertialPrior:
     """The prior around a model's own inertia, its total mass kept where known.
 
     Symmetric: segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
     """
-    inertias = inertias_of(model)
-    sd = _deviations(inertias, spread)
+    inertias = gather_inertias(model)
+    sd = _list_deviations(inertias, spread)
     scale = np.zeros((sd.size, sd.size))
-    for k, slopes in enumerate(_slopes(inertias)):
+    for k, slopes in enumerate(_differentiate_parameters(inertias)):
         rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
         scale[rows, rows] = slopes * sd[k]
-    basis = _moving(model.segment_names, sd, symmetric)
+    basis = _find_moving_directions(model.segment_names, sd, symmetric)
     if mass_known:
         basis = basis @ null_space((scale[::N_PARAMETERS].sum(axis=0) @ basis)[None, :])
     return InertialPrior(model.segment_names, inertias.parameters(), sd, scale, basis)
 
 
-def _deviations(inertias: Inertias, spread: PriorSpread) -> Array:
+def _list_deviations(inertias: Inertias, spread: PriorSpread) -> Array:
     """Standard deviations of ``PARTS``, (n, 10)."""
     mass, tensor = inertias.mass, inertias.tensor
     squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
@@ -91,14 +91,14 @@ def _deviations(inertias: Inertias, spread: PriorSpread) -> Array:
     return np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
 
 
-def _slopes(inertias: Inertias) -> Array:
+def _differentiate_parameters(inertias: Inertias) -> Array:
     """Derivatives of the parameters in ``PARTS``, (n, 10, 10)."""
     mass, com = inertias.mass, inertias.com
     slopes = np.zeros((len(mass), N_PARAMETERS, N_PARAMETERS))
     slopes[:, 0, 0] = 1.0
     slopes[:, 1:4, 0] = com
     slopes[:, (1, 2, 3), (1, 2, 3)] = mass[:, None]
-    slopes[:, 4:, 4:] = tensor_of_second_moments()
+    slopes[:, 4:, 4:] = convert_second_moments()
     squares = (com**2).sum(axis=1)
     for row, (i, j) in enumerate(TENSOR, start=4):
         slopes[:, row, 0] = (i == j) * squares - com[:, i] * com[:, j]
@@ -108,7 +108,7 @@ def _slopes(inertias: Inertias) -> Array:
     return slopes
 
 
-def tensor_of_second_moments() -> Array:
+def convert_second_moments() -> Array:
     """The matrix (6, 6) that makes an inertia tensor of second moments: ``tr(S) 1 - S``."""
     matrix = np.zeros((6, 6))
     for column, (i, j) in enumerate(TENSOR):
@@ -120,7 +120,7 @@ def tensor_of_second_moments() -> Array:
     return matrix
 
 
-def _moving(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
+def _find_moving_directions(segments: tuple[str, ...], sd: Array, symmetric: bool) -> Array:
     """Orthonormal directions of z that may move, whatever the total mass does."""
     columns = []
     for k, name in enumerate(segments):
@@ -144,7 +144,7 @@ SHOWN = 4
 """Parts of a combination that are named (chosen)."""
 
 _REPORTED = np.eye(N_PARAMETERS)
-_REPORTED[4:, 4:] = tensor_of_second_moments()
+_REPORTED[4:, 4:] = convert_second_moments()
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +249,7 @@ def describe_parameters(
     before: BodyModel, after: BodyModel, prior: InertialPrior, solution: Solution
 ) -> tuple[InertialParameter, ...]:
     """Every number of every segment with mass, before and after."""
-    old, new = _numbers(before), _numbers(after)
+    old, new = _list_numbers(before), _list_numbers(after)
     informed = solution.directions * np.sqrt(solution.gains / (1.0 + solution.gains))
     found = []
     for k, segment in enumerate(prior.segments):
@@ -276,9 +276,9 @@ def describe_parameters(
     return tuple(found)
 
 
-def _numbers(model: BodyModel) -> Array:
+def _list_numbers(model: BodyModel) -> Array:
     """Mass, centre of mass and tensor about it, (n, 10)."""
-    inertias = inertias_of(model)
+    inertias = gather_inertias(model)
     tensors = np.stack([inertias.tensor[:, i, j] for i, j in TENSOR], axis=1)
     return np.concatenate([inertias.mass[:, None], inertias.com, tensors], axis=1)
 

@@ -24,8 +24,8 @@ from scipy.special import erf
 from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     BEYOND,
     UNIFORM_RANGE,
-    error_and_indicator,
-    slopes_through_zero,
+    compute_error_and_indicator,
+    fit_slopes_through_zero,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
@@ -34,10 +34,17 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import (
     PointBody,
     Recording,
     Reference,
-    second_difference,
+    difference_twice,
 )
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import CYCLE, Poses, cross, jacobian, positions, rates_of
+from scaling_service.numerics.multibody.tree import (
+    CYCLE,
+    Poses,
+    compute_jacobian,
+    cross,
+    list_rates,
+    place_tree_markers,
+)
 from scaling_service.numerics.wrench import GRAVITY
 
 LAGS = tuple(range(-HALO, HALO + 1))
@@ -59,7 +66,7 @@ class WrenchJacobian:
     kept: NDArray[np.intp]  # (n,): where these frames stand in ``poses``
 
 
-def wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterator[WrenchJacobian]:
+def compute_wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterator[WrenchJacobian]:
     """Derivatives of the wrench of every frame used, or of every tenth and so on, in blocks."""
     for start, stop in reference.spans:
         for at in range(start, stop - 2 * HALO, _BLOCK):
@@ -75,7 +82,7 @@ def wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterator[Wrench
 def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
     """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n + 2 HALO)."""
     body, step = reference.body, reference.step_s
-    y, moved = body.moved(poses), vector_jacobian(body, poses, reference.varied)
+    y, moved = body.moved(poses), compute_vector_jacobian(body, poses, reference.varied)
     n = y.shape[-1] - 2 * HALO
     inner = slice(HALO, HALO + n)
     signed = y * body.signs.ravel()[:, None, None]
@@ -89,13 +96,13 @@ def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
         result[k, :, 3:] = scaled * _sum_cross(signed[..., inner], there)
     here = moved[..., inner]
     own = result[HALO]
-    own[:, 3:] -= _sum_cross(second_difference(signed, step), here)
+    own[:, 3:] -= _sum_cross(difference_twice(signed, step), here)
     own[:, 3:] -= cross(np.einsum("m,vman->van", roots, here[:, ::4]), GRAVITY[:, None])
     # about the moving root, needed and provided alike: M - root x F
     root = poses.frames[poses.plan.link_node[0], 3]
     on_root = np.zeros(1, dtype=np.intp)
     carried = _differentiate_vectors(body, poses, reference.varied, root[None], np.ones(1), on_root)[:, 0]
-    force = second_difference(np.tensordot(roots, y[::4], axes=1), step) - roots @ roots * GRAVITY[:, None]
+    force = difference_twice(np.tensordot(roots, y[::4], axes=1), step) - roots @ roots * GRAVITY[:, None]
     result[:, :, 3:] -= cross(root[:, inner], result[:, :, :3])
     own[:, 3:] -= cross(carried[..., inner], force - external[:, inner])
     return result
@@ -110,7 +117,7 @@ def _sum_cross(y: Array, other: Array) -> Array:
     return result
 
 
-def vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> Array:
+def compute_vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> Array:
     """Derivatives of the vectors y with respect to coordinates, shape (n_varied, 4 n_massive, 3, n)."""
     y = body.moved(poses)
     pull = np.zeros((len(body.masses), 4))
@@ -132,7 +139,7 @@ def _differentiate_vectors(
     entries = tree.plan.entries
     for entry, axis in zip(entries, poses.directions(entries), strict=True):
         rows = np.flatnonzero(below[entry.link][links])
-        wanted = [(row[v], rate) for v, rate in rates_of(tree, poses.values, entry.term) if v in row]
+        wanted = [(row[v], rate) for v, rate in list_rates(tree, poses.values, entry.term) if v in row]
         if not wanted or not len(rows):
             continue
         if entry.is_turn:
@@ -163,64 +170,64 @@ def propagate_linearly(
 ) -> LinearUncertainty:
     """The kinematic part of Muller's study in closed form; arguments and errors as ``propagate``."""
     reference = Reference.of(recording, noise_on)
-    error, dr = error_and_indicator(reference)
-    spread = noise_factors(reference.low_pass.autocovariance(len(LAGS) - 1))
+    error, dr = compute_error_and_indicator(reference)
+    spread = factor_noise(reference.low_pass.autocovariance(len(LAGS) - 1))
     covariances, apart, spreads = [], [], []
-    for block in wrench_jacobians(reference):
-        covariances.append(_wrench_covariance(block, spread))
-        away, wide = _marker_spread(reference, block)
+    for block in compute_wrench_jacobians(reference):
+        covariances.append(_compute_wrench_covariance(block, spread))
+        away, wide = _compute_marker_spread(reference, block)
         apart.append(away)
         spreads.append(wide)
     covariance = np.concatenate(covariances)
     away = np.concatenate(apart)
     wide = np.concatenate(spreads) * np.sqrt(reference.low_pass.autocovariance(0)[0])
-    sizes = _sizes(error, away, wide, 1.0 + max(levels) + BEYOND)
-    errors = np.array([_mean_distance(away, size * wide).mean() for size in sizes])
+    sizes = _choose_sizes(error, away, wide, 1.0 + max(levels) + BEYOND)
+    errors = np.array([_expect_distance(away, size * wide).mean() for size in sizes])
     # the reference's own place on the curve: the frames used only
     errors *= error / errors[0]
     variance = np.einsum("ncc->nc", covariance).mean(axis=0) / reference.scale**2
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
-    dispersion = np.array([_dispersion(error, level, errors, indicators) for level in levels])
-    slopes, r2, _ = slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
+    dispersion = np.array([_compute_dispersion(error, level, errors, indicators) for level in levels])
+    slopes, r2, _ = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
     return LinearUncertainty(error, dr, slopes, 1e2 * error * slopes, r2)
 
 
-def noise_factors(autocovariance: Array) -> Array:
+def factor_noise(autocovariance: Array) -> Array:
     """Weights S, (n_lags, n_factors), with ``S S^T`` the covariance of neighbouring frames."""
     values, vectors = np.linalg.eigh(toeplitz(autocovariance))
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
-def _wrench_covariance(block: WrenchJacobian, spread: Array) -> Array:
+def _compute_wrench_covariance(block: WrenchJacobian, spread: Array) -> Array:
     """Of coordinates with independent noise of unit size, shape (n, 6, 6)."""
     factors = np.einsum("ls,lvcn->nsvc", spread, block.by_lag, optimize=True)
     joined = factors.reshape(len(factors), -1, 6)
     return np.asarray(joined.transpose(0, 2, 1) @ joined)
 
 
-def _marker_spread(reference: Reference, block: WrenchJacobian) -> tuple[Array, Array]:
+def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple[Array, Array]:
     """Of all markers seen in all frames: distance from the model's, and spread for unit size of the noise.
 
     Both are flat, in m; the spread is the standard deviation per direction, mean over the three.
     """
     tree, poses = reference.body.tree, block.poses
-    placed = positions(tree, poses)
-    moved = jacobian(tree, poses, placed, reference.varied)[..., block.kept]
+    placed = place_tree_markers(tree, poses)
+    moved = compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
     away = placed[..., block.kept] - reference.measured[..., block.rows]
     seen = reference.seen[:, block.rows] > 0
     wide = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
     return np.linalg.norm(away, axis=1)[seen], wide[seen]
 
 
-def _sizes(error: float, away: Array, wide: Array, reach: float) -> Array:
+def _choose_sizes(error: float, away: Array, wide: Array, reach: float) -> Array:
     """Sizes of noise from none to one whose expected error is ``reach`` times the reference's."""
     largest = error / float(wide.mean())
-    while _mean_distance(away, largest * wide).mean() < reach * error:
+    while _expect_distance(away, largest * wide).mean() < reach * error:
         largest *= 1.5
     return np.linspace(0.0, largest, _GRID)
 
 
-def _mean_distance(away: Array, wide: Array) -> Array:
+def _expect_distance(away: Array, wide: Array) -> Array:
     """Expected length of a vector of length ``away`` plus Gaussian noise alike in all directions.
 
     With ``a`` the length and ``s`` the standard deviation per direction, the mean of the noncentral Maxwell
@@ -228,7 +235,7 @@ def _mean_distance(away: Array, wide: Array) -> Array:
 
     Examples
     --------
-    >>> [round(float(x), 6) for x in _mean_distance(np.array([5.0, 1e-9]), np.array([1e-9, 1.0]))]
+    >>> [round(float(x), 6) for x in _expect_distance(np.array([5.0, 1e-9]), np.array([1e-9, 1.0]))]
     [5.0, 1.595769]
     """
     a, s = np.maximum(away, 1e-9 * (away.max() + wide.max())), np.maximum(wide, 1e-9 * away.max())
@@ -239,7 +246,7 @@ def _mean_distance(away: Array, wide: Array) -> Array:
     return expected
 
 
-def _dispersion(error: float, level: float, errors: Array, indicators: Array) -> Array:
+def _compute_dispersion(error: float, level: float, errors: Array, indicators: Array) -> Array:
     """Of the indicators, where the error is uniform up to a level; shape (6,)."""
     wanted = error * (1.0 + level * (np.arange(_GRID) + 0.5) / _GRID)
     found = np.array([np.interp(wanted, errors, column) for column in indicators.T])

@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.dynamics.uncertainty.linear import (
     LAGS,
     WrenchJacobian,
-    noise_factors,
-    wrench_jacobians,
+    compute_wrench_jacobians,
+    factor_noise,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
 from scaling_service.core.errors import InputError
-from scaling_service.model.inertia import inertias_of, mechanism_of
+from scaling_service.model.inertia import compile_mechanism, gather_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import jacobian, marker_positions, positions
-from scaling_service.numerics.signals.filters import butterworth
-from scaling_service.numerics.signals.splines import spline_rates
-from scaling_service.numerics.wrench import regressor_blocks
+from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
+from scaling_service.numerics.signals.filters import filter_butterworth
+from scaling_service.numerics.signals.splines import differentiate_spline
+from scaling_service.numerics.wrench import compute_regressor_blocks
 
 SHARED = 0.75
 """Share of the variance of a marker's error that is its segment's: skin markers move together by about 18
@@ -74,7 +74,7 @@ class MarkerUncertainty:
         return np.asarray(np.sqrt(np.einsum("ncc->nc", self.covariance)))
 
 
-def marker_uncertainty(
+def propagate_marker_errors(
     recording: Recording, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
@@ -87,15 +87,15 @@ def marker_uncertainty(
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filter_residuals(reference)
-    spread = noise_factors(_correlation(left, reference))
-    size = _sizes(reference, left, weights, shared)
+    spread = factor_noise(_estimate_correlation(left, reference))
+    size = _estimate_sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
-    together = _common_errors(reference, sizes, shared)
+    together = _spread_common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
-    for block in wrench_jacobians(reference):
-        effect = _effect(block, _follow(reference, block, weights)[0], spread)
+    for block in compute_wrench_jacobians(reference):
+        effect = _compute_effect(block, _follow(reference, block, weights)[0], spread)
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
-        covariances.append(_outer(own) + _outer(common))
+        covariances.append(_sum_outer_products(own) + _sum_outer_products(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
         weight = together**2 / np.maximum((together**2).sum(axis=1, keepdims=True), np.finfo(float).tiny)
         variance += (own**2).sum(axis=(0, 1, 4)).T + weight.T @ by_segment
@@ -109,16 +109,16 @@ def marker_uncertainty(
     )
 
 
-def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> Array:
+def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: float) -> Array:
     """Standard deviation of each marker's own error per direction, m.
 
     What is left of errors e is ``(1 - J P) e``: the variance that unit errors would leave of each marker is
     compared with what is left of it.
     """
     count = len(weights)
-    common = _common_errors(reference, np.ones(count), shared)
+    common = _spread_common_errors(reference, np.ones(count), shared)
     remains = []
-    for block in wrench_jacobians(reference, every=_THIN):
+    for block in compute_wrench_jacobians(reference, every=_THIN):
         gain, moved, seen = _follow(reference, block, weights)
         n = len(gain)
         follows = moved.reshape(n, moved.shape[1], -1).transpose(0, 2, 1) @ gain.reshape(n, gain.shape[1], -1)
@@ -133,7 +133,7 @@ def _sizes(reference: Reference, left: Array, weights: Array, shared: float) -> 
     return np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
 
 
-def _common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
+def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
     links = reference.body.tree.marker_link
     on = links[None, :] == np.arange(len(reference.body.tree.links))[:, None]
@@ -144,10 +144,10 @@ def _common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
 def _filter_residuals(reference: Reference) -> Array:
     """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
     body, low_pass = reference.body, reference.low_pass
-    placed = np.moveaxis(marker_positions(body.tree, np.nan_to_num(reference.q.T), body.p), 0, -1)
+    placed = np.moveaxis(pose_markers(body.tree, np.nan_to_num(reference.q.T), body.p), 0, -1)
     known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
     left = np.where(known[:, None], reference.measured - placed, np.nan)
-    filtered = butterworth(
+    filtered = filter_butterworth(
         np.moveaxis(left, -1, 0),
         rate_hz=low_pass.rate_hz,
         cutoff_hz=low_pass.cutoff_hz,
@@ -156,7 +156,7 @@ def _filter_residuals(reference: Reference) -> Array:
     return np.asarray(np.moveaxis(filtered.values, 0, -1))
 
 
-def _correlation(left: Array, reference: Reference) -> Array:
+def _estimate_correlation(left: Array, reference: Reference) -> Array:
     """Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)."""
     n = reference.n_frames
     found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(LAGS))]
@@ -172,7 +172,9 @@ def _follow(
     seen, (n, n_markers).
     """
     tree, poses = reference.body.tree, block.poses
-    by_variable = jacobian(tree, poses, positions(tree, poses), reference.varied)[..., block.kept]
+    by_variable = compute_jacobian(tree, poses, place_tree_markers(tree, poses), reference.varied)[
+        ..., block.kept
+    ]
     moved = np.ascontiguousarray(np.moveaxis(by_variable, -1, 0))
     seen = reference.seen[:, block.rows].T > 0
     weighted = moved * (weights * seen)[:, None, :, None]
@@ -184,7 +186,7 @@ def _follow(
     return np.asarray(gain).reshape(moved.shape), moved, seen
 
 
-def _effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
+def _compute_effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
     """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
     factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
     n, count, _, varied = factors.shape
@@ -192,7 +194,7 @@ def _effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
     return np.asarray(effect.reshape(n, count, 6, gain.shape[2], 3))
 
 
-def _outer(effect: Array) -> Array:
+def _sum_outer_products(effect: Array) -> Array:
     """Covariance of independent errors, (n, s, 6, m, 3) to (n, 6, 6)."""
     flat = np.moveaxis(effect, 2, 1).reshape(len(effect), 6, -1)
     return np.asarray(flat @ flat.transpose(0, 2, 1))
@@ -245,8 +247,8 @@ def choose_frames(
     thin = max(1, round(reference.low_pass.rate_hz / (INDEPENDENT * recording.cutoff_hz)))
     picked = np.arange(0, len(uncertainty.frames), thin)
     place = uncertainty.frames[picked] // length
-    pieces = _information(recording, reference, uncertainty, picked, place)
-    order, gains = _greedy(list(pieces.values()), min(count, len(pieces)))
+    pieces = _gather_information(recording, reference, uncertainty, picked, place)
+    order, gains = _choose_greedily(list(pieces.values()), min(count, len(pieces)))
     numbers = np.array(list(pieces))[order]
     weight = reference.scale[0]
     windows, frames = [], np.zeros(reference.n_frames, dtype=bool)
@@ -259,7 +261,7 @@ def choose_frames(
     return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
 
 
-def _information(
+def _gather_information(
     recording: Recording,
     reference: Reference,
     uncertainty: MarkerUncertainty,
@@ -268,11 +270,11 @@ def _information(
 ) -> dict[int, Array]:
     """Window number to its information in units of what a table leaves open."""
     rows, q = uncertainty.frames[picked], reference.q.T
-    first, second = spline_rates(recording.motion.times, q)
+    first, second = differentiate_spline(recording.motion.times, q)
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
-    blocks = regressor_blocks(mechanism_of(recording.model), rates, reference.body.p)
+    blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.body.p)
     regressor = np.concatenate([block.ground for block in blocks])
-    scale = _table_sd(recording)
+    scale = _list_table_sd(recording)
     root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
     whitened = root @ (regressor * scale)
     pieces = {}
@@ -282,9 +284,9 @@ def _information(
     return pieces
 
 
-def _table_sd(recording: Recording) -> Array:
+def _list_table_sd(recording: Recording) -> Array:
     """Standard deviation of all inertial parameters before the recording, shape (10 n_segments,)."""
-    inertias = inertias_of(recording.model)
+    inertias = gather_inertias(recording.model)
     result = np.empty((len(inertias.mass), N_PARAMETERS))
     mass = inertias.mass
     result[:, 0] = MASS_SHARE * mass
@@ -293,7 +295,7 @@ def _table_sd(recording: Recording) -> Array:
     return result.ravel()
 
 
-def _greedy(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:
+def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:
     """Places of the pieces that raise ``log det (1 + sum)`` most, one by one, and by how much."""
     total, value = np.eye(len(pieces[0])), 0.0
     order: list[int] = []

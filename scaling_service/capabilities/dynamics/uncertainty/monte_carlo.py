@@ -14,7 +14,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.model.forces import CONTACT_N
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import cross, forward
+from scaling_service.numerics.multibody.tree import cross, pose_links
 
 UNIFORM_RANGE = np.sqrt(12.0)
 """Range of a uniform distribution over its standard deviation (Muller et al. 2017, eq. 10)."""
@@ -71,13 +71,13 @@ def draw_database(
 
     ``reach`` is the reconstruction error that must be covered, over the reference's.
     """
-    error, dr = error_and_indicator(reference)
-    largest = _largest(reference, seed, error, reach + BEYOND)
+    error, dr = compute_error_and_indicator(reference)
+    largest = _find_largest(reference, seed, error, reach + BEYOND)
     rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
     return MotionDatabase(error, dr, rows[:, 0], rows[:, 1], rows[:, 2:])
 
 
-def error_and_indicator(reference: Reference) -> tuple[float, Array]:
+def compute_error_and_indicator(reference: Reference) -> tuple[float, Array]:
     """Of the reference motion itself, which must not follow its markers exactly."""
     error, residual = reference.residual(reference.q)
     if error < EXACT_M:
@@ -98,14 +98,14 @@ def _sample(
 ) -> Array:
     """Rows of all samples in their order, computed in chunks, here or in worker processes (so picklable)."""
     chunks = [range(start, min(start + CHUNK, count)) for start in range(0, count, CHUNK)]
-    futures = [executor.submit(_rows, sample, chunk) for chunk in chunks]
+    futures = [executor.submit(_list_rows, sample, chunk) for chunk in chunks]
     for done, _ in enumerate(as_completed(futures), start=1):
         if progress is not None:
             progress(done / len(futures))
     return np.concatenate([future.result() for future in futures])
 
 
-def _rows(sample: Callable[[int], Array], numbers: range) -> Array:
+def _list_rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
@@ -118,7 +118,7 @@ def _perturb(reference: Reference, seed: int, largest: float, number: int) -> Ar
     return np.concatenate([[size, error], reference.indicator(residual)])
 
 
-def _largest(reference: Reference, seed: int, error: float, reach: float) -> float:
+def _find_largest(reference: Reference, seed: int, error: float, reach: float) -> float:
     """The size of perturbations whose error is ``reach`` times the reference's, in the mean of few motions.
 
     The squared error grows about as the squared size; two steps settle it.
@@ -134,7 +134,7 @@ def _largest(reference: Reference, seed: int, error: float, reach: float) -> flo
     return size
 
 
-def levels_of(
+def draw_levels(
     database: MotionDatabase, levels: tuple[float, ...], samples: int, seed: int
 ) -> tuple[Level, ...]:
     """Draw each level's motions from the database, with replacement."""
@@ -144,13 +144,13 @@ def levels_of(
         added = relative * database.error_m
         shares = stream(seed, "uncertainty", "level", str(relative)).random(samples)
         wanted = database.error_m + added * shares
-        drawn = order[_nearest(database.errors_m[order], wanted)]
+        drawn = order[_find_nearest(database.errors_m[order], wanted)]
         spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
         found.append(Level(added, spread, len(np.unique(drawn))))
     return tuple(found)
 
 
-def _nearest(ascending: Array, wanted: Array) -> Array:
+def _find_nearest(ascending: Array, wanted: Array) -> Array:
     """The place of the nearest value for each that is wanted."""
     after = np.clip(np.searchsorted(ascending, wanted), 1, len(ascending) - 1)
     before = after - 1
@@ -158,7 +158,7 @@ def _nearest(ascending: Array, wanted: Array) -> Array:
     return np.where(nearer, before, after)
 
 
-def slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
+def fit_slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Least-squares lines without intercept, and how well they fit.
 
     Of x (n,) and y (n, k): slopes (k,), ``r2 = 1 - SSE / sum y^2`` (right without intercept: Eisenhauer 2003,
@@ -167,7 +167,8 @@ def slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
     Examples
     --------
     >>> import numpy as np
-    >>> [values.tolist() for values in slopes_through_zero(np.array([1.0, 2.0]), np.array([[2.0], [4.0]]))]
+    >>> fitted = fit_slopes_through_zero(np.array([1.0, 2.0]), np.array([[2.0], [4.0]]))
+    >>> [values.tolist() for values in fitted]
     [[2.0], [1.0], [1.0]]
     """
     slopes = x @ y / (x @ x)
@@ -202,19 +203,19 @@ class _Plates:
     scale: Array
 
 
-def plate_dispersion(
+def draw_plate_dispersion(
     reference: Reference, noise: PlateNoise, samples: int, seed: int, executor: Executor
 ) -> Array:
     """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
-    plates = _plates(reference, noise)
+    plates = _prepare_plates(reference, noise)
     rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
     return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
 
 
-def _plates(reference: Reference, noise: PlateNoise) -> _Plates:
+def _prepare_plates(reference: Reference, noise: PlateNoise) -> _Plates:
     used = reference.used
     _, residual = reference.residual(reference.q)
-    poses = forward(reference.body.tree, reference.q[:, used], reference.body.p)
+    poses = pose_links(reference.body.tree, reference.q[:, used], reference.body.p)
     root = poses.frames[poses.plan.link_node[0], 3]
     force, moment = (np.moveaxis(x[used], 0, -1) for x in (reference.loads.force, reference.loads.moment))
     pressing = force[:, 1]

@@ -15,14 +15,14 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     ORDER,
     check_clock,
     in_model_order,
-    indicator_scale,
-    no_frame,
     rated_motion,
+    report_no_frame,
+    scale_indicator,
 )
 from scaling_service.model.body import BodyModel, Marker, Segment
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import tensor_of, total_mass
+from scaling_service.model.inertia import sum_mass, to_matrix
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
@@ -30,12 +30,12 @@ from scaling_service.numerics.multibody.tree import (
     Poses,
     Tree,
     cross,
-    forward,
-    marker_positions,
-    positions,
+    place_tree_markers,
+    pose_links,
+    pose_markers,
 )
-from scaling_service.numerics.signals.filters import filter_run, runs
-from scaling_service.numerics.wrench import GRAVITY, moment_about
+from scaling_service.numerics.signals.filters import filter_run, find_runs
+from scaling_service.numerics.wrench import GRAVITY, move_moment
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
 """Weights of the central second difference of order 8 at lags 1 to 4, times the squared step (Fornberg 1988,
@@ -45,7 +45,7 @@ HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
 
 
-def trees_of(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
+def make_trees(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
     """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
     centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
     whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
@@ -89,17 +89,17 @@ class PointBody:
     def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
         """A model with mass, and the markers to compare in this order."""
         heavy = [s for s in model.segments if s.mass]
-        whole, tree = trees_of(model, markers, heavy)
+        whole, tree = make_trees(model, markers, heavy)
         vectors, signs = np.empty((len(heavy), 4, 3)), np.ones((len(heavy), 4))
         for row, segment in enumerate(heavy):
-            tensor = tensor_of(segment.inertia)
+            tensor = to_matrix(segment.inertia)
             moments, axes = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
             vectors[row, 0] = np.sqrt(segment.mass) * np.array(segment.com)
             vectors[row, 1:] = (axes * np.sqrt(np.abs(moments))).T
             signs[row, 1:][moments < 0] = -1.0
         masses = np.array([s.mass for s in heavy])
         links = whole.marker_link[len(markers) :]
-        return cls(tree, links, parameter_values(model), masses, vectors, signs)
+        return cls(tree, links, list_parameter_values(model), masses, vectors, signs)
 
     @cached_property
     def nodes(self) -> NDArray[np.intp]:
@@ -108,7 +108,7 @@ class PointBody:
 
     def poses(self, q: Array) -> Poses:
         """Where all segments are, of coordinates (n_coordinates, n)."""
-        return forward(self.tree, q, self.p)
+        return pose_links(self.tree, q, self.p)
 
     def moved(self, poses: Poses) -> Array:
         """The vectors y of a motion, shape (4 n_massive, 3, n), kg^0.5 m."""
@@ -128,7 +128,7 @@ class PointBody:
         first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)
         inner = slice(HALO, n - HALO)
         result = np.empty((6, n - 2 * HALO))
-        result[:3] = second_difference(first, step_s) - self.masses.sum() * GRAVITY[:, None]
+        result[:3] = difference_twice(first, step_s) - self.masses.sum() * GRAVITY[:, None]
         result[3:] = self._angular_momentum_rate(y) / step_s**2
         result[3:] -= cross(first[:, inner], GRAVITY[:, None]) + cross(root[:, inner], result[:3])
         return result
@@ -138,7 +138,7 @@ class PointBody:
         total = np.zeros((3, n - 2 * HALO))
         signed = y if (self.signs > 0).all() else y * self.signs.ravel()[:, None, None]
         for lag, weight in enumerate(STENCIL, start=1):
-            between = lagged_moment(signed, y, lag)
+            between = sum_lagged_products(signed, y, lag)
             # starts at frame HALO - lag of the difference, so that both terms are slices of one array
             ahead = between[:, HALO : HALO + total.shape[1]]
             behind = between[:, HALO - lag : HALO - lag + total.shape[1]]
@@ -146,7 +146,7 @@ class PointBody:
         return total
 
 
-def lagged_moment(y: Array, other: Array, lag: int) -> Array:
+def sum_lagged_products(y: Array, other: Array, lag: int) -> Array:
     """``sum y(i) x other(i + lag)`` over all vectors, shape (3, n - lag)."""
     n = y.shape[-1] - lag
     result = np.empty((3, n))
@@ -156,7 +156,7 @@ def lagged_moment(y: Array, other: Array, lag: int) -> Array:
     return result
 
 
-def second_difference(x: Array, step_s: float) -> Array:
+def difference_twice(x: Array, step_s: float) -> Array:
     """Second derivative along the last axis without the halo, shape (..., n - 2 HALO)."""
     n = x.shape[-1] - 2 * HALO
     result: Array = -2.0 * sum(STENCIL) * x[..., HALO : HALO + n]
@@ -222,11 +222,11 @@ class Reference:
         """
         model, motion = recording.model, recording.motion
         check_clock(recording.loads, motion.times, motion.trial)
-        scale = indicator_scale(total_mass(model), recording.height_m)
+        scale = scale_indicator(sum_mass(model), recording.height_m)
         raw = in_model_order(model, motion)
         rated = rated_motion(model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order)
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
-        spans = tuple((a, b) for a, b in runs(known).tolist() if b - a > 2 * HALO)
+        spans = tuple((a, b) for a, b in find_runs(known).tolist() if b - a > 2 * HALO)
         inner = np.zeros(len(known), dtype=bool)
         for start, stop in spans:
             inner[start + HALO : stop - HALO] = True
@@ -235,8 +235,8 @@ class Reference:
         if recording.frames is not None:
             used &= recording.frames
         if not used.any():
-            raise no_frame(motion.trial)
-        measured, seen = _measured(model, motion, raw)
+            raise report_no_frame(motion.trial)
+        measured, seen = _list_measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
         return cls(
             motion.trial,
@@ -244,7 +244,7 @@ class Reference:
             LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step,
             np.ascontiguousarray(rated.q.T),
-            _varied(model, motion, noise_on),
+            _list_varied(model, motion, noise_on),
             spans,
             measured,
             seen,
@@ -282,8 +282,8 @@ class Reference:
             poses = self.body.poses(np.ascontiguousarray(q[:, rows]))
             root = poses.frames[poses.plan.link_node[0], 3]
             needed = self.body.wrench(self.body.moved(poses), root, self.step_s)
-            residual[:, inner] = needed - moment_about(self.external[:, inner], root[:, HALO:-HALO])
-            away = positions(self.body.tree, poses)[:, :, HALO:-HALO] - self.measured[:, :, inner]
+            residual[:, inner] = needed - move_moment(self.external[:, inner], root[:, HALO:-HALO])
+            away = place_tree_markers(self.body.tree, poses)[:, :, HALO:-HALO] - self.measured[:, :, inner]
             seen = self.seen[:, inner]
             far += float(np.vdot(np.sqrt(np.einsum("man,man->mn", away, away)), seen))
             total += float(seen.sum())
@@ -304,7 +304,7 @@ class Reference:
         ]
 
 
-def _varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.intp]:
+def _list_varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.intp]:
     names = set(motion.estimated)
     chosen = [
         k
@@ -314,10 +314,10 @@ def _varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.i
     return np.array(chosen, dtype=np.intp)
 
 
-def _measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
+def _list_measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
     """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
     tree = compile_model(model, motion.markers)
-    placed = marker_positions(tree, np.nan_to_num(q), parameter_values(model))
+    placed = pose_markers(tree, np.nan_to_num(q), list_parameter_values(model))
     measured = np.moveaxis(placed + motion.residuals, 0, -1)
     seen = np.asarray(np.isfinite(measured).all(axis=1)) & np.asarray(np.isfinite(motion.q).all(axis=1))
     return np.where(seen[:, None], measured, 0.0), np.ascontiguousarray(seen.astype(float))

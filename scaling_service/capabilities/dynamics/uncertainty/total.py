@@ -18,9 +18,9 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     Level,
     PlateNoise,
     draw_database,
-    levels_of,
-    plate_dispersion,
-    slopes_through_zero,
+    draw_levels,
+    draw_plate_dispersion,
+    fit_slopes_through_zero,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
@@ -120,11 +120,11 @@ def propagate(
     database = draw_database(
         reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
     )
-    levels = levels_of(database, settings.levels, settings.samples, settings.seed)
-    plate = plate_dispersion(reference, settings.plates, settings.samples, settings.seed, run)
+    levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
+    plate = draw_plate_dispersion(reference, settings.plates, settings.samples, settings.seed, run)
     added = np.array([level.added_m for level in levels])
     dispersion = np.array([level.dispersion for level in levels])
-    slopes, r2, centred = slopes_through_zero(1e2 * added, dispersion)  # per cm
+    slopes, r2, centred = fit_slopes_through_zero(1e2 * added, dispersion)  # per cm
     kinematic = 1e2 * database.error_m * slopes
     total = kinematic + plate
     return WrenchUncertainty(
@@ -158,12 +158,12 @@ def describe_verdict(dr: Array, total: Array) -> str:
     acceptable = force <= SMALL_FORCE and moment <= SMALL_MOMENT
     said = "are acceptable" if acceptable else "leave more than those of a table usually do"
     return (
-        f"{_about_calibration(dr > total)} The parameters at hand {said}: forces are left by "
+        f"{_describe_calibration(dr > total)} The parameters at hand {said}: forces are left by "
         f"{100 * force:.1f} % of body weight, moments by {100 * moment:.1f} % of body weight times stature."
     )
 
 
-def blames_inertia(dr: Array, sd: Array) -> NDArray[np.bool_]:
+def is_inertia_dominant(dr: Array, sd: Array) -> NDArray[np.bool_]:
     """Where the larger part of a residual is inertia's, by the uncertainty that the markers' errors give.
 
     Sharper than the verdict, which sets the residual against the whole range of white noise on every angle.
@@ -171,13 +171,13 @@ def blames_inertia(dr: Array, sd: Array) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> blames_inertia(np.array([0.02, 0.02]), np.array([0.01, 0.015])).tolist()
+    >>> is_inertia_dominant(np.array([0.02, 0.02]), np.array([0.01, 0.015])).tolist()
     [True, False]
     """
     return np.asarray(dr > LARGER * sd)
 
 
-def _about_calibration(supported: NDArray[np.bool_]) -> str:
+def _describe_calibration(supported: NDArray[np.bool_]) -> str:
     names = np.array(COMPONENTS)
     yes, no = ", ".join(names[supported]), ", ".join(names[~supported])
     if not yes:

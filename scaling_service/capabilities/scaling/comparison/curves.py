@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
-from scaling_service.capabilities.scaling.comparison.geometry import joint_angles
+from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
@@ -22,7 +22,7 @@ from scaling_service.numerics.statistics.waveforms import Curves as CohortCurves
 from scaling_service.numerics.statistics.waveforms import (
     WaveformSettings,
     compare_waveforms,
-    normalised_cycles,
+    normalise_cycles,
 )
 
 _JOINTS = ("hip", "knee", "ankle")
@@ -117,28 +117,30 @@ class StrideCurves:
     reasons: Mapping[str, str]
 
 
-def error_curves(results: Results) -> tuple[Curves, ...]:
+def make_error_curves(results: Results) -> tuple[Curves, ...]:
     """Mean distance between measured and model markers over time, mm, of each trial."""
     found = []
     for trial in results.session.dynamic:
         motions = {n: s.motions[trial.name] for n, s in results.scalings.items() if trial.name in s.motions}
-        found += _over_time(
-            results, trial, "mean distance", {n: 1e3 * _mean_distance(m) for n, m in motions.items()}
+        found += _make_curves_over_time(
+            results, trial, "mean distance", {n: 1e3 * _average_distance(m) for n, m in motions.items()}
         )
     return tuple(found)
 
 
-def angle_curves(results: Results, trial: Trial) -> tuple[Curves, ...]:
+def make_angle_curves(results: Results, trial: Trial) -> tuple[Curves, ...]:
     """Joint angles over time, degrees, in one trial."""
     motions = {name: scaling.motions[trial.name] for name, scaling in results.scalings.items()}
     found = []
-    for angle in _angles(results):
+    for angle in _list_angles(results):
         known = {n: np.degrees(m.column(angle)) for n, m in motions.items() if angle in m.estimated}
-        found += _over_time(results, trial, angle, known)
+        found += _make_curves_over_time(results, trial, angle, known)
     return tuple(found)
 
 
-def _over_time(results: Results, trial: Trial, name: str, values: Mapping[str, Array]) -> list[Curves]:
+def _make_curves_over_time(
+    results: Results, trial: Trial, name: str, values: Mapping[str, Array]
+) -> list[Curves]:
     """The curves of those methods that know any value, as many points as a chart shows."""
     rows = slice(None, None, max(1, -(-trial.n_frames // MOST_POINTS)))
     known = {method: v[rows] for method, v in values.items() if np.isfinite(v[rows]).any()}
@@ -146,7 +148,7 @@ def _over_time(results: Results, trial: Trial, name: str, values: Mapping[str, A
     return [Curves(name, trial.name, held_out, trial.times[rows], known)] if known else []
 
 
-def gait_curves(results: Results, reference: str) -> Gait:
+def make_gait_curves(results: Results, reference: str) -> Gait:
     """Joint angles over the gait cycle, and where methods differ from ``reference``.
 
     Held-out trials are taken where they show a cycle, else those that were fitted.
@@ -154,29 +156,30 @@ def gait_curves(results: Results, reference: str) -> Gait:
     trials = results.session.dynamic
     for held_out in (True, False):
         group = [trial for trial in trials if (trial.name in results.held_out) == held_out]
-        gait = _gait(results, group, reference, held_out=held_out)
+        gait = _make_gait(results, group, reference, held_out=held_out)
         if gait.curves:
             return gait
     reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
     return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
 
 
-def _gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out: bool) -> Gait:
+def _make_gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out: bool) -> Gait:
     curves: list[CycleCurves] = []
     used: list[str] = []
     for side in SIDES:
-        angles = [name for name in _moving(results, trials) if name.endswith(f"_{side}")]
+        angles = [name for name in _list_moving(results, trials) if name.endswith(f"_{side}")]
         cut, _ = _cut_strides(trials, [s.motions for s in results.scalings.values()], angles, side)
         if cut:
             used += cut
             degrees = np.degrees(np.stack([stride for strides in cut.values() for stride in strides]))
             curves += [
-                _cycle_curves(angle, degrees[:, :, k], reference, results) for k, angle in enumerate(angles)
+                _make_cycle_curves(angle, degrees[:, :, k], reference, results)
+                for k, angle in enumerate(angles)
             ]
     return Gait(tuple(curves), reference, tuple(dict.fromkeys(used)), held_out)
 
 
-def _cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
+def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
     """One angle's cycles, (n_cycles, n_methods, n_nodes), degrees, summed up and tested."""
     n, methods = len(values), tuple(results.scalings)
     mean, spread = values.mean(axis=0), values.std(axis=0, ddof=1 if n > 1 else 0)
@@ -194,17 +197,17 @@ def _cycle_curves(angle: str, values: Array, reference: str, results: Results) -
     return CycleCurves(angle, *by_method, n, anova, pairs)
 
 
-def _angles(results: Results) -> tuple[str, ...]:
-    return joint_angles(next(iter(results.scalings.values())).calibration.model)
+def _list_angles(results: Results) -> tuple[str, ...]:
+    return list_joint_angles(next(iter(results.scalings.values())).calibration.model)
 
 
-def _moving(results: Results, trials: Sequence[Trial]) -> list[str]:
+def _list_moving(results: Results, trials: Sequence[Trial]) -> list[str]:
     """The joint angles that some recording determines."""
     motions = [s.motions[t.name] for s in results.scalings.values() for t in trials]
-    return [name for name in _angles(results) if any(name in motion.estimated for motion in motions)]
+    return [name for name in _list_angles(results) if any(name in motion.estimated for motion in motions)]
 
 
-def _mean_distance(motion: Motion) -> Array:
+def _average_distance(motion: Motion) -> Array:
     """Over the markers seen in each frame, m; NaN where none is seen."""
     distances = motion.distances
     seen = np.isfinite(distances)
@@ -213,7 +216,7 @@ def _mean_distance(motion: Motion) -> Array:
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
-def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
+def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
     """Cut every method's joint angles at the strides that the markers show, and average them.
 
     A stride counts for all methods or for none: one in which any method's angle is not determined is left
@@ -227,7 +230,9 @@ def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -
     reasons: dict[str, str] = {}
     every = [motion for of_method in motions.values() for motion in of_method.values()]
     for side in SIDES:
-        names = [n for n in leg_coordinates(model, side) if all(n in motion.estimated for motion in every)]
+        names = [
+            n for n in list_leg_coordinates(model, side) if all(n in motion.estimated for motion in every)
+        ]
         by_trial, why = _cut_strides(trials, list(motions.values()), names, side)
         cut = [stride for found in by_trial.values() for stride in found]
         strides[side] = len(cut)
@@ -240,7 +245,7 @@ def stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -
     return StrideCurves(curves, strides, reasons)
 
 
-def leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
+def list_leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
     """The rotations of hip, knee and ankle of one side, by their OpenSim-like names (``hip_flexion_r``)."""
     return tuple(
         c.name
@@ -261,7 +266,7 @@ def _cut_strides(
         table, named = np.stack(columns, axis=1), [*names] * len(methods)
         for cycle in found.cycles:
             try:
-                (curves,) = normalised_cycles(trial.times, table, [cycle], named, trial=trial.name)
+                (curves,) = normalise_cycles(trial.times, table, [cycle], named, trial=trial.name)
             except TrialUnusable as error:
                 why.append(error.problem)
             else:

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import joint_angles, usual_lengths
+from scaling_service.capabilities.scaling.comparison.geometry import estimate_usual_lengths, list_joint_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.documents.results import TrustNote
@@ -177,20 +177,25 @@ class Verdict:
     findings: tuple[Finding, ...]
 
 
-def evidence_of(results: Results) -> Evidence:
+def gather_evidence(results: Results) -> Evidence:
     """What a verdict on the methods computed rests on."""
     session = results.session
     fitted = [trial.name for trial in session.calibration]
     names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
     return Evidence(
-        tuple(_method(scaling, fitted, results.held_out) for scaling in results.scalings.values()),
+        tuple(
+            _gather_method_evidence(scaling, fitted, results.held_out)
+            for scaling in results.scalings.values()
+        ),
         frozenset() if session.images is None else frozenset(session.images.centres),
-        usual_lengths(session.subject.height_m, sorted(names)),
-        angles_apart(results.scalings, results.held_out or fitted),
+        estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        find_angles_apart(results.scalings, results.held_out or fitted),
     )
 
 
-def _method(scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]) -> MethodEvidence:
+def _gather_method_evidence(
+    scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
+) -> MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
     method, parameters = METHODS[calibration.method], calibration.parameters
     return MethodEvidence(
@@ -237,7 +242,7 @@ def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) 
     )
 
 
-def angles_apart(
+def find_angles_apart(
     scalings: Mapping[str, Scaling], trials: Sequence[str]
 ) -> dict[tuple[str, str], tuple[str, float]]:
     """For every two methods the joint angle in which they differ most, and its RMS difference, rad.
@@ -246,20 +251,20 @@ def angles_apart(
     """
     found = {}
     for first, second in combinations(scalings, 2):
-        gaps = _gaps(scalings[first], scalings[second], trials)
+        gaps = _compute_gaps(scalings[first], scalings[second], trials)
         if gaps:
             worst = max(gaps, key=lambda name: gaps[name])
             found[first, second] = (worst, gaps[worst])
     return found
 
 
-def _gaps(first: Scaling, second: Scaling, trials: Sequence[str]) -> dict[str, float]:
+def _compute_gaps(first: Scaling, second: Scaling, trials: Sequence[str]) -> dict[str, float]:
     """Joint angle to the RMS difference of two methods, rad."""
     both = [
         (first.motions[t], second.motions[t]) for t in trials if t in first.motions and t in second.motions
     ]
     gaps = {}
-    for name in joint_angles(first.calibration.model):
+    for name in list_joint_angles(first.calibration.model):
         squares = [
             (a.column(name) - b.column(name)) ** 2
             for a, b in both

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
 from scaling_service.model.anatomy.frames import Side
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.results import Array
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.signals.filters import runs
+from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.signals.filters import find_runs
 
 _FEET = ("HEE", "LM", "MM")
 """Heel, as Zeni et al. 2008; else the malleoli, which the method's authors did not test."""
@@ -92,22 +92,24 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     """
     marker = ""
     try:
-        pelvis = _pelvis(trial)
-        marker, foot = _foot(trial, side)
-        direction, travels = _way(trial, pelvis)
+        pelvis = _follow_pelvis(trial)
+        marker, foot = _follow_foot(trial, side)
+        direction, travels = _find_direction(trial, pelvis)
         ahead = (foot - pelvis) @ direction
         if not travels:
             _check_turns(trial, side, pelvis, direction, ahead)
     except _NoWalking as why:
         return GaitCycles((), (), marker, str(why))
-    groups = list(_contacts(trial.times, ahead))
+    groups = list(_list_contacts(trial.times, ahead))
     contacts = tuple(time for group in groups for time in group)
     cycles = tuple(cycle for group in groups for cycle in pairwise(group))
     if not cycles:
-        return GaitCycles((), contacts, marker, _too_few(len(contacts), side))
+        return GaitCycles((), contacts, marker, _explain_too_few(len(contacts), side))
     if travels:
         gone = pelvis @ direction
-        cycles = tuple(c for c in cycles if _measure_progress(trial.times, gone, c) > _excursion(ahead))
+        cycles = tuple(
+            c for c in cycles if _measure_progress(trial.times, gone, c) > _measure_excursion(ahead)
+        )
     said = "" if cycles else "no stride carries the pelvis as far as the foot goes against it"
     return GaitCycles(cycles, contacts, marker, said)
 
@@ -116,24 +118,24 @@ class _NoWalking(Exception):
     """Why a recording has no strides."""
 
 
-def _too_few(contacts: int, side: Side) -> str:
+def _explain_too_few(contacts: int, side: Side) -> str:
     foot = {"r": "right foot", "l": "left foot"}[side]
     if contacts < 2:
         return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
     return f"between the {contacts} contacts of the {foot} markers are hidden"
 
 
-def _pelvis(trial: Trial) -> Array:
+def _follow_pelvis(trial: Trial) -> Array:
     """Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden."""
-    found = [_middle(trial, names) for names in _PELVIS]
-    best = _seen_longest([where for where in found if where is not None])
+    found = [_find_middle(trial, names) for names in _PELVIS]
+    best = _find_seen_longest([where for where in found if where is not None])
     if best is None:
         raise _NoWalking("no marker of the pelvis is seen")
     return best
 
 
-def _middle(trial: Trial, names: Sequence[str]) -> Array | None:
-    places = [_position(trial, name) for name in names]
+def _find_middle(trial: Trial, names: Sequence[str]) -> Array | None:
+    places = [_find_position(trial, name) for name in names]
     known = [place for place in places if place is not None]
     if len(known) < len(names):
         return None
@@ -141,33 +143,33 @@ def _middle(trial: Trial, names: Sequence[str]) -> Array | None:
     return mean
 
 
-def _foot(trial: Trial, side: Side) -> tuple[str, Array]:
+def _follow_foot(trial: Trial, side: Side) -> tuple[str, Array]:
     """The foot's marker that is seen longest, the earlier in the list where two are, and its places."""
     names = [f"{side.upper()}{name}" for name in _FEET]
-    found = {name: where for name in names if (where := _position(trial, name)) is not None}
-    best = _seen_longest(list(found.values()))
+    found = {name: where for name in names if (where := _find_position(trial, name)) is not None}
+    best = _find_seen_longest(list(found.values()))
     if best is None:
         raise _NoWalking(f"neither heel nor malleolus of side '{side}' is seen")
     return next(name for name, where in found.items() if where is best), best
 
 
-def _position(trial: Trial, landmark: str) -> Array | None:
+def _find_position(trial: Trial, landmark: str) -> Array | None:
     """Places of the label that means a landmark, (n_frames, 3), m; None where it is absent or never seen."""
-    meant = [label for label in trial.labels if label == landmark or canonical(label) == landmark]
-    return _seen_longest([trial.position(label) for label in meant])
+    meant = [label for label in trial.labels if label == landmark or find_canonical(label) == landmark]
+    return _find_seen_longest([trial.position(label) for label in meant])
 
 
-def _seen_longest(places: Sequence[Array]) -> Array | None:
-    counts = [int(seen(place).sum()) for place in places]
+def _find_seen_longest(places: Sequence[Array]) -> Array | None:
+    counts = [int(find_seen(place).sum()) for place in places]
     return places[int(np.argmax(counts))] if counts and max(counts) > 0 else None
 
 
-def _way(trial: Trial, pelvis: Array) -> tuple[Array, bool]:
+def _find_direction(trial: Trial, pelvis: Array) -> tuple[Array, bool]:
     """The horizontal unit vector (3,) that is ahead, and whether the pelvis goes there."""
-    known = np.flatnonzero(seen(pelvis))
+    known = np.flatnonzero(find_seen(pelvis))
     step = max(1, round(_PATH_STEP_S * trial.rate_hz))
     path = pelvis[np.unique([*known[::step], known[-1]])] * [1.0, 0.0, 1.0]
-    gone, faced = path[-1] - path[0], _faced(trial)
+    gone, faced = path[-1] - path[0], _find_facing(trial)
     travelled = float(np.linalg.norm(gone))
     if travelled < _LEAST_TRAVEL_M:
         return faced / np.linalg.norm(faced), False
@@ -178,15 +180,15 @@ def _way(trial: Trial, pelvis: Array) -> tuple[Array, bool]:
     return gone / travelled, True
 
 
-def _faced(trial: Trial) -> Array:
+def _find_facing(trial: Trial) -> Array:
     """Where the pelvis faces on average over the floor, (3,), from its spines behind to those in front.
 
     Forward of the recording's axes where these are not seen together.
     """
-    front = _middle(trial, ("RASIS", "LASIS"))
+    front = _find_middle(trial, ("RASIS", "LASIS"))
     for names in (("RPSIS", "LPSIS"), ("SACR",)):
-        back = _middle(trial, names)
-        if front is not None and back is not None and np.any(both := seen(front) & seen(back)):
+        back = _find_middle(trial, names)
+        if front is not None and back is not None and np.any(both := find_seen(front) & find_seen(back)):
             mean: Array = (front - back)[both].mean(axis=0) * [1.0, 0.0, 1.0]
             return mean
     return np.array([1.0, 0.0, 0.0])
@@ -195,33 +197,33 @@ def _faced(trial: Trial) -> Array:
 def _check_turns(trial: Trial, side: Side, pelvis: Array, direction: Array, ahead: Array) -> None:
     """Refuse feet that do not go to and fro in turn under a pelvis that stays in place."""
     try:
-        _, other = _foot(trial, "l" if side == "r" else "r")
+        _, other = _follow_foot(trial, "l" if side == "r" else "r")
     except _NoWalking:
         raise _NoWalking("the pelvis stays in place, and one foot is not seen") from None
     theirs = (other - pelvis) @ direction
     both = np.isfinite(ahead) & np.isfinite(theirs)
-    if min(_excursion(ahead), _excursion(theirs)) < _LEAST_SWING_M or not both.any():
+    if min(_measure_excursion(ahead), _measure_excursion(theirs)) < _LEAST_SWING_M or not both.any():
         raise _NoWalking("the pelvis stays in place, and the feet do not walk under it")
     if np.corrcoef(ahead[both], theirs[both])[0, 1] > _MOST_ALIKE:
         raise _NoWalking("the pelvis stays in place, and the feet do not go to and fro in turn")
 
 
-def _excursion(ahead: Array) -> float:
+def _measure_excursion(ahead: Array) -> float:
     """From the hindmost to the foremost place, m."""
     return float(np.ptp(ahead[np.isfinite(ahead)]))
 
 
-def _contacts(times: Array, ahead: Array) -> Iterator[tuple[float, ...]]:
+def _list_contacts(times: Array, ahead: Array) -> Iterator[tuple[float, ...]]:
     """Times of the foremost places, one group for each run of frames in which all is seen."""
     known = np.isfinite(ahead)
     if not known.any():
         return
-    rise = _LEAST_RISE * _excursion(ahead)
-    for start, stop in runs(known):
-        yield _peaks(times[start:stop], ahead[start:stop], rise)
+    rise = _LEAST_RISE * _measure_excursion(ahead)
+    for start, stop in find_runs(known):
+        yield _find_peaks(times[start:stop], ahead[start:stop], rise)
 
 
-def _peaks(times: Array, ahead: Array, rise: float) -> tuple[float, ...]:
+def _find_peaks(times: Array, ahead: Array, rise: float) -> tuple[float, ...]:
     if len(times) < 3 or rise <= 0.0:
         return ()
     frame_s = (times[-1] - times[0]) / (len(times) - 1)
@@ -232,10 +234,10 @@ def _peaks(times: Array, ahead: Array, rise: float) -> tuple[float, ...]:
     )
     rows = found - 1
     inner = (times[rows] >= times[0] + _EDGE_S) & (times[rows] <= times[-1] - _EDGE_S)
-    return tuple(float(t) for t in _between_frames(times, ahead, rows[inner], frame_s))
+    return tuple(float(t) for t in _interpolate_peaks(times, ahead, rows[inner], frame_s))
 
 
-def _between_frames(times: Array, ahead: Array, rows: NDArray[np.intp], frame_s: float) -> Array:
+def _interpolate_peaks(times: Array, ahead: Array, rows: NDArray[np.intp], frame_s: float) -> Array:
     """Where the parabolas through the peaks and the frames beside them have their tops, s."""
     before, at, after = ahead[rows - 1], ahead[rows], ahead[rows + 1]
     bend = before - 2.0 * at + after

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.methods.osim_image_based import axis_in_parent
-from scaling_service.model.anatomy.lengths import joint_centres, segment_lengths, straight_values
+from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
+from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths, straighten
 from scaling_service.model.body import GROUND, BodyModel, Marker, Vector
-from scaling_service.model.compile import compile_model, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.results import Array, Calibration, Motion
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,34 +34,34 @@ class Geometry:
     marker_shifts: Mapping[str, float]
 
 
-def geometry(calibration: Calibration) -> Geometry:
+def measure_geometry(calibration: Calibration) -> Geometry:
     """Lengths, joint centres, knee axes and marker shifts of a calibration's model."""
     return Geometry(
-        segment_lengths(calibration.model),
-        joint_centres(calibration.model),
-        {_side(joint): tilt for joint, tilt in _knee_tilts(calibration).items()},
-        marker_shifts(calibration),
+        measure_segment_lengths(calibration.model),
+        find_joint_centres(calibration.model),
+        {_find_side(joint): tilt for joint, tilt in _measure_knee_tilts(calibration).items()},
+        measure_marker_shifts(calibration),
     )
 
 
-def _knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
+def _measure_knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
     """The turns of each knee's axis from z of the thigh.
 
     An OpenSim model's joint has a frame of its own, turned against the thigh: where images moved the joint,
     the turns are those of the axis itself.
     """
     tilts = dict(calibration.axis_tilts)
-    values = straight_values(calibration.model)
+    values = straighten(calibration.model)
     for segment in calibration.model.segments:
         move = calibration.joint_moves.get(segment.joint_name)
         thigh = calibration.model.bone_of(segment.parent).startswith("femur")
         if thigh and move is not None and any(move.turn):
-            axis = axis_in_parent(segment, values)
+            axis = find_axis_in_parent(segment, values)
             tilts[segment.joint_name] = tilt_of(axis if axis[2] > 0.0 else -axis)
     return tilts
 
 
-def marker_shifts(calibration: Calibration) -> dict[str, float]:
+def measure_marker_shifts(calibration: Calibration) -> dict[str, float]:
     """How far a fit moved each marker on its segment, beyond following the segment's size, m.
 
     The length of the variation of its local coordinates (Puchaud 2019, section 3.1), zero where the
@@ -74,7 +74,7 @@ def marker_shifts(calibration: Calibration) -> dict[str, float]:
     return shifts
 
 
-def _side(joint: str) -> str:
+def _find_side(joint: str) -> str:
     """``r`` for ``knee_r`` or ``walker_knee_r``; the joint's own name where it says no side."""
     tail = joint.rpartition("_")[2].lower()
     return tail if tail in ("r", "l") else joint
@@ -84,7 +84,7 @@ _CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0
 """The origin of a frame and the ends of its axes, m."""
 
 
-def placed_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q: Array) -> dict[str, Vector]:
+def place_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q: Array) -> dict[str, Vector]:
     """A model's joint centres in the segments of a reference that moves alongside.
 
     Two models' own segment frames may lie differently in the body, so their local coordinates do not
@@ -95,8 +95,8 @@ def placed_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q
     Returns ``hip_r``, ``knee_r`` … that both have to the mean over frames, m; frames that do not determine it
         are left out. The reference seen from itself gives its own local coordinates.
     """
-    theirs = joint_centres(reference)
-    points = {name: at for name, at in joint_centres(model).items() if name in theirs}
+    theirs = find_joint_centres(reference)
+    points = {name: at for name, at in find_joint_centres(model).items() if name in theirs}
     placed = _in_ground(model, q, points)
     frames = {segment for name, (segment, _) in theirs.items() if name in points}
     corners = _in_ground(
@@ -119,11 +119,11 @@ def placed_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q
 def _in_ground(model: BodyModel, q: Array, points: Mapping[str, tuple[str, Vector]]) -> dict[str, Array]:
     """Points of segments over all frames, each (n_frames, 3), m."""
     carrier = model.with_markers(tuple(Marker.at(name, *place) for name, place in points.items()))
-    placed = marker_positions(compile_model(carrier), q, parameter_values(carrier))
+    placed = pose_markers(compile_model(carrier), q, list_parameter_values(carrier))
     return {name: placed[:, k] for k, name in enumerate(points)}
 
 
-def joint_angles(model: BodyModel) -> tuple[str, ...]:
+def list_joint_angles(model: BodyModel) -> tuple[str, ...]:
     """The coordinates that are angles of joints: turns, but not those of the whole body in the laboratory."""
     root = {
         term.coordinate
@@ -134,13 +134,13 @@ def joint_angles(model: BodyModel) -> tuple[str, ...]:
     return tuple(c.name for c in model.coordinates if c.kind == "rotation" and c.name not in root)
 
 
-def length_errors(model: BodyModel, truth: BodyModel) -> dict[str, float]:
+def compute_length_errors(model: BodyModel, truth: BodyModel) -> dict[str, float]:
     """Estimated minus true segment lengths, m, of those that both models have."""
-    ours, true = segment_lengths(model), segment_lengths(truth)
+    ours, true = measure_segment_lengths(model), measure_segment_lengths(truth)
     return {name: ours[name] - true[name] for name in ours if name in true}
 
 
-def centre_errors(
+def compute_centre_errors(
     model: BodyModel, motions: Iterable[Motion], truth: BodyModel, true_q: Mapping[str, Array]
 ) -> dict[str, float]:
     """Mean distance between estimated and true joint centres in space, m.
@@ -152,14 +152,14 @@ def centre_errors(
     """
     gaps: dict[str, list[Array]] = {}
     for motion in motions:
-        ours = _in_ground(model, motion.q, joint_centres(model))
-        true = _in_ground(truth, true_q[motion.trial], joint_centres(truth))
+        ours = _in_ground(model, motion.q, find_joint_centres(model))
+        true = _in_ground(truth, true_q[motion.trial], find_joint_centres(truth))
         for name in ours:
             gaps.setdefault(_without_side(name), []).append(np.linalg.norm(ours[name] - true[name], axis=1))
-    return _pooled(gaps, lambda values: float(np.nanmean(values)))
+    return _pool_errors(gaps, lambda values: float(np.nanmean(values)))
 
 
-def angle_errors(
+def compute_angle_errors(
     motions: Iterable[Motion], truth: BodyModel, true_q: Mapping[str, Array]
 ) -> dict[str, float]:
     """Root mean square difference between estimated and true joint angles, rad.
@@ -169,13 +169,13 @@ def angle_errors(
     """
     gaps: dict[str, list[Array]] = {}
     for motion in motions:
-        for name in joint_angles(truth):
+        for name in list_joint_angles(truth):
             true = true_q[motion.trial][:, truth.coordinate_names.index(name)]
             gaps.setdefault(_without_side(name), []).append(motion.column(name) - true)
-    return _pooled(gaps, lambda values: float(np.sqrt(np.nanmean(values**2))))
+    return _pool_errors(gaps, lambda values: float(np.sqrt(np.nanmean(values**2))))
 
 
-def _pooled(gaps: Mapping[str, list[Array]], measure: Callable[[Array], float]) -> dict[str, float]:
+def _pool_errors(gaps: Mapping[str, list[Array]], measure: Callable[[Array], float]) -> dict[str, float]:
     return {name: measure(np.concatenate(values)) for name, values in gaps.items()}
 
 
@@ -204,10 +204,10 @@ def list_doubts(
     ``errors``, ``lengths``: method to trial to error, and method to length (``femur_r`` …) to m.
     One plain sentence each.
     """
-    return (*_lost(errors), *(() if height_m is None else _sizes(lengths, height_m)))
+    return (*_describe_lost(errors), *(() if height_m is None else _describe_sizes(lengths, height_m)))
 
 
-def _lost(errors: Mapping[str, Mapping[str, KinematicError]]) -> Iterator[str]:
+def _describe_lost(errors: Mapping[str, Mapping[str, KinematicError]]) -> Iterator[str]:
     trials = dict.fromkeys(trial for by_trial in errors.values() for trial in by_trial)
     for trial in trials:
         best = min(by_trial[trial].mean for by_trial in errors.values() if trial in by_trial)
@@ -218,10 +218,10 @@ def _lost(errors: Mapping[str, Mapping[str, KinematicError]]) -> Iterator[str]:
             )
 
 
-def _sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Iterator[str]:
+def _describe_sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Iterator[str]:
     names = list(dict.fromkeys(name for found in lengths.values() for name in found))
-    usual = usual_lengths(height_m, names)
-    odd = {method: unusual(found, usual) for method, found in lengths.items()}
+    usual = estimate_usual_lengths(height_m, names)
+    odd = {method: list_unusual(found, usual) for method, found in lengths.items()}
     for name in names:
         lengths_shown = [f"{1e3 * lengths[m][name]:.0f} mm ({m})" for m, own in odd.items() if name in own]
         if lengths_shown:
@@ -231,13 +231,13 @@ def _sizes(lengths: Mapping[str, Mapping[str, float]], height_m: float) -> Itera
             )
 
 
-def usual_lengths(height_m: float | None, names: Iterable[str]) -> dict[str, float]:
+def estimate_usual_lengths(height_m: float | None, names: Iterable[str]) -> dict[str, float]:
     """Length to what is usual for a height, m; empty where the height is not known."""
     shares = {name: SHARE_OF_STATURE.get(name.rpartition("_")[0]) for name in names}
     return {name: height_m * share for name, share in shares.items() if height_m is not None and share}
 
 
-def unusual(lengths: Mapping[str, float], usual: Mapping[str, float]) -> tuple[str, ...]:
+def list_unusual(lengths: Mapping[str, float], usual: Mapping[str, float]) -> tuple[str, ...]:
     """The lengths that differ from the usual ones by more than persons of one height do."""
     known = {name: length for name, length in lengths.items() if name in usual}
     return tuple(name for name, v in known.items() if abs(v - usual[name]) > SPREAD * usual[name])

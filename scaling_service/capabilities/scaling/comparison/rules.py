@@ -17,7 +17,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
     MethodEvidence,
     Speaks,
 )
-from scaling_service.capabilities.scaling.comparison.geometry import unusual
+from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 
 Said = tuple[Speaks, str]
 """Whether a rule speaks for a method, and what it found."""
@@ -50,7 +50,7 @@ about the image's by 13.8 mm (Puchaud 2019, section 3.1), hip centres by 7 mm (H
 and 3.2 mm along the axes)."""
 
 
-def gates(evidence: Evidence) -> tuple[Gate, ...]:
+def list_gates(evidence: Evidence) -> tuple[Gate, ...]:
     """OpenSim's limits on marker errors, on held-out trials where there are any."""
     found: list[Gate] = []
     for method in evidence.methods:
@@ -64,7 +64,7 @@ def gates(evidence: Evidence) -> tuple[Gate, ...]:
     return tuple(found)
 
 
-def gain(method: MethodEvidence, evidence: Evidence) -> tuple[float, float] | None:
+def compute_gain(method: MethodEvidence, evidence: Evidence) -> tuple[float, float] | None:
     """What a fit gained on its first guess, fitted and held out, m; None where that cannot be told."""
     start = next((m for m in evidence.methods if m.method == method.start), None)
     if start is None or not method.parameters:
@@ -76,7 +76,7 @@ def gain(method: MethodEvidence, evidence: Evidence) -> tuple[float, float] | No
 
 def is_overfitted(method: MethodEvidence, evidence: Evidence) -> bool:
     """Whether the fit serves its own trials much more than others."""
-    gained = gain(method, evidence)
+    gained = compute_gain(method, evidence)
     if gained is not None:
         return gained[1] < LEAST_KEPT * gained[0]
     if not method.parameters or method.fitted is None or method.held_out is None:
@@ -89,12 +89,12 @@ def is_mostly_undetermined(method: MethodEvidence) -> bool:
     return method.undetermined > MOST_UNDETERMINED * max(method.parameters, 1)
 
 
-def implausible_lengths(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
+def list_implausible_lengths(method: MethodEvidence, evidence: Evidence) -> tuple[str, ...]:
     """Its lengths that are unusual for the person's height."""
-    return unusual(method.lengths, evidence.usual_lengths)
+    return list_unusual(method.lengths, evidence.usual_lengths)
 
 
-def agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:
+def measure_agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:
     """How each model agrees with the image over what was imaged; empty without an image-based method."""
     reference = evidence.reference
     if reference is None:
@@ -116,38 +116,42 @@ def agreement(evidence: Evidence) -> Mapping[str, ImageAgreement]:
     }
 
 
-def _gate(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
-    for gate in gates(evidence):
+def _check_gate(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    for gate in list_gates(evidence):
         if gate.method == method.method and not gate.passed:
             what = "RMS" if gate.quantity == "rms" else "largest"
-            yield "against", f"{what} marker error {mm(gate.value)} mm, limit {1e3 * gate.limit:.0f} mm"
+            yield (
+                "against",
+                f"{what} marker error {format_mm(gate.value)} mm, limit {1e3 * gate.limit:.0f} mm",
+            )
 
 
-def _held_out(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+def _check_held_out(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
     """The mean error on trials that were not fitted."""
     if method.held_out is not None:
         error = method.held_out.mean
         best = min(m.held_out.mean for m in evidence.methods if m.held_out is not None)
         near = error <= best + NOISE
-        more = "" if near else f", {mm(error - best)} mm more than the smallest"
-        yield "for" if near else "against", f"{mm(error)} mm on average{more}"
+        more = "" if near else f", {format_mm(error - best)} mm more than the smallest"
+        yield "for" if near else "against", f"{format_mm(error)} mm on average{more}"
 
 
-def _overfitting(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
-    gained, against = gain(method, evidence), is_overfitted(method, evidence)
+def _check_overfitting(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    gained, against = compute_gain(method, evidence), is_overfitted(method, evidence)
     if gained is not None:
         yield (
             "against" if against else "for",
-            f"against {method.start} the error fell by {mm(gained[0])} mm on fitted trials "
-            f"and by {mm(gained[1])} mm on held-out ones",
+            f"against {method.start} the error fell by {format_mm(gained[0])} mm on fitted trials "
+            f"and by {format_mm(gained[1])} mm on held-out ones",
         )
     elif method.parameters and method.fitted is not None and method.held_out is not None:
-        text = f"{mm(method.held_out.mean)} mm held out, {mm(method.fitted.mean)} mm on fitted trials"
+        held_out, fitted = format_mm(method.held_out.mean), format_mm(method.fitted.mean)
+        text = f"{held_out} mm held out, {fitted} mm on fitted trials"
         yield "against" if against else "neither", text
 
 
-def _image(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
-    found = agreement(evidence).get(method.method)
+def _check_image(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+    found = measure_agreement(evidence).get(method.method)
     if found is not None and method.from_images:
         yield "for", "its lengths and joint centres are the image's"
     elif found is not None and (found.lengths or found.hips):
@@ -156,7 +160,7 @@ def _image(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
         yield "for" if found.worst <= AGREES else "against", ", ".join(parts)
 
 
-def _fitted_lengths(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+def _check_fitted_lengths(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
     if method.fits_lengths:
         yield (
             "against",
@@ -165,37 +169,37 @@ def _fitted_lengths(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
         )
 
 
-def _implausible_sizes(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
+def _check_sizes(method: MethodEvidence, evidence: Evidence) -> Iterator[Said]:
     usual = evidence.usual_lengths
     odd = [
         f"{name} {1e3 * method.lengths[name]:.0f} mm (usual {1e3 * usual[name]:.0f})"
-        for name in implausible_lengths(method, evidence)
+        for name in list_implausible_lengths(method, evidence)
     ]
     if odd:
         yield "against", f"for the person's height: {', '.join(odd)}"
 
 
-def _identifiability(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+def _check_identifiability(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
     if method.parameters:
         loose = f"{method.undetermined} of {method.parameters} fitted numbers"
         speaks: Speaks = "against" if is_mostly_undetermined(method) else "for"
         yield speaks, f"{loose} are not determined by the recordings"
 
 
-def _bounds(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
+def _check_bounds(method: MethodEvidence, _: Evidence) -> Iterator[Said]:
     if method.at_bounds:
         yield "against", f"{method.at_bounds} of {method.parameters} fitted numbers stopped at a bound"
 
 
 RULES: Mapping[str, Callable[[MethodEvidence, Evidence], Iterator[Said]]] = {
-    "quality gate": _gate,
-    "held-out error": _held_out,
-    "overfitting": _overfitting,
-    "image": _image,
-    "fitted lengths": _fitted_lengths,
-    "implausible sizes": _implausible_sizes,
-    "identifiability": _identifiability,
-    "bounds": _bounds,
+    "quality gate": _check_gate,
+    "held-out error": _check_held_out,
+    "overfitting": _check_overfitting,
+    "image": _check_image,
+    "fitted lengths": _check_fitted_lengths,
+    "implausible sizes": _check_sizes,
+    "identifiability": _check_identifiability,
+    "bounds": _check_bounds,
 }
 """In the order in which their findings are reported. A new rule is a function and an entry."""
 
@@ -208,6 +212,6 @@ def find(evidence: Evidence) -> Iterator[Finding]:
                 yield Finding(rule, method.method, speaks, text)
 
 
-def mm(metres: float) -> str:
+def format_mm(metres: float) -> str:
     """Millimetres as shown to people."""
     return f"{1e3 * metres:.1f}"

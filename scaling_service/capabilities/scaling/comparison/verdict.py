@@ -15,15 +15,15 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.rules import (
     AGREES,
     NOISE,
-    agreement,
     find,
-    gates,
-    implausible_lengths,
+    format_mm,
     is_mostly_undetermined,
     is_overfitted,
-    mm,
+    list_gates,
+    list_implausible_lengths,
+    measure_agreement,
 )
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
 
 Level = Literal["good", "fair", "poor", "unknown"]
@@ -72,59 +72,59 @@ def judge(evidence: Evidence) -> Verdict:
     """
     if not evidence.methods:
         raise ValueError("a verdict needs at least one method")
-    chosen = _choose(_eligible(evidence), evidence)
-    doubts = tuple(_doubts(chosen, evidence))
-    unchecked = tuple(_unchecked(chosen, evidence))
+    chosen = _choose(_select_eligible(evidence), evidence)
+    doubts = tuple(_list_doubts(chosen, evidence))
+    unchecked = tuple(_list_unchecked(chosen, evidence))
     strength: Strength = "undecided" if doubts else "leaning" if unchecked else "decided"
     return Verdict(
         method=chosen.method,
         strength=strength,
-        headline=_headline(chosen, strength, alone=len(evidence.methods) == 1),
-        why=(*_why(chosen, evidence), *doubts, *unchecked),
-        trust=trust(chosen, evidence),
-        gates=gates(evidence),
+        headline=_write_headline(chosen, strength, alone=len(evidence.methods) == 1),
+        why=(*_explain_choice(chosen, evidence), *doubts, *unchecked),
+        trust=rate_trust(chosen, evidence),
+        gates=list_gates(evidence),
         findings=tuple(find(evidence)),
     )
 
 
-def _eligible(evidence: Evidence) -> Sequence[MethodEvidence]:
+def _select_eligible(evidence: Evidence) -> Sequence[MethodEvidence]:
     """Image-based models that pass the gates, else other models that pass, else all."""
-    passing = [m for m in evidence.methods if m.method not in _failed(evidence)]
+    passing = [m for m in evidence.methods if m.method not in _list_failed(evidence)]
     return [m for m in passing if m.from_images] or passing or evidence.methods
 
 
-def _failed(evidence: Evidence) -> set[str]:
-    return {gate.method for gate in gates(evidence) if not gate.passed}
+def _list_failed(evidence: Evidence) -> set[str]:
+    return {gate.method for gate in list_gates(evidence) if not gate.passed}
 
 
 def _choose(pool: Sequence[MethodEvidence], evidence: Evidence) -> MethodEvidence:
     """A proven refinement, else the plain model; one with fitted lengths only where there is no other."""
     plain = next((m for m in pool if not m.parameters), None)
     refined = [m for m in pool if m.parameters and not m.fits_lengths]
-    proven = [m for m in refined if _better(m, plain, evidence) and not is_mostly_undetermined(m)]
+    proven = [m for m in refined if _is_better(m, plain, evidence) and not is_mostly_undetermined(m)]
     if proven:
-        return min(proven, key=_error)
-    return plain or min(refined or pool, key=_error)
+        return min(proven, key=_average_error)
+    return plain or min(refined or pool, key=_average_error)
 
 
-def _better(refined: MethodEvidence, plain: MethodEvidence | None, evidence: Evidence) -> bool:
+def _is_better(refined: MethodEvidence, plain: MethodEvidence | None, evidence: Evidence) -> bool:
     """Whether it follows held-out trials better, by more than the noise, and not its own trials alone."""
     if refined.held_out is None or is_overfitted(refined, evidence):
         return False
     return plain is None or plain.held_out is None or refined.held_out.mean < plain.held_out.mean - NOISE
 
 
-def _error(method: MethodEvidence) -> float:
+def _average_error(method: MethodEvidence) -> float:
     return math.inf if method.judged_on is None else method.judged_on.mean
 
 
-def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
     """What keeps the evidence from deciding."""
     if len(evidence.methods) == 1:
         yield f"Only {chosen.method} was computed, so there is nothing to compare it with."
     if chosen.held_out is None:
         yield "No trial was held out, so nothing shows how any model follows what it was not fitted to."
-    if chosen.method in _failed(evidence):
+    if chosen.method in _list_failed(evidence):
         yield "No model passes the limits on marker errors: look for mislabelled or strayed markers first."
     elif evidence.reference is not None and not chosen.from_images:
         yield (
@@ -143,16 +143,16 @@ def _doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
             f"{chosen.at_bounds} of its {chosen.parameters} fitted numbers stopped at a bound: that is a "
             "limit that was set, not a finding."
         )
-    odd = implausible_lengths(chosen, evidence)
+    odd = list_implausible_lengths(chosen, evidence)
     if odd:
-        yield _unusual(odd)
+        yield _describe_unusual(odd)
 
 
-def _unusual(lengths: Sequence[str]) -> str:
+def _describe_unusual(lengths: Sequence[str]) -> str:
     return f"{', '.join(lengths)} would be unusual for the person's height."
 
 
-def _unchecked(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+def _list_unchecked(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
     if not chosen.from_images and evidence.reference is None:
         yield (
             "No image-based model was computed, so nothing checks the lengths and joint centres of any model."
@@ -165,14 +165,14 @@ def _open_questions(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]
     """Refinements of the model chosen that are better, but mostly undetermined."""
     for m in evidence.methods:
         refines = m.start == chosen.method and m.parameters and not m.fits_lengths
-        if refines and is_mostly_undetermined(m) and _better(m, chosen, evidence):
+        if refines and is_mostly_undetermined(m) and _is_better(m, chosen, evidence):
             yield (
                 f"Over a cohort {m.method} was taken for the better model (Puchaud 2019): compare the joint "
                 f"angles of {chosen.method} and {m.method}, and rely on what both show."
             )
 
 
-def _headline(chosen: MethodEvidence, strength: Strength, *, alone: bool) -> str:
+def _write_headline(chosen: MethodEvidence, strength: Strength, *, alone: bool) -> str:
     if strength == "decided":
         return f"Use {chosen.method} for this person."
     if alone:
@@ -184,48 +184,51 @@ def _headline(chosen: MethodEvidence, strength: Strength, *, alone: bool) -> str
     return f"The evidence does not decide. It leans to {chosen.method}."
 
 
-def _why(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+def _explain_choice(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
     """What speaks for the choice, and why a smaller error elsewhere is not enough."""
     if chosen.from_images:
         yield f"Joint centres and lengths of {chosen.method} come from this person's bones."
     start = next((m for m in evidence.methods if m.method == chosen.start), None)
     if chosen.held_out is not None:
         against = (
-            f", {start.method} to {mm(start.held_out.mean)} mm"
+            f", {start.method} to {format_mm(start.held_out.mean)} mm"
             if start is not None and start.held_out is not None and chosen.parameters
             else ""
         )
         yield (
-            f"On held-out trials {chosen.method} follows the markers to {mm(chosen.held_out.mean)} mm on "
+            f"On held-out trials {chosen.method} follows the markers to "
+            f"{format_mm(chosen.held_out.mean)} mm on "
             f"average{against}."
         )
-        refused = list(_nearer_but_refused(chosen, evidence, chosen.held_out.mean))
+        refused = list(_explain_nearer_but_refused(chosen, evidence, chosen.held_out.mean))
         yield from refused
         if refused:
             yield "A small error alone is no proof of a right model."
-    failed = [m.method for m in evidence.methods if m.method in _failed(evidence)]
+    failed = [m.method for m in evidence.methods if m.method in _list_failed(evidence)]
     if failed and chosen.method not in failed:
-        yield f"{few(failed)} {'fails' if len(failed) == 1 else 'fail'} a limit on marker errors."
+        yield f"{list_few(failed)} {'fails' if len(failed) == 1 else 'fail'} a limit on marker errors."
 
 
-def _nearer_but_refused(chosen: MethodEvidence, evidence: Evidence, error: float) -> Iterator[str]:
+def _explain_nearer_but_refused(chosen: MethodEvidence, evidence: Evidence, error: float) -> Iterator[str]:
     for m in evidence.methods:
         if m.held_out is not None and m.held_out.mean < error:
-            reasons = list(_refusal(m, chosen, evidence))
+            reasons = list(_explain_refusal(m, chosen, evidence))
             if error - m.held_out.mean <= NOISE:
                 reasons.append("the difference is within the noise")
             if reasons:
-                yield f"{m.method} follows them to {mm(m.held_out.mean)} mm, but {' and '.join(reasons)}."
+                nearer = format_mm(m.held_out.mean)
+                yield f"{m.method} follows them to {nearer} mm, but {' and '.join(reasons)}."
 
 
-def _refusal(method: MethodEvidence, chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
-    if method.method in _failed(evidence):
+def _explain_refusal(method: MethodEvidence, chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+    if method.method in _list_failed(evidence):
         yield "it fails a limit on marker errors"
     if method.fits_lengths:
-        yield f"its lengths were fitted to moving skin{_off_the_image(method, evidence)}"
+        yield f"its lengths were fitted to moving skin{_describe_off_image(method, evidence)}"
     elif chosen.from_images and not method.from_images:
         yield (
-            f"its lengths and joint centres are inferred from skin markers{_off_the_image(method, evidence)}"
+            "its lengths and joint centres are inferred from skin markers"
+            f"{_describe_off_image(method, evidence)}"
         )
     if is_mostly_undetermined(method):
         yield f"{method.undetermined} of its {method.parameters} fitted numbers are not determined"
@@ -233,8 +236,8 @@ def _refusal(method: MethodEvidence, chosen: MethodEvidence, evidence: Evidence)
         yield "it kept too little of its gain on held-out trials"
 
 
-def _off_the_image(method: MethodEvidence, evidence: Evidence) -> str:
-    found = agreement(evidence).get(method.method)
+def _describe_off_image(method: MethodEvidence, evidence: Evidence) -> str:
+    found = measure_agreement(evidence).get(method.method)
     if found is None or math.isnan(found.worst):
         return ""
     return f" (up to {1e3 * found.worst:.0f} mm from the image)"
@@ -246,33 +249,33 @@ ANGLE_FAIR = math.radians(5.0)
 acceptable, between 2 and 5 deg reasonable with some care, beyond 5 deg they may mislead a reader."""
 
 
-def trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
+def rate_trust(chosen: MethodEvidence, evidence: Evidence) -> tuple[TrustNote, ...]:
     """One line each for markers, for lengths and joint centres, and for joint angles."""
     topics = {
-        "Following the markers": _markers(chosen, evidence),
-        "Lengths and joint centres": _geometry(chosen, evidence),
-        "Joint angles": _angles(chosen, evidence),
+        "Following the markers": _rate_markers(chosen, evidence),
+        "Lengths and joint centres": _rate_geometry(chosen, evidence),
+        "Joint angles": _rate_angles(chosen, evidence),
     }
     return tuple(TrustNote(topic=t, level=level, text=text) for t, (level, text) in topics.items())
 
 
-def _markers(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+def _rate_markers(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     judged = chosen.judged_on
     if judged is None:
         return "unknown", "No movement was recorded."
     where = "held-out" if chosen.held_out is not None else "fitted"
-    text = f"{mm(judged.mean)} mm on average, {mm(judged.max)} mm at most on {where} trials."
-    if not all(gate.passed for gate in gates(evidence) if gate.method == chosen.method):
+    text = f"{format_mm(judged.mean)} mm on average, {format_mm(judged.max)} mm at most on {where} trials."
+    if not all(gate.passed for gate in list_gates(evidence) if gate.method == chosen.method):
         return "poor", f"{text} Beyond OpenSim's limits."
     if chosen.held_out is None:
         return "unknown", f"{text} Trials that were not fitted could tell more."
     return "good", f"{text} Within OpenSim's limits, which is necessary, not sufficient."
 
 
-def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
-    odd = implausible_lengths(chosen, evidence)
+def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+    odd = list_implausible_lengths(chosen, evidence)
     if odd:
-        return "poor", _unusual(odd)
+        return "poor", _describe_unusual(odd)
     if chosen.from_images:
         sides = [word for side, word in (("r", "right"), ("l", "left")) if f"knee_{side}" in evidence.imaged]
         whole = len(sides) == 2
@@ -281,7 +284,7 @@ def _geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
             "good" if whole else "fair",
             f"From the bones of the {' and '.join(sides) or 'imaged'} leg.{rest}",
         )
-    found = agreement(evidence).get(chosen.method)
+    found = measure_agreement(evidence).get(chosen.method)
     if found is not None and not math.isnan(found.worst):
         level: Level = "good" if found.worst <= AGREES else "poor"
         return level, f"Up to {1e3 * found.worst:.0f} mm from the image."
@@ -299,16 +302,17 @@ def _spread(chosen: MethodEvidence) -> str:
     text = ""
     if chosen.length_sds:
         worst = max(chosen.length_sds, key=lambda name: chosen.length_sds[name])
-        text += f"By the errors of markers and sizes, up to ± {mm(chosen.length_sds[worst])} mm ({worst}). "
+        sd = format_mm(chosen.length_sds[worst])
+        text += f"By the errors of markers and sizes, up to ± {sd} mm ({worst}). "
     if chosen.inferred:
         text += (
             f"Not measured, so as large as in persons of this size and as other segments suggest: "
-            f"{few(chosen.inferred)}. "
+            f"{list_few(chosen.inferred)}. "
         )
     return text
 
 
-def _angles(chosen: MethodEvidence, evidence: Evidence) -> Graded:
+def _rate_angles(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     others = {
         (a if b == chosen.method else b): gap
         for (a, b), gap in evidence.angles_apart.items()

@@ -25,12 +25,12 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import (
     Outcome,
     Solution,
-    repetition,
-    residual_variance,
+    estimate_repetition,
+    estimate_residual_variance,
     solve,
 )
-from scaling_service.numerics.least_squares.masks import seen
-from scaling_service.numerics.least_squares.problem import SQUARED, Huber, Problem, total_cost
+from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.least_squares.problem import SQUARED, Huber, Problem, compute_total_cost
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
@@ -44,7 +44,9 @@ class CalibrationFrames:
     blocks: NDArray[np.intp]
 
 
-def calibration_frames(trials: Sequence[Trial], markers: Sequence[str], count: int) -> CalibrationFrames:
+def choose_calibration_frames(
+    trials: Sequence[Trial], markers: Sequence[str], count: int
+) -> CalibrationFrames:
     """Frames equally spaced in time over all calibration trials (Puchaud 2019, section 2.2.4).
 
     Frames that show none of the markers are passed over.
@@ -54,7 +56,7 @@ def calibration_frames(trials: Sequence[Trial], markers: Sequence[str], count: i
     measured = np.concatenate(
         [np.zeros((0, len(markers), 3)), *(t.selected(markers).markers for t in trials)]
     )
-    usable = np.flatnonzero(seen(measured).any(axis=1))
+    usable = np.flatnonzero(find_seen(measured).any(axis=1))
     if not len(usable):
         raise TrialUnusable(
             "no calibration trial shows a marker of the model",
@@ -64,10 +66,10 @@ def calibration_frames(trials: Sequence[Trial], markers: Sequence[str], count: i
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, min(count, len(usable))).round().astype(int))]
     clock = np.arange(len(chosen), dtype=float)  # several trials: their order is all they share
     recording = Trial("calibration", clock, tuple(markers), measured[chosen], 1.0)
-    return CalibrationFrames(recording, _blocks(trials)[chosen])
+    return CalibrationFrames(recording, _number_blocks(trials)[chosen])
 
 
-def _blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
+def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
     parts = -(-_FEWEST_BLOCKS // len(trials))
     labels = [k * parts + (np.arange(t.n_frames) * parts) // t.n_frames for k, t in enumerate(trials)]
     return np.concatenate(labels).astype(np.intp)
@@ -121,12 +123,12 @@ class Fit:
 
     def noise(self, q: Array, p: Array) -> float:
         """Variance of a marker coordinate in one frame as if frames were independent (m2)."""
-        variance = residual_variance(self.problem, q, p)
-        return variance * repetition(self.problem, q, p, self.blocks, variance)
+        variance = estimate_residual_variance(self.problem, q, p)
+        return variance * estimate_repetition(self.problem, q, p, self.blocks, variance)
 
     def error(self, solution: Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
-        return total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
+        return compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +147,7 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
-        report = None if progress is None else partial(_later, progress, steps)
+        report = None if progress is None else partial(_ignore_progress, progress, steps)
         solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
         before, variance = variance, weighed.noise(solution.q, solution.p)
@@ -154,19 +156,19 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
 
 
-def _later(progress: Progress, steps: int, step: int, cost: float) -> None:
+def _ignore_progress(progress: Progress, steps: int, step: int, cost: float) -> None:
     progress(steps + step, cost)
 
 
 def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
-    cost, outcome, loop = total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
+    cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
     while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
         p = solve(fit.problem.holding_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
-        before, cost = cost, total_cost(fit.problem, q, p, fit.p0)
+        before, cost = cost, compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:

@@ -15,21 +15,21 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Points
-from scaling_service.model.anatomy.frames import femur_frame
+from scaling_service.model.anatomy.frames import build_femur_frame
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.parameters import Tilt, tilt_of
-from scaling_service.model.poses import marker_position, model_values
+from scaling_service.model.poses import evaluate_marker, list_model_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.masks import find_seen, find_shown
 from scaling_service.numerics.multibody.functional import (
     Poses,
-    joined,
-    ranges_of_motion,
-    rotation_axis,
-    rotation_centre,
+    find_rotation_axis,
+    find_rotation_centre,
+    join_poses,
+    measure_ranges_of_motion,
 )
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
@@ -57,14 +57,14 @@ class Cluster:
         measured = trial.selected(self.labels).markers
         rotation, position = fit_rigid(self.local, measured)
         gaps = np.einsum("nij,mj->nmi", rotation, self.local) + position[:, None] - measured
-        squared = np.where(seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
-        foreign = squared > FOREIGN_M**2 * np.maximum(seen(gaps).sum(axis=1), 1)
+        squared = np.where(find_seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
+        foreign = squared > FOREIGN_M**2 * np.maximum(find_seen(gaps).sum(axis=1), 1)
         rotation[foreign], position[foreign] = np.nan, np.nan
         return Poses(rotation, position)
 
     def shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
         """Those of its labels that at least one of the trials shows."""
-        found = {t.labels[k] for t in trials for k in np.flatnonzero(ever(seen(t.markers)))}
+        found = {label for trial in trials for label in trial.shown_labels}
         return tuple(label for label in self.labels if label in found)
 
 
@@ -100,9 +100,9 @@ class Posture:
         else:
             nowhere = np.full((1, len(labels), 3), np.nan)
             places = np.concatenate([nowhere, *(t.selected(labels).markers for t in trials)])
-            fullest = int(np.argmax(seen(places).sum(axis=1)))
+            fullest = int(np.argmax(find_seen(places).sum(axis=1)))
             places = places[fullest : fullest + 1]
-        shown = ever(seen(places))
+        shown = find_shown(places)
         points = {label: np.nanmean(places[:, k], axis=0) for k, label in enumerate(labels) if shown[k]}
         return cls(
             points, {name: tuple(label for label in own if label in points) for name, own in carriers.items()}
@@ -156,7 +156,7 @@ class _NotFound(Exception):
     """Why a joint's centre or axis was not taken."""
 
 
-def _both_sides(
+def _find_both_sides(
     joint: str, posture: Posture, trials: Sequence[Trial]
 ) -> tuple[Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
@@ -180,19 +180,21 @@ def _both_sides(
     return found, notes
 
 
-def _hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+def _find_hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
-    first, second, trials_used = _moving(posture, trials, "pelvis", f"femur_{side}", limits)
-    found = rotation_centre(first, second)
+    first, second, trials_used = _select_moving(posture, trials, "pelvis", f"femur_{side}", limits)
+    found = find_rotation_centre(first, second)
     return found.proximal, (
         f"{trials_used}; both images of it lie {1e3 * found.rms:.1f} mm apart (RMS), "
         f"standard deviation at least {1e3 * found.sd:.1f} mm"
     )
 
 
-def _knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
-    first, second, trials_used = _moving(posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,))
-    found = rotation_axis(first, second)
+def _find_knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+    first, second, trials_used = _select_moving(
+        posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,)
+    )
+    found = find_rotation_axis(first, second)
     if not found.sharpness < SHARPEST:
         raise _NotFound(f"no axis stands out in {trials_used}")
     return found.proximal, (
@@ -200,29 +202,29 @@ def _knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, 
     )
 
 
-def _moving(
+def _select_moving(
     posture: Posture, trials: Sequence[Trial], proximal: str, distal: str, limits_deg: Sequence[float]
 ) -> tuple[Poses, Poses, str]:
     """Poses of both segments in the trials in which the joint moves enough, and which these are."""
-    clusters = [_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
+    clusters = [_require_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
     names, kept, best = [], [], np.zeros(len(limits_deg))
     for trial in trials:
         poses = clusters[0].poses(trial), clusters[1].poses(trial)
-        turned = np.degrees(np.nan_to_num(ranges_of_motion(*poses)))[: len(limits_deg)]
+        turned = np.degrees(np.nan_to_num(measure_ranges_of_motion(*poses)))[: len(limits_deg)]
         best = np.maximum(best, turned)
         if (turned >= limits_deg).all():
             used = int((poses[0].known & poses[1].known).sum())
-            names.append(f"'{trial.name}' ({_angles(turned)}, {used} of {trial.n_frames} frames)")
+            names.append(f"'{trial.name}' ({_describe_angles(turned)}, {used} of {trial.n_frames} frames)")
             kept.append(poses)
     if not kept:
         raise _NotFound(
-            f"it turns by at most {_angles(best)} in a calibration trial, "
-            f"and {_angles(limits_deg)} are needed"
+            f"it turns by at most {_describe_angles(best)} in a calibration trial, "
+            f"and {_describe_angles(limits_deg)} are needed"
         )
-    return joined([p for p, _ in kept]), joined([d for _, d in kept]), few(names)
+    return join_poses([p for p, _ in kept]), join_poses([d for _, d in kept]), list_few(names)
 
 
-def _enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
+def _require_enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
     shown = cluster.shown(trials)
     if len(shown) < MIN_POINTS:
         names = f" ({', '.join(shown)})" if shown else ""
@@ -233,18 +235,18 @@ def _enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
     return cluster
 
 
-def _angles(values_deg: Sequence[float] | Array) -> str:
+def _describe_angles(values_deg: Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
 
 
 _SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Array, str]], str, str]] = {
-    "hip": (_hip, "functional centre", "the regression"),
-    "knee": (_knee, "functional axis", "the epicondyles"),
+    "hip": (_find_hip, "functional centre", "the regression"),
+    "knee": (_find_knee, "functional axis", "the epicondyles"),
 }
 """How a joint is sought, what is sought, and what stands in where it is not found."""
 
 
-def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
+def find_functional_joints(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:
     """Hip centres and knee axes from the session's movements, None where the settings do not ask for them.
 
     A side that its recordings do not determine is left out, with the reason among the notes.
@@ -268,7 +270,7 @@ def joints_of(session: Session, settings: CalibrationSettings) -> FunctionalJoin
     notes = list[str]()
     for joint, how in (("hip", settings.hip_centre), ("knee", settings.knee_axis)):
         if how == "functional":
-            found[joint], more = _both_sides(joint, posture, session.calibration)
+            found[joint], more = _find_both_sides(joint, posture, session.calibration)
             notes += more
     return FunctionalJoints(posture, found["hip"], found["knee"], tuple(notes))
 
@@ -300,9 +302,9 @@ def with_functional(
 
 
 def _in_pelvis(model: BodyModel, joints: FunctionalJoints, centre: Array) -> Vector:
-    cluster, values = joints.posture.cluster("pelvis"), model_values(model)
+    cluster, values = joints.posture.cluster("pelvis"), list_model_values(model)
     known = [name for name in cluster.labels if name in model.marker_names]
-    local = [marker_position(model.marker(name), values) for name in known]
+    local = [evaluate_marker(model.marker(name), values) for name in known]
     rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
     x, y, z = (float(v) for v in rotation.T @ (centre - position))
     return (x, y, z)
@@ -315,7 +317,7 @@ def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings)
     if missing:
         raise _NotFound(f"{', '.join(missing)} not known in the posture, so the thigh has no frame")
     hip, lateral, medial = (points[name] for name in names)
-    femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
+    femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     direction = femur.rotation[0].T @ axis
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
     x, y = np.degrees(tilt)

@@ -18,9 +18,9 @@ from scaling_service.capabilities.scaling.methods.image_lengths import size_by_l
 from scaling_service.capabilities.scaling.methods.image_points import (
     doubt_sizes,
     find_epicondyles,
+    find_imaged_pelvis,
     find_whole_legs,
-    imaged_pelvis,
-    marked_length,
+    measure_marked_length,
 )
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     Registration,
@@ -36,17 +36,17 @@ from scaling_service.capabilities.scaling.methods.placement import (
 )
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.core.text import few
-from scaling_service.model.anatomy.frames import Frames, femur_frame
-from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
-from scaling_service.model.body import BodyModel, Marker, Vector, vector
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.frames import Frames, build_femur_frame
+from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
+from scaling_service.model.body import BodyModel, Marker, Vector, to_vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_about
+from scaling_service.numerics.multibody.rigid import rotate_about
 
 _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
@@ -62,17 +62,17 @@ class _Leg:
     tilt: Tilt
 
 
-def _leg(evidence: ImageEvidence, side: str) -> _Leg:
+def _measure_leg(evidence: ImageEvidence, side: str) -> _Leg:
     hip, knee, ankle = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle"))
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = find_epicondyles(evidence, side, knee)
-    femur = femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
+    femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     femur = _turn_through(femur, hip, knee)
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
     tibia = _carry_shank(femur, knee, ankle, tilt)
     local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
-    return _Leg(femur, tibia, _vector(local[0]), _vector(local[1]), tilt)
+    return _Leg(femur, tibia, _to_vector(local[0]), _to_vector(local[1]), tilt)
 
 
 def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
@@ -99,15 +99,15 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames
             field="bones",
             remedy="Check that femur and tibia are of one side and in one image frame",
         )
-    hinge = turned @ rotation_about((0.0, 0.0, 1.0), angle) @ turned.T
+    hinge = turned @ rotate_about((0.0, 0.0, 1.0), angle) @ turned.T
     return Frames((femur.rotation[0] @ hinge)[None], knee[None])
 
 
 def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     """The model with a leg's joint centres and knee axis; without a foot its ankle is a landmark."""
-    model = with_centre(model, f"femur_{side}", _vector(hip))
+    model = with_centre(model, f"femur_{side}", _to_vector(hip))
     model = with_centre(model, f"tibia_{side}", leg.knee)
-    foot = segment_of(model, "foot", side)
+    foot = find_segment(model, "foot", side)
     if foot is not None:
         model = with_centre(model, foot, leg.ankle)
     model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
@@ -125,34 +125,36 @@ def _with_other_leg(
     """
     imaged = "l" if side == "r" else "r"
     own = evidence.centres.get(f"hip_{side}")
-    x, y, z = _vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
-    hips = {imaged: (x, y, z), side: _vector(pelvis.to_local(own)[0]) if own is not None else (x, y, -z)}
+    x, y, z = _to_vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
+    hips = {imaged: (x, y, z), side: _to_vector(pelvis.to_local(own)[0]) if own is not None else (x, y, -z)}
     model = with_centre(model, f"femur_{side}", hips[side])
-    lengths = segment_lengths(model)
+    lengths = measure_segment_lengths(model)
     for name, segment in (("femur", "femur"), ("shank", "tibia")):
-        theirs, ours = (marked_length(name, s, hips[s], standing) for s in (imaged, side))
+        theirs, ours = (measure_marked_length(name, s, hips[s], standing) for s in (imaged, side))
         if theirs is not None and ours is not None:
             factor = lengths[f"{name}_{imaged}"] * ours / theirs / lengths[f"{name}_{side}"]
-            model = scaled(model, {f"{segment}_{side}": (factor, factor, factor)})
+            model = scale_model(model, {f"{segment}_{side}": (factor, factor, factor)})
     return model
 
 
-def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
+def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
-    pelvis, sides = imaged_pelvis(evidence), find_whole_legs(start.model, evidence)
+    pelvis, sides = find_imaged_pelvis(evidence), find_whole_legs(start.model, evidence)
     assert pelvis is not None
-    names = {s: tuple(segment_of(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
+    names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     found = Registration(start.model)
     register_pelvis(found, evidence, pelvis)
     for side in sides:
-        register_leg(found, evidence, side, _rightward(evidence, side))
+        register_leg(found, evidence, side, _find_rightward(evidence, side))
     imaged_bones = frozenset(found.ratios)
     others = [s for s in "rl" if s not in sides and None not in names[s]]
     for side in others:
-        found.resize(_ratios_like_imaged(found.model, names[side], evidence, pelvis, side, standing))
+        found.resize(_scale_like_imaged(found.model, names[side], evidence, pelvis, side, standing))
         mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in found.poses}
-    placed = {n: vector(found.poses[segment].to_local(np.array(at))) for n, (segment, at) in imaged.items()}
+    placed = {
+        n: to_vector(found.poses[segment].to_local(np.array(at))) for n, (segment, at) in imaged.items()
+    }
     new = [name for name in placed if name not in found.model.marker_names]
     added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
     model = move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
@@ -160,7 +162,9 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
     if standing is not None:
         model = place_on(model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()})
     factors = {
-        name: vector(np.multiply(start.scale_factors.get(name, (1.0, 1.0, 1.0)), found.ratios.get(name, 1.0)))
+        name: to_vector(
+            np.multiply(start.scale_factors.get(name, (1.0, 1.0, 1.0)), found.ratios.get(name, 1.0))
+        )
         for name in model.segment_names
     }
     return Calibration(
@@ -168,7 +172,7 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
         model,
         start.generic,
         factors,
-        warnings=(*start.warnings, *_osim_notes(found, sides, imaged_bones, placed)),
+        warnings=(*start.warnings, *_list_osim_notes(found, sides, imaged_bones, placed)),
         image_poses=found.poses,
         bone_sized={name: "own" if name in imaged_bones else "other leg" for name in found.ratios},
         joint_moves=found.moves,
@@ -176,13 +180,13 @@ def _onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | N
     )
 
 
-def _rightward(evidence: ImageEvidence, side: str) -> Array:
+def _find_rightward(evidence: ImageEvidence, side: str) -> Array:
     """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
     lateral, medial = find_epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
     return lateral - medial if side == "r" else medial - lateral
 
 
-def _ratios_like_imaged(
+def _scale_like_imaged(
     model: BodyModel,
     names: Sequence[str | None],
     evidence: ImageEvidence,
@@ -196,12 +200,12 @@ def _ratios_like_imaged(
     to both cancels; empty where no standing trial shows both legs.
     """
     imaged = "l" if side == "r" else "r"
-    x, y, z = vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
+    x, y, z = to_vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
     own = evidence.centres.get(f"hip_{side}")
-    hips = {imaged: (x, y, z), side: (x, y, -z) if own is None else vector(pelvis.to_local(own)[0])}
-    lengths, ratios = segment_lengths(model), {}
+    hips = {imaged: (x, y, z), side: (x, y, -z) if own is None else to_vector(pelvis.to_local(own)[0])}
+    lengths, ratios = measure_segment_lengths(model), {}
     for length, segment in zip(("femur", "shank"), names, strict=True):
-        theirs, ours = (marked_length(length, s, hips[s], standing) for s in (imaged, side))
+        theirs, ours = (measure_marked_length(length, s, hips[s], standing) for s in (imaged, side))
         if segment is not None and theirs is not None and ours is not None:
             ratios[segment] = lengths[f"{length}_{imaged}"] * ours / theirs / lengths[f"{length}_{side}"]
     return ratios
@@ -210,7 +214,7 @@ def _ratios_like_imaged(
 _WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 
-def _osim_notes(
+def _list_osim_notes(
     found: Registration, sides: list[str], own: frozenset[str], placed: Mapping[str, Vector]
 ) -> list[str]:
     """Which segments lie on bones, what scaling could not do, and what is not from images.
@@ -233,26 +237,26 @@ def _osim_notes(
     like = [name for name in found.ratios if name not in own]
     if like:
         notes.append(
-            f"EB: sized as the bones of the {' and '.join(words[s] for s in sides)} leg: {few(like)} "
+            f"EB: sized as the bones of the {' and '.join(words[s] for s in sides)} leg: {list_few(like)} "
             "(of a leg that was not imaged, times the ratio of the legs' marker distances)"
         )
     rest = [name for name in found.model.segment_names if name not in found.ratios]
     if rest:
-        notes.append(f"EB: without a bone's length, sized by markers as in MB: {few(rest)}")
+        notes.append(f"EB: without a bone's length, sized by markers as in MB: {list_few(rest)}")
     carried = [
         m for m in found.model.markers if m.weight > 0.0 and m.segment in found.poses and m.name not in placed
     ]
     if carried:
         notes.append(
             f"EB: {len(carried)} markers on segments with bones are not in the image and follow the "
-            f"segment's size: {few([m.name for m in carried])}"
+            f"segment's size: {list_few([m.name for m in carried])}"
         )
     return notes
 
 
-def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
+def _list_factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
     """Size of each segment against the generic model, from the lengths that images changed."""
-    generic, now = segment_lengths(start.generic), segment_lengths(model)
+    generic, now = measure_segment_lengths(start.generic), measure_segment_lengths(model)
     factors = dict(start.scale_factors)
     for side in "rl":
         for segment, length in ((f"femur_{side}", f"femur_{side}"), (f"tibia_{side}", f"shank_{side}")):
@@ -261,7 +265,7 @@ def _factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
     return factors
 
 
-def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> list[str]:
+def _list_notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> list[str]:
     """What is not from images."""
     notes = []
     other = [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]
@@ -274,11 +278,11 @@ def _notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> 
         )
     skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
     if skin:
-        notes.append(f"EB: {len(skin)} markers are not in the image: {few(skin)}")
+        notes.append(f"EB: {len(skin)} markers are not in the image: {list_few(skin)}")
     return notes
 
 
-def _vector(values: Array) -> Vector:
+def _to_vector(values: Array) -> Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
 
@@ -321,16 +325,16 @@ class ImageBased:
         if not sides:
             return size_by_lengths(session, settings, start, evidence)
         if session.subject.model.lower().endswith(".osim"):
-            onto = _onto_bones(start, evidence, standing)
+            onto = _bring_onto_bones(start, evidence, standing)
             doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
             return replace(onto, warnings=(*onto.warnings, *doubts), wall_s=time.perf_counter() - clock)
         model, notes = start.model, [*start.warnings]
-        pelvis = imaged_pelvis(evidence)
+        pelvis = find_imaged_pelvis(evidence)
         assert pelvis is not None
         frames: dict[str, Frames] = {"pelvis": pelvis}
         tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
         for side in sides:
-            leg = _leg(evidence, side)
+            leg = _measure_leg(evidence, side)
             frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
             model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
             tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
@@ -340,7 +344,7 @@ class ImageBased:
             tilts[joint] = (-x, -y)
             model = with_axis(_with_other_leg(model, evidence, pelvis, side, standing), joint, tilts[joint])
         imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
-        placed = {n: _vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
+        placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
         # Markers that the model does not have yet are placed from their segment alone.
         new = [name for name in placed if name not in model.marker_names]
         added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
@@ -348,12 +352,12 @@ class ImageBased:
         seen = {segment for segment, _ in imaged.values()}
         if standing is not None:
             model = place_on(model, standing, frozenset(model.segment_names) - seen)
-        notes += [*_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
+        notes += [*_list_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
         return Calibration(
             "EB",
             model,
             start.generic,
-            _factors(start, model),
+            _list_factors(start, model),
             tilts,
             wall_s=time.perf_counter() - clock,
             warnings=tuple(notes),

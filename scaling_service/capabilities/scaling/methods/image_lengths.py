@@ -10,7 +10,7 @@ from scaling_service.capabilities.scaling.methods.image_points import doubt_size
 from scaling_service.capabilities.scaling.methods.marker_based import scale_linearly
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
+from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
@@ -39,7 +39,7 @@ def find_lengths(evidence: ImageEvidence, model: BodyModel) -> dict[str, float]:
     return {
         name: float(np.linalg.norm(np.subtract(centres[first], centres[second])))
         for name, (first, second) in _ENDS.items()
-        if name in segment_lengths(model) and first in centres and second in centres
+        if name in measure_segment_lengths(model) and first in centres and second in centres
     }
 
 
@@ -58,7 +58,7 @@ def size_by_lengths(
         )
     found = scale_linearly(session, settings, lengths)
     parts = {name: name.replace("shank", "tibia").replace("inter_hip", "pelvis") for name in lengths}
-    own = [s for part in parts.values() if (s := segment_of(found.model, *_role(part))) is not None]
+    own = [s for part in parts.values() if (s := find_segment(found.model, *_split_role(part))) is not None]
     sizes = ", ".join(f"{name} {1e3 * length:.0f} mm" for name, length in lengths.items())
     notes = [
         f"EB: no pelvis with one whole leg was imaged: bones give {sizes}; joints' axes and centres stay as "
@@ -73,7 +73,7 @@ def size_by_lengths(
     )
 
 
-def _role(part: str) -> tuple[str, str]:
+def _split_role(part: str) -> tuple[str, str]:
     """``femur_r`` as role and side; the pelvis has none."""
     role, _, side = part.rpartition("_") if part != "pelvis" else (part, "", "")
     return role, side

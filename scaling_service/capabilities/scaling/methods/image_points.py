@@ -7,9 +7,9 @@ from collections.abc import Collection
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.frames import Frames, pelvis_frame
-from scaling_service.model.anatomy.lengths import segment_lengths, segment_of
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.trial import ImageEvidence, Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -17,21 +17,21 @@ from scaling_service.numerics.multibody.laws import Array
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
 
-def imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
+def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
     """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
-    skin = {canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
+    skin = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
     for points in (skin, evidence.landmarks):
         if all(name in points for name in _PELVIS):
-            return pelvis_frame(*(points[name] for name in _PELVIS))
+            return build_pelvis_frame(*(points[name] for name in _PELVIS))
     return None
 
 
 def find_whole_legs(model: BodyModel, evidence: ImageEvidence) -> list[str]:
     """The sides of which hip, knee and ankle were imaged, with the pelvis, and that the model has."""
-    if imaged_pelvis(evidence) is None or segment_of(model, "pelvis", "") is None:
+    if find_imaged_pelvis(evidence) is None or find_segment(model, "pelvis", "") is None:
         return []
     roles = ("femur", "tibia")
-    return [s for s in evidence.sides() if all(segment_of(model, role, s) is not None for role in roles)]
+    return [s for s in evidence.sides() if all(find_segment(model, role, s) is not None for role in roles)]
 
 
 def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array, Array]:
@@ -43,7 +43,7 @@ def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[A
     if all(name in evidence.landmarks for name in names):
         lateral, medial = (np.array(evidence.landmarks[name]) for name in names)
         return lateral, medial
-    axis, pelvis = evidence.axes.get(f"knee_{side}"), imaged_pelvis(evidence)
+    axis, pelvis = evidence.axes.get(f"knee_{side}"), find_imaged_pelvis(evidence)
     if axis is None or pelvis is None:
         raise SubjectInvalid(
             f"neither the epicondyles nor the flexion axis of knee_{side} are known",
@@ -55,16 +55,16 @@ def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[A
     return knee + outward, knee - outward
 
 
-def marked_length(name: str, side: str, hip: Vector, standing: Trial | None) -> float | None:
+def measure_marked_length(name: str, side: str, hip: Vector, standing: Trial | None) -> float | None:
     """A thigh or shank as markers show it in the standing trial (m), None if they do not."""
     if standing is None:
         return None
-    shown = {canonical(label): standing.position(label) for label in standing.labels}
+    shown = {find_canonical(label): standing.position(label) for label in standing.labels}
     ends = [[f"{side.upper()}{point}" for point in pair] for pair in (("LFE", "MFE"), ("LM", "MM"))]
     if not all(point in shown for point in (*_PELVIS, *ends[0], *ends[1])):
         return None
     knee, ankle = (0.5 * (shown[a] + shown[b]) for a, b in ends)
-    centre = pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
+    centre = build_pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
     distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
     return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
 
@@ -80,11 +80,11 @@ def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[s
     ``imaged``: segments whose bones were imaged. Raises SubjectInvalid: a length is out by so much that bones
     and recordings cannot be of one person, or the unit of either is wrong.
     """
-    marked, shown = segment_lengths(by_markers), segment_lengths(by_image)
-    parts = {"inter_hip": segment_of(by_image, "pelvis", "")}
+    marked, shown = measure_segment_lengths(by_markers), measure_segment_lengths(by_image)
+    parts = {"inter_hip": find_segment(by_image, "pelvis", "")}
     for side in "rl":
-        parts |= {f"femur_{side}": segment_of(by_image, "femur", side)}
-        parts |= {f"shank_{side}": segment_of(by_image, "tibia", side)}
+        parts |= {f"femur_{side}": find_segment(by_image, "femur", side)}
+        parts |= {f"shank_{side}": find_segment(by_image, "tibia", side)}
     notes = []
     for name in sorted(marked.keys() & shown.keys() & parts.keys()):
         off = shown[name] / marked[name] - 1.0

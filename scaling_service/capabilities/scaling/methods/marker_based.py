@@ -10,33 +10,33 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import (
     FunctionalJoints,
-    joints_of,
+    find_functional_joints,
     with_functional,
 )
 from scaling_service.capabilities.scaling.methods.placement import (
     add_markers,
-    frames_around,
     place_markers,
     place_tracking_markers,
+    select_frames,
 )
 from scaling_service.capabilities.scaling.sizes.points import (
-    person_points,
+    find_person_points,
     with_sacrum,
     with_virtual_landmarks,
 )
 from scaling_service.capabilities.scaling.sizes.sizing import NO_BONES, Sizing, size_segments
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.compile import compile_model, default_coordinates, parameter_values
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.parameters import Tilt, with_knee
 from scaling_service.model.results import Calibration
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Measurement, ScaleSetup, Session
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.tree import marker_positions
+from scaling_service.numerics.multibody.tree import pose_markers
 
 _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a person
 
@@ -57,13 +57,13 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
-    standing = _standing(session)
+    standing = _require_standing(session)
     session = _with_knee(session, settings)
     notes: list[str] = []
     if session.static is None:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
     setup = session.scale_setup
-    joints = joints_of(session, settings)
+    joints = find_functional_joints(session, settings)
     sizing: Sizing | None = None
     if setup is not None:
         if settings.scaling != "uniform":
@@ -72,16 +72,16 @@ def scale_linearly(
                 field="scale_setup",
                 remedy="Leave out either the set-up or the per-axis scaling",
             )
-        factors = setup_factors(session.model, standing, setup)
+        factors = compute_setup_factors(session.model, standing, setup)
     else:
         sizing = size_segments(session, settings, joints, bones)
         factors = dict(sizing.factors)
         notes.extend(sizing.notes)
     keep = setup is None or setup.preserve_mass_distribution
-    model = scaled(session.model, factors, preserve_mass_distribution=keep)
+    model = scale_model(session.model, factors, preserve_mass_distribution=keep)
     tilts: dict[str, Tilt] = {}
     if joints is not None:
-        model, tilts, more = _functional(model, joints, session, settings)
+        model, tilts, more = _apply_functional(model, joints, session, settings)
         notes.extend(more)
     centres = {} if sizing is None else sizing.people[0].centres
     model, more = _with_markers(model, session, standing, centres)
@@ -114,15 +114,17 @@ def _with_markers(
         posed = with_virtual_landmarks(standing, centres)
         model, placed = place_tracking_markers(model, posed)
         if placed:
-            notes.append(f"MB: {len(placed)} tracking markers placed from '{standing.name}': {few(placed)}")
+            notes.append(
+                f"MB: {len(placed)} tracking markers placed from '{standing.name}': {list_few(placed)}"
+            )
         return add_markers(model, session.subject.extra_markers, posed), tuple(notes)
     return add_markers(model, session.subject.extra_markers, standing), tuple(notes)
 
 
-def _functional(
+def _apply_functional(
     model: BodyModel, joints: FunctionalJoints, session: Session, settings: CalibrationSettings
 ) -> tuple[BodyModel, dict[str, Tilt], tuple[str, ...]]:
-    points = person_points(
+    points = find_person_points(
         joints.posture.as_trial(),
         standing=session.static is not None,
         regression=settings.hip_regression,
@@ -144,7 +146,7 @@ def _with_knee(session: Session, settings: CalibrationSettings) -> Session:
     return replace(session, model=with_knee(session.model, settings.knee))
 
 
-def _standing(session: Session) -> Trial:
+def _require_standing(session: Session) -> Trial:
     standing = next((trial for trial in (session.static, *session.calibration) if trial is not None), None)
     if standing is None:
         raise TrialUnusable(
@@ -155,7 +157,7 @@ def _standing(session: Session) -> Trial:
     return standing
 
 
-def setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
+def compute_setup_factors(model: BodyModel, trial: Trial, setup: ScaleSetup) -> dict[str, Vector]:
     """Factors by an OpenSim scale set-up: the same as its ScaleTool gives.
 
     Raises TrialUnusable: a marker pair cannot be measured, or a length is zero.
@@ -187,8 +189,8 @@ def _pair_factor(
                 remedy="Give the marker set that belongs to the set-up under `marker_set:`",
             )
     tree = compile_model(model, names)
-    ours = marker_positions(tree, default_coordinates(model, 1), parameter_values(model))[0]
-    rows = frames_around(trial, time_range)
+    ours = pose_markers(tree, repeat_default_pose(model, 1), list_parameter_values(model))[0]
+    rows = select_frames(trial, time_range)
     ratios = []
     for first, second in measurement.pairs:
         seen = trial.position(first)[rows] - trial.position(second)[rows]

@@ -13,17 +13,33 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from scaling_service.capabilities.scaling.methods.fitting import STRATEGIES, Fit, Progress, calibration_frames
-from scaling_service.capabilities.scaling.sizes.measurements import AXES, fitted_factor
+from scaling_service.capabilities.scaling.methods.fitting import (
+    STRATEGIES,
+    Fit,
+    Progress,
+    choose_calibration_frames,
+)
+from scaling_service.capabilities.scaling.sizes.measurements import AXES, read_fitted_factor
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.core.text import few
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Segment
-from scaling_service.model.parameters import after, fold, free_axis, free_marker, free_scale, free_scale_axes
+from scaling_service.model.parameters import (
+    compose_tilts,
+    fold,
+    free_axis,
+    free_marker,
+    free_scale,
+    free_scale_axes,
+)
 from scaling_service.model.results import Calibration, EstimatedParameter
 from scaling_service.model.subject import Session
-from scaling_service.numerics.least_squares.estimator import Outcome, Solution, Uncertainty, uncertainty
-from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.estimator import (
+    Outcome,
+    Solution,
+    Uncertainty,
+    estimate_uncertainty,
+)
 from scaling_service.numerics.multibody.laws import Array
 
 SELECTED_COORDINATES = {
@@ -78,14 +94,14 @@ class Freedom:
             for segment in model.segments:
                 if segment.name in carrying:
                     known = length_sds.get(segment.name, settings.length_sd)
-                    model = _freed_size(model, segment.name, settings, known)
+                    model = _free_size(model, segment.name, settings, known)
         bounds = (math.radians(settings.axis_bound_x_deg), math.radians(settings.axis_bound_y_deg))
-        for joint in tiltable_knees(model):
+        for joint in find_tiltable_knees(model):
             model = free_axis(model, joint, *bounds, math.radians(settings.axis_sd_deg))
-        level = level_feet(model)
+        level = find_level_feet(model)
         for marker in model.markers:
             if marker.name in seen and marker.weight > 0.0:
-                axes = "xyz" if self.all_markers else selected_coordinates(marker.name)
+                axes = "xyz" if self.all_markers else select_coordinates(marker.name)
                 if marker.segment in level:
                     axes = LEVEL_FOOT["all" if self.all_markers else "selected"]
                 if axes:
@@ -95,22 +111,22 @@ class Freedom:
         return model
 
 
-def _freed_size(model: BodyModel, segment: str, settings: CalibrationSettings, sd: float) -> BodyModel:
+def _free_size(model: BodyModel, segment: str, settings: CalibrationSettings, sd: float) -> BodyModel:
     spread = (settings.length_bound, sd)
     if settings.scaling == "per-axis" and segment in AXES:
         return free_scale_axes(model, segment, AXES[segment], *spread)
     return free_scale(model, segment, *spread)
 
 
-def selected_coordinates(marker: str) -> str:
+def select_coordinates(marker: str) -> str:
     """The local coordinates that MB_lam frees for a marker, whatever its alias."""
-    landmark = canonical(marker)
+    landmark = find_canonical(marker)
     if landmark is None:
         return OTHER_COORDINATES
     return SELECTED_COORDINATES.get(landmark[1:], OTHER_COORDINATES)
 
 
-def level_feet(model: BodyModel) -> frozenset[str]:
+def find_level_feet(model: BodyModel) -> frozenset[str]:
     """The feet that turn in two ways or more against their shank, in one joint."""
     return frozenset(
         s.name
@@ -119,19 +135,19 @@ def level_feet(model: BodyModel) -> frozenset[str]:
     )
 
 
-def tiltable_knees(model: BodyModel) -> tuple[str, ...]:
+def find_tiltable_knees(model: BodyModel) -> tuple[str, ...]:
     """The knees (joints to a tibia) whose axis says something: three free turns reach any orientation.
 
     Turns that are coupled to flexion are not free: their axes turn with the axis of flexion.
     """
-    return tuple(s.joint_name for s in _shanks(model) if 0 < len(_turned_by(s)) < 3)
+    return tuple(s.joint_name for s in _list_shanks(model) if 0 < len(_list_turning_coordinates(s)) < 3)
 
 
-def _shanks(model: BodyModel) -> list[Segment]:
+def _list_shanks(model: BodyModel) -> list[Segment]:
     return [s for s in model.segments if model.bone_of(s.name).startswith("tibia")]
 
 
-def _turned_by(segment: Segment) -> set[str]:
+def _list_turning_coordinates(segment: Segment) -> set[str]:
     """The coordinates that turn a segment against its parent."""
     return {
         term.coordinate
@@ -148,7 +164,7 @@ _FAR = 3.0  # chosen: standard deviations of a size from which a fit contradicts
 _UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
 
 
-def _parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:
+def _list_parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:
     found = []
     for k, parameter in enumerate(freed.parameters):
         at_bound = bool(doubt.at_bound[k])
@@ -170,25 +186,27 @@ def _parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[Estimat
     return tuple(found)
 
 
-def _factors(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float, float]]:
+def _list_factors(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float, float]]:
     factors = {}
     for segment in start.model.segment_names:
         x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
-        kx, ky, kz = fitted_factor(values, segment)
+        kx, ky, kz = read_fitted_factor(values, segment)
         factors[segment] = (kx * x, ky * y, kz * z)
     return factors
 
 
-def _tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
+def _list_tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
     fitted = {
         joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
-        for joint in tiltable_knees(start.model)
+        for joint in find_tiltable_knees(start.model)
     }
-    turned = {joint: after(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()}
+    turned = {
+        joint: compose_tilts(start.axis_tilts.get(joint, (0.0, 0.0)), tilt) for joint, tilt in fitted.items()
+    }
     return {**start.axis_tilts, **turned}
 
 
-def _warnings(
+def _list_warnings(
     method: str,
     estimated: Sequence[EstimatedParameter],
     solution: Solution,
@@ -207,17 +225,19 @@ def _warnings(
     ]
     if far:
         found.append(
-            f"{method}: the movement pulls the size of {few(far)} more than {_FAR:.0f} standard deviations "
+            f"{method}: the movement pulls the size of {list_few(far)} more than {_FAR:.0f} standard "
+            f"deviations "
             "from what markers and stature say. Skin does so, or a joint that the model lacks: look at MB's"
         )
     if bound:
         found.append(
-            f"{method}: {len(bound)} of {len(estimated)} parameters stopped at their bounds: {few(bound)}"
+            f"{method}: {len(bound)} of {len(estimated)} parameters stopped at their bounds: "
+            f"{list_few(bound)}"
         )
     if doubt.free_directions:
         found.append(
             f"{method}: {doubt.free_directions} combinations of parameters are not determined by these "
-            f"recordings; the first guess decides them, so these mean little alone: {few(loose)}"
+            f"recordings; the first guess decides them, so these mean little alone: {list_few(loose)}"
         )
     return tuple(found)
 
@@ -240,11 +260,11 @@ class Optimised:
 
     def _kept_knees(self, model: BodyModel) -> list[str]:
         """A word on knees whose axes the image gave and no movement turns."""
-        kept = [s.joint_name for s in _shanks(model) if len(_turned_by(s)) >= 3]
+        kept = [s.joint_name for s in _list_shanks(model) if len(_list_turning_coordinates(s)) >= 3]
         if not kept or not self.needs_images:
             return []
         return [
-            f"{self.name}: {few(kept)} turn freely in three ways, so no turn of their axes is fitted: "
+            f"{self.name}: {list_few(kept)} turn freely in three ways, so no turn of their axes is fitted: "
             f"they stay as in {self.needs}"
         ]
 
@@ -262,8 +282,8 @@ class Optimised:
         assert start is not None
         clock = time.perf_counter()
         names = [m.name for m in start.model.markers if m.weight > 0.0]
-        frames = calibration_frames(session.calibration, names, settings.n_frames)
-        shown = frozenset(n for n, once in zip(names, ever(seen(frames.trial.markers)), strict=True) if once)
+        frames = choose_calibration_frames(session.calibration, names, settings.n_frames)
+        shown = frozenset(frames.trial.shown_labels)
         weighted = settings.sizes == "weighted"
         sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
         freed = self.freedom.apply(start.model, shown, settings, sds)
@@ -271,17 +291,17 @@ class Optimised:
             Fit.of(start.model, freed, frames, settings), settings, progress
         )
         fit, solution = fitted.fit, fitted.solution
-        doubt = uncertainty(fit.problem, solution, fit.p0, fitted.variance)
-        estimated = _parameters(freed, solution.p, doubt)
+        doubt = estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
+        estimated = _list_parameters(freed, solution.p, doubt)
         values = {p.name: p.value for p in estimated}
         warnings = [*start.warnings, *self._kept_knees(start.model)]
-        warnings += _warnings(self.name, estimated, solution, doubt, sds)
+        warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
         return Calibration(
             self.name,
             fold(freed, values),
             start.generic,
-            _factors(start, values),
-            _tilts(start, values),
+            _list_factors(start, values),
+            _list_tilts(start, values),
             estimated,
             fit.error(solution),
             solution.steps,

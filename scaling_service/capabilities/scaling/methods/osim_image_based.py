@@ -14,19 +14,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from scaling_service.capabilities.scaling.sizes.sizing import dimension_of
+from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.anatomy.bones import body_of
-from scaling_service.model.anatomy.frames import Frames, pelvis_frame
-from scaling_service.model.anatomy.lengths import chain_between, joint_ends, segment_of, straight_values
-from scaling_service.model.anatomy.markers import canonical
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, vector
+from scaling_service.model.anatomy.bones import find_body
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
+from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
 from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
-from scaling_service.model.scaling import scaled
+from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import ImageEvidence, ImagePose
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import rotation_about, rotation_from_vector
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 
 MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
@@ -45,16 +45,16 @@ class Registration:
         """Multiply segments' sizes, and those of what belongs to them, as the patella to the thigh."""
         spread = dict(ratios)
         for segment in self.model.segments:
-            own, carried = (dimension_of(self.model.bone_of(s)) for s in (segment.name, segment.parent))
+            own, carried = (find_dimension(self.model.bone_of(s)) for s in (segment.name, segment.parent))
             alike = own in (None, carried)
             if segment.name not in spread and segment.parent in spread and alike:
                 spread[segment.name] = spread[segment.parent]
-        self.model = scaled(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})
+        self.model = scale_model(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})
         self.ratios |= {name: self.ratios.get(name, 1.0) * ratio for name, ratio in spread.items()}
 
     def shift(self, segment: Segment, by: Array) -> None:
         """Move the centre of the joint that carries a segment, m, in its parent's frame."""
-        self._rejoint(segment, (*_shifts(by), *segment.joints), shift=vector(by))
+        self._rejoint(segment, (*_make_shifts(by), *segment.joints), shift=to_vector(by))
 
     def turn_child(self, segment: Segment, turn: Array, pivot: Array) -> None:
         """Turn a segment against the joint that carries it, about a point of its own.
@@ -64,11 +64,11 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        rotation = rotation_from_vector(turn)
-        about = Joint("rotation", vector(turn / angle), Law.constant(angle))
+        rotation = convert_vector_to_rotation(turn)
+        about = Joint("rotation", to_vector(turn / angle), Law.constant(angle))
         shift = pivot - rotation @ pivot
-        joints = (*segment.joints, *_shifts(shift), about)
-        self._rejoint(segment, joints, child_turn=vector(turn), child_shift=vector(shift))
+        joints = (*segment.joints, *_make_shifts(shift), about)
+        self._rejoint(segment, joints, child_turn=to_vector(turn), child_shift=to_vector(shift))
 
     def move_axis(self, segment: Segment, by: Array, values: Mapping[str, float]) -> None:
         """Move the joint that carries a segment, m, in its parent's frame; at ``values`` the segment stays.
@@ -76,25 +76,25 @@ class Registration:
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
         back = -follow(segment.joints, values)[0].T @ by
-        joints = (*_shifts(by), *segment.joints, *_shifts(back))
-        self._rejoint(segment, joints, shift=vector(by), child_shift=vector(back))
+        joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
+        self._rejoint(segment, joints, shift=to_vector(by), child_shift=to_vector(back))
 
     def turn(self, segment: Segment, onto: Array, values: Mapping[str, float]) -> None:
         """Turn the axes of the joint that carries a segment, so that its first one points along ``onto``.
 
         ``onto``: (3,), in the parent's frame.
         """
-        first, last = turning(segment)
+        first, last = find_turning_joints(segment)
         rotation, _ = follow(segment.joints[:first], values)
-        turn = rotation.T @ _turn_onto(axis_in_parent(segment, values), onto)
+        turn = rotation.T @ _turn_onto(find_axis_in_parent(segment, values), onto)
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        axis = vector(turn / angle)
+        axis = to_vector(turn / angle)
         there, back = (Joint("rotation", axis, Law.constant(a)) for a in (angle, -angle))
         joints = segment.joints
         turned = (*joints[:first], there, *joints[first:last], back, *joints[last:])
-        self._rejoint(segment, turned, turn=vector(turn))
+        self._rejoint(segment, turned, turn=to_vector(turn))
 
     def _rejoint(self, segment: Segment, joints: tuple[Joint, ...], **moved: Vector) -> None:
         known = self.moves.get(segment.joint_name, JointMove())
@@ -104,15 +104,15 @@ class Registration:
         self.model = replace(self.model, segments=segments)
 
 
-def _shifts(by: Array) -> tuple[Joint, ...]:
+def _make_shifts(by: Array) -> tuple[Joint, ...]:
     return tuple(
-        Joint("translation", vector(axis), Law.constant(value))
+        Joint("translation", to_vector(axis), Law.constant(value))
         for axis, value in zip(np.eye(3), by.tolist(), strict=True)
         if value
     )
 
 
-def turning(segment: Segment) -> tuple[int, int]:
+def find_turning_joints(segment: Segment) -> tuple[int, int]:
     """The slice of a segment's joints from its first driven turn to its last.
 
     Raises SubjectInvalid: none of them turns.
@@ -127,9 +127,9 @@ def turning(segment: Segment) -> tuple[int, int]:
     return driven[0], driven[-1] + 1
 
 
-def axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
+def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
-    first, _ = turning(segment)
+    first, _ = find_turning_joints(segment)
     rotation, _ = follow(segment.joints[:first], values)
     axis: Array = rotation @ np.array(segment.joints[first].axis)
     return axis
@@ -141,40 +141,43 @@ def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames)
     How far apart the hips are says little of the rest of a pelvis: of two persons they were 10 and 20 %
     further apart than Rajagopal's, and the bone, by where muscles lie on it, 3 % smaller and 5 % larger.
 
-    ``image``: the frame of the spines, as :func:`pelvis_frame`, in the image. It gives the turn about the
-        line of the hips, for which the model's own spines are marked; without marks its x axis serves.
+    ``image``: the frame of the spines in the image, as :func:`build_pelvis_frame`. It gives the turn about
+    the line of the hips, for which the model's own spines are marked; without marks its x axis serves.
     """
-    name = segment_of(found.model, "pelvis", "")
+    name = find_segment(found.model, "pelvis", "")
     assert name is not None
     seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
-    ours = _hips(found.model, name)
+    ours = _place_hips(found.model, name)
     if len(seen) < 2:  # half a pelvis: the other hip is its mirror image
         ((side, at),) = seen.items()
         mirrored = image.to_local(at)[0] * (1.0, 1.0, -1.0)
         seen["l" if side == "r" else "r"] = image.to_ground(mirrored)[0]
-    forward = _model_forward(found.model, name)
-    rotation = _axes(seen["r"] - seen["l"], image.rotation[0, :, 0]) @ _axes(ours["r"] - ours["l"], forward).T
+    forward = _find_model_forward(found.model, name)
+    rotation = (
+        _make_axes(seen["r"] - seen["l"], image.rotation[0, :, 0])
+        @ _make_axes(ours["r"] - ours["l"], forward).T
+    )
     middle = 0.5 * (ours["r"] + ours["l"])
     pose = found.poses[name] = ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
     for side in "rl":
-        femur = segment_of(found.model, "femur", side)
+        femur = find_segment(found.model, "femur", side)
         if femur is not None:
-            first, *_ = chain_between(found.model, name, femur)
+            first, *_ = list_chain(found.model, name, femur)
             found.shift(first, pose.to_local(seen[side]) - ours[side])
 
 
-def _hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
+def _place_hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
     """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
-    found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := joint_ends(model, "hip", side))}
+    found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := find_joint_ends(model, "hip", side))}
     for side, other in ("rl", "lr"):
         if other in found:
             found.setdefault(side, found[other] * (1.0, 1.0, -1.0))
     if not found:
-        raise _no_joint("hip", pelvis)
+        raise _refuse_without_joint("hip", pelvis)
     return found
 
 
-def _no_joint(joint: str, segment: str) -> SubjectInvalid:
+def _refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
     return SubjectInvalid(
         f"the model has no {joint} on its '{segment}', which the bones could be brought to",
         field="model",
@@ -182,14 +185,14 @@ def _no_joint(joint: str, segment: str) -> SubjectInvalid:
     )
 
 
-def _model_forward(model: BodyModel, pelvis: str) -> Array:
+def _find_model_forward(model: BodyModel, pelvis: str) -> Array:
     """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
-    marks = {canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
+    marks = {find_canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
     back = [marks[name] for name in ("RPSIS", "LPSIS", "SACR") if name in marks][:2]
     if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
-    return pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
 def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
@@ -198,23 +201,24 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
     ``lateral``: (3,), from the left to the right epicondyle or near it, in the image.
     """
     centres = {joint: np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle")}
-    femur, tibia = (str(segment_of(found.model, role, side)) for role in ("femur", "tibia"))
+    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
     lengths = {
         femur: np.linalg.norm(centres["hip"] - centres["knee"]),
         tibia: np.linalg.norm(centres["knee"] - centres["ankle"]),
     }
-    ends = _leg_ends(found.model, femur, tibia, side)
+    ends = _find_leg_ends(found.model, femur, tibia, side)
     found.resize({name: float(lengths[name] / np.linalg.norm(np.subtract(*ends[name]))) for name in ends})
-    ends = _leg_ends(found.model, femur, tibia, side)
-    values = straight_values(found.model)
+    ends = _find_leg_ends(found.model, femur, tibia, side)
+    values = straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
     flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
-    knee, carried = _turning_in(chain_between(found.model, femur, tibia), values)
-    model_axis = carried @ axis_in_parent(knee, values)
+    knee, carried = _find_turning_in(list_chain(found.model, femur, tibia), values)
+    model_axis = carried @ find_axis_in_parent(knee, values)
     rightward = model_axis * np.sign(model_axis[2])
     hip_at, knee_at = ends[femur]
     rotation = (
-        _axes_along(centres["hip"] - centres["knee"], flexion) @ _axes_along(hip_at - knee_at, rightward).T
+        _make_axes_along(centres["hip"] - centres["knee"], flexion)
+        @ _make_axes_along(hip_at - knee_at, rightward).T
     )
     thigh = ImagePose(rotation, centres["hip"] - rotation @ hip_at)
     found.poses[femur] = thigh
@@ -224,12 +228,12 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
     _move_ankle(found, evidence, tibia, side, centres["ankle"])
 
 
-def _leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
+def _find_leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
-    hip, knee, ankle = (joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
+    hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
         if segment not in ends:
-            raise _no_joint(joint, segment)
+            raise _refuse_without_joint(joint, segment)
     return {femur: (hip[femur], knee[femur]), tibia: (knee[tibia], ankle[tibia])}
 
 
@@ -249,10 +253,10 @@ def _register_shank(
     ``ends``: centres of knee and ankle in the shank's frame.
     """
     knee_at, ankle_at = ends
-    chain = chain_between(found.model, femur, tibia)
-    values = straight_values(found.model)
-    knee, _ = _turning_in(chain, values)
-    terms = knee.joints[turning(knee)[0]].law.terms
+    chain = list_chain(found.model, femur, tibia)
+    values = straighten(found.model)
+    knee, _ = _find_turning_in(chain, values)
+    terms = knee.joints[find_turning_joints(knee)[0]].law.terms
     coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
     joints = [j for s in chain for j in s.joints]
     target = thigh.to_local(ankle)
@@ -276,24 +280,24 @@ def _register_shank(
     turn, origin = place(angle)
     ours, theirs = ankle_at - knee_at, turn.T @ (target - origin) - knee_at
     found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
-    joints = [j for s in chain_between(found.model, femur, tibia) for j in s.joints]
+    joints = [j for s in list_chain(found.model, femur, tibia) for j in s.joints]
     turn, origin = place(angle)
     found.poses[tibia] = thigh.carrying((turn, origin))
 
 
 def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
     """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
-    foot = segment_of(found.model, "foot", side)
+    foot = find_segment(found.model, "foot", side)
     if foot is None:
         return
-    pose, chain = found.poses[tibia], chain_between(found.model, tibia, foot)
-    found.shift(chain[0], pose.to_local(ankle) - joint_ends(found.model, "ankle", side)[tibia])
+    pose, chain = found.poses[tibia], list_chain(found.model, tibia, foot)
+    found.shift(chain[0], pose.to_local(ankle) - find_joint_ends(found.model, "ankle", side)[tibia])
     axis = evidence.axes.get(f"ankle_{side}")
     if axis is not None:
-        values = straight_values(found.model)
-        joint, carried = _turning_in(chain_between(found.model, tibia, foot), values)
+        values = straighten(found.model)
+        joint, carried = _find_turning_in(list_chain(found.model, tibia, foot), values)
         onto = carried.T @ pose.rotation.T @ np.array(axis)
-        found.turn(joint, onto * np.sign(onto @ axis_in_parent(joint, values)), values)
+        found.turn(joint, onto * np.sign(onto @ find_axis_in_parent(joint, values)), values)
         _register_subtalar(found, evidence, tibia, side)
 
 
@@ -304,24 +308,24 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     the image's, for what a neutral ankle is no image tells. What is left is a turn and a move of the axis.
     """
     name = f"subtalar_{side}"
-    talus, calcn = (body_of(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
+    talus, calcn = (find_body(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
     if name not in evidence.axes or talus is None or calcn is None:
         return
-    values = straight_values(found.model)
-    chain = chain_between(found.model, talus, calcn)
+    values = straighten(found.model)
+    chain = list_chain(found.model, talus, calcn)
     if not any(j.turns for s in chain for j in s.joints):
         return
-    joint, carried = _turning_in(chain, values)
+    joint, carried = _find_turning_in(chain, values)
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
-    before = follow([j for s in chain_between(found.model, tibia, talus) for j in s.joints], values)
+    before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
     pose = found.poses[tibia].carrying(before)
-    ours = pose.rotation @ carried @ axis_in_parent(joint, values)
+    ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rotation_about(hinge, _angle_about(hinge, ours, theirs))
+    bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
     placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
-    first, _ = turning(joint)
+    first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
     centre = follow([*upto, *joint.joints[:first]], values)[1]
     axis = placed.rotation.T @ theirs
@@ -330,19 +334,19 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     found.turn(found.model.segment(joint.name), carried.T @ axis, values)
 
 
-def _angle_about(axis: Array, start: Array, end: Array) -> float:
+def _measure_angle_about(axis: Array, start: Array, end: Array) -> float:
     """By how much a direction turns about an axis to come nearest to another, rad."""
     return float(np.arctan2(np.cross(start, end) @ axis, start @ end - (start @ axis) * (end @ axis)))
 
 
-def _turning_in(chain: list[Segment], values: Mapping[str, float]) -> tuple[Segment, Array]:
+def _find_turning_in(chain: list[Segment], values: Mapping[str, float]) -> tuple[Segment, Array]:
     """The first segment of a chain that turns, and the rotation, (3, 3), that leads to its parent."""
     before: list[Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
             return segment, follow(before, values)[0]
         before += segment.joints
-    turning(chain[-1])
+    find_turning_joints(chain[-1])
     return chain[-1], follow(before, values)[0]
 
 
@@ -351,9 +355,9 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
 
     ``imaged``, ``other``: their shanks.
     """
-    values = straight_values(found.model)
+    values = straighten(found.model)
     ours, theirs = (found.model.segment(name) for name in (imaged, other))
-    first, _ = turning(ours)
+    first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())
     # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
     now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
@@ -361,7 +365,7 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
     if angle == 0.0:
         return
     mirrored = now * (-1.0, -1.0, 1.0)
-    axis = axis_in_parent(theirs, values)
+    axis = find_axis_in_parent(theirs, values)
     onto = axis * np.cos(angle) + np.cross(mirrored / angle, axis) * np.sin(angle)
     found.turn(theirs, onto, values)
 
@@ -373,7 +377,7 @@ def _turn_onto(start: Array, end: Array) -> Array:
     return np.zeros(3) if sine == 0.0 else cross / sine * np.arctan2(sine, start @ end)
 
 
-def _axes(z: Array, forward: Array) -> Array:
+def _make_axes(z: Array, forward: Array) -> Array:
     """The frame, (3, 3), whose z points along one direction and whose x lies nearest to another."""
     z = z / np.linalg.norm(z)
     y = np.cross(z, forward)
@@ -381,7 +385,7 @@ def _axes(z: Array, forward: Array) -> Array:
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 
-def _axes_along(y: Array, rightward: Array) -> Array:
+def _make_axes_along(y: Array, rightward: Array) -> Array:
     """The frame, (3, 3), whose y points along one direction and whose z lies nearest to another."""
     y = y / np.linalg.norm(y)
     x = np.cross(y, rightward)

@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
-from scaling_service.capabilities.motion.start import first_guess
+from scaling_service.capabilities.motion.start import guess_start
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
-from scaling_service.model.anatomy.markers import canonical
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
-from scaling_service.model.compile import compile_model, coordinate_ranges, default_coordinates
+from scaling_service.model.compile import compile_model, list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.parameters import Tilt, fold, free_axis
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
+from scaling_service.numerics.least_squares.masks import find_seen, find_shown
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
-from scaling_service.numerics.multibody.tree import forward
+from scaling_service.numerics.multibody.tree import pose_links
 
 
 def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
@@ -98,9 +98,9 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
-    landmarks = {m.name: float(canonical(m.name) not in _NO_PLACE) for m in model.markers}
+    landmarks = {m.name: float(find_canonical(m.name) not in _NO_PLACE) for m in model.markers}
     tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
-    shown = [n for n, known in landmarks.items() if known and n in _seen(trial, landmarks)]
+    shown = [n for n, known in landmarks.items() if known and n in _list_seen(trial, landmarks)]
     if len(shown) < _FEWEST or not tracking:
         return model, ()
     found = _locate(model, trial, tracking, landmarks)
@@ -127,9 +127,9 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
     OpenSim 4 documentation, "How Scaling Works"; compared with its ScaleTool in the tests.
     """
     pose = _average(trial, placement.time_range)
-    q = _static_pose(model, pose, placement)
+    q = _solve_static_pose(model, pose, placement)
     free = [m.name for m in model.markers if m.name not in placement.fixed]
-    found = _local_means(model, pose, q, {name: model.marker(name).segment for name in free})
+    found = _average_local_places(model, pose, q, {name: model.marker(name).segment for name in free})
     return move_markers(model, found)
 
 
@@ -149,10 +149,10 @@ def _locate(
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""
     few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
     q = solve_task(Task.of(model, few, weights=weights), few.times).q
-    return _local_means(model, few, q, segments)
+    return _average_local_places(model, few, q, segments)
 
 
-def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice:
+def select_frames(trial: Trial, time_range: tuple[float, float] | None) -> slice:
     """The frames that OpenSim takes for a time range.
 
     From the last frame at or before its start to the first at or after its end: a range between two
@@ -178,15 +178,15 @@ def frames_around(trial: Trial, time_range: tuple[float, float] | None) -> slice
 
 def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
     """One frame: the mean position of each marker over the frames of the range that show it."""
-    rows = frames_around(trial, time_range)
+    rows = select_frames(trial, time_range)
     chosen = trial.markers[rows]
-    shown = ever(seen(chosen))
+    shown = find_shown(chosen)
     mean = np.full(chosen.shape[1:], np.nan)
     mean[shown] = np.nanmean(chosen[:, shown], axis=0)
     return Trial(trial.name, trial.times[rows][:1], trial.labels, mean[None], trial.rate_hz)
 
 
-def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
+def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:
     """Coordinates (1, n) of the static pose under marker and coordinate tasks.
 
     Shoulders and forearms have several minima; the lowest that is reached from many postures is taken, all of
@@ -194,7 +194,7 @@ def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> A
     """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
     task = Task.of(model, pose, weights=weights)
-    wanted = default_coordinates(model, 1)
+    wanted = repeat_default_pose(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
         pull[k] = placement.coordinate_weights.get(name, 0.0)
@@ -202,8 +202,8 @@ def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> A
     # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
     measured = np.repeat(task.measured, _STARTS, axis=0)
-    natural = coordinate_ranges(model)
-    starts = first_guess(task.tree, measured, wanted[0], task.p, task.free)
+    natural = list_coordinate_ranges(model)
+    starts = guess_start(task.tree, measured, wanted[0], task.p, task.free)
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
@@ -224,13 +224,15 @@ def _static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> A
     return found.q[[int(np.argmin(found.cost))]]
 
 
-def _local_means(model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]) -> dict[str, Vector]:
+def _average_local_places(
+    model: BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
+) -> dict[str, Vector]:
     """Mean position of labels in their segments' frames over the frames that show them (m)."""
     carriers = [Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())]
     tree = compile_model(model.with_markers(tuple(carriers)))
-    poses = forward(tree, np.ascontiguousarray(q.T), np.zeros(tree.n_parameters))
+    poses = pose_links(tree, np.ascontiguousarray(q.T), np.zeros(tree.n_parameters))
     link = {m.segment: int(k) for m, k in zip(carriers, tree.marker_link, strict=True)}
-    present = _seen(trial, segments)
+    present = _list_seen(trial, segments)
     means = {}
     for name in present:
         k = link[segments[name]]
@@ -240,5 +242,5 @@ def _local_means(model: BodyModel, trial: Trial, q: Array, segments: Mapping[str
     return means
 
 
-def _seen(trial: Trial, names: Iterable[str]) -> list[str]:
-    return [n for n in names if n in trial.labels and seen(trial.position(n)).any()]
+def _list_seen(trial: Trial, names: Iterable[str]) -> list[str]:
+    return [n for n in names if n in trial.labels and find_seen(trial.position(n)).any()]

@@ -10,8 +10,8 @@ import numpy as np
 from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     CUTOFF_HZ,
+    find_judged_frames,
     inverse_dynamics,
-    judged_frames,
 )
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
@@ -82,7 +82,7 @@ def compare_muscles(
     Raises SubjectInvalid: the model is none of OpenSim, or has no muscles, or no movement was recorded.
     """
     _check(loaded, trials)
-    forces, notes = _forces(loaded, trials)
+    forces, notes = _gather_forces(loaded, trials)
     found: dict[str, dict[str, MuscleCourses]] = {}
     for k, (method, (model, text)) in enumerate(models.items()):
         found[method] = {}
@@ -91,21 +91,21 @@ def compare_muscles(
             found[method][trial] = _follow(model, text, motions[method][trial], forces.get(trial))
     first = next(iter(next(iter(found.values())).values()))
     if not first.geometry.muscles:
-        raise _no_muscles("has no muscles")
+        raise _report_no_muscles("has no muscles")
     reference = "MB" if "MB" in found else next(iter(found))
     differences = [
         peak
         for method in found
         if method != reference
         for quantity in _UNIT
-        for peak in _largest(_peaks(found[reference], found[method], quantity, (reference, method)))
+        for peak in _list_largest(_list_peaks(found[reference], found[method], quantity, (reference, method)))
     ]
     return MuscleComparison(reference, found, tuple(differences), notes)
 
 
 def _check(loaded: Loaded, trials: Sequence[str]) -> None:
     if not loaded.session.subject.model.lower().endswith(".osim"):
-        raise _no_muscles("is no .osim model")
+        raise _report_no_muscles("is no .osim model")
     if not trials:
         raise SubjectInvalid(
             "muscles are compared over movements, and none was recorded",
@@ -114,7 +114,7 @@ def _check(loaded: Loaded, trials: Sequence[str]) -> None:
         )
 
 
-def _no_muscles(what: str) -> SubjectInvalid:
+def _report_no_muscles(what: str) -> SubjectInvalid:
     return SubjectInvalid(
         f"muscles cannot be compared: the subject's model {what}",
         field="model",
@@ -122,7 +122,7 @@ def _no_muscles(what: str) -> SubjectInvalid:
     )
 
 
-def _forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
     """The forces on the feet of those trials that have some, and why others have no joint moments."""
     try:
         read = read_movement_forces(loaded.session.subject, loaded.plates)
@@ -143,9 +143,9 @@ def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | N
     moments: dict[str, Array] = {}
     if forces is not None:
         dynamics = inverse_dynamics(model, motion, forces.loads)
-        judged = judged_frames(dynamics, forces.contacts, CUTOFF_HZ)
+        judged = find_judged_frames(dynamics, forces.contacts, CUTOFF_HZ)
         values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
-        moments = {name: values[:, dynamics.coordinates.index(name)] for name in _joint_angles(model)}
+        moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}
     return MuscleCourses(
         motion.times[rows],
         {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
@@ -154,13 +154,13 @@ def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | N
     )
 
 
-def _joint_angles(model: BodyModel) -> list[str]:
+def _list_joint_angles(model: BodyModel) -> list[str]:
     """Rotations that joints between segments leave free; those of the root carry residuals."""
     root = {t.coordinate for s in model.segments[:1] for joint in s.joints for t in joint.law.terms}
     return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
 
 
-def _largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
+def _list_largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
     """The largest of all trials for each muscle and coordinate, the largest first."""
     found: dict[tuple[str, str], MuscleDifference] = {}
     for peak in peaks:
@@ -170,7 +170,7 @@ def _largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
     return sorted(found.values(), key=lambda peak: -abs(peak.difference))[:MOST_ROWS]
 
 
-def _peaks(
+def _list_peaks(
     reference: Mapping[str, MuscleCourses],
     method: Mapping[str, MuscleCourses],
     quantity: MuscleQuantity,

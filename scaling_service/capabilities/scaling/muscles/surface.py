@@ -12,9 +12,9 @@ import numpy as np
 from scaling_service.bones.morph import SurfaceMap, map_surface, measure_distances
 from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.files.osim.muscles import Attachment, Wrap, move_attachments, read_attachments
-from scaling_service.model.anatomy.lengths import joint_ends
+from scaling_service.model.anatomy.lengths import find_joint_ends
 from scaling_service.model.results import Array, Calibration, JointMove
 from scaling_service.model.trial import Bone
 
@@ -53,7 +53,7 @@ def follow_surfaces(
     moved: dict[str, MovedAttachments] = {}
     moved_wraps: list[Wrap] = []
     notes = [
-        f"{calibration.method}: the model's {few(names)} of {segment} is not beside it or in Geometry/"
+        f"{calibration.method}: the model's {list_few(names)} of {segment} is not beside it or in Geometry/"
         for segment, names in surfaces.absent.items()
     ]
     for segment, person in persons.items():
@@ -61,7 +61,7 @@ def follow_surfaces(
         if not here or segment not in surfaces.bones:
             continue
         try:
-            mapped = map_surface(surfaces.bones[segment], person, *_centres_on(calibration, segment))
+            mapped = map_surface(surfaces.bones[segment], person, *_find_centres(calibration, segment))
         except MeshRefused as error:
             notes.append(f"{calibration.method}: attachments on {segment} are scaled: {error}")
             continue
@@ -75,7 +75,7 @@ def follow_surfaces(
         moved[segment] = _move(here, before, mapped, person)
         there = zip(over, mapped(centres) if over else (), sizes[len(here) :], strict=True)
         moved_wraps += [replace(wrap, at=at, size=float(size)) for wrap, at, size in there]
-        notes.append(f"{calibration.method}: {_said(segment, moved[segment], mapped)}")
+        notes.append(f"{calibration.method}: {_describe_distances(segment, moved[segment], mapped)}")
     every = [point for found in moved.values() for point in found.points]
     if not every:
         notes.append(f"{calibration.method}: muscles follow no surface: all attachments are scaled")
@@ -83,7 +83,7 @@ def follow_surfaces(
     text, astray = move_attachments(osim, source, every, moved_wraps)
     if astray:
         notes.append(
-            f"{calibration.method}: {few(astray)} would run along another side of what they slide over: "
+            f"{calibration.method}: {list_few(astray)} would run along another side of what they slide over: "
             "their attachments are scaled"
         )
     return FollowedSurfaces(text, _without(moved, astray), tuple(notes))
@@ -100,12 +100,12 @@ def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) ->
     }
 
 
-def _centres_on(calibration: Calibration, segment: str) -> tuple[Array, Array]:
+def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]:
     """Joint centres that a segment knows, each (n, 3), m: where its own bone as scaled has them, and now."""
     model, now, before = calibration.model, [], []
     for joint in ("hip", "knee", "ankle"):
         for side in "rl":
-            ends = joint_ends(model, joint, side)
+            ends = find_joint_ends(model, joint, side)
             if segment not in ends:
                 continue
             parent, *carried = ends
@@ -124,7 +124,7 @@ def _move(points: Sequence[Attachment], before: Array, mapped: SurfaceMap, perso
     return MovedAttachments(there, before, distances)
 
 
-def _said(segment: str, found: MovedAttachments, mapped: SurfaceMap) -> str:
+def _describe_distances(segment: str, found: MovedAttachments, mapped: SurfaceMap) -> str:
     before, after = 1e3 * np.median(found.distances, axis=0)
     return (
         f"{len(found.points)} attachments on {segment} follow its surface: {before:.1f} mm from the bone as "

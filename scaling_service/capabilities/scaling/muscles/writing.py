@@ -15,7 +15,7 @@ from scaling_service.model.results import Array
 _TOLD = 2  # of each method and quantity, in words; chosen: the tables have the rest
 
 
-def muscle_document(found: MuscleComparison) -> MuscleDocument:
+def make_muscle_document(found: MuscleComparison) -> MuscleDocument:
     """The part of ``comparison.json``."""
     grouped: dict[tuple[str, str], list[MuscleDifference]] = {}
     for each in found.differences:
@@ -42,8 +42,10 @@ def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
         }
         for what, columns in tables.items():
             if columns:
-                write_sto(folder / f"{trial}_{what}.sto", _table(f"{trial} {what}", own.times, columns))
+                write_sto(
+                    folder / f"{trial}_{what}.sto", _tabulate_muscles(f"{trial} {what}", own.times, columns)
+                )
 
 
-def _table(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
+def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
     return Table(name, ("time", *columns), np.column_stack([times, *columns.values()]), in_degrees=False)

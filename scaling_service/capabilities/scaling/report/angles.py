@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 import plotly.graph_objects as go
 
-from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, Band, schwartz2008
+from scaling_service.capabilities.scaling.clinical_gait import VARIABLES, Band, read_schwartz2008
 from scaling_service.capabilities.scaling.comparison.curves import Curves, CycleCurves, Gait
 from scaling_service.documents.results import ClinicalCurve, ClinicalDocument, MethodResult
 from scaling_service.model.anatomy.frames import ANGLES, WAYS
@@ -25,36 +25,44 @@ from scaling_service.report.blocks import (
     Table,
     Text,
 )
-from scaling_service.report.figures import Figure, band, chart, cycle_figure, fade, lines, ranges
+from scaling_service.report.figures import (
+    Figure,
+    describe_ranges,
+    draw_band,
+    draw_cycle,
+    draw_lines,
+    fade,
+    make_chart,
+)
 from scaling_service.report.methods import (
     FAINT,
     Style,
-    method_columns,
-    method_legend,
+    describe_spans,
+    list_method_columns,
+    make_method_legend,
     number,
-    percent_spans,
-    words,
+    spell_name,
 )
 from scaling_service.report.page import Section
 
 
-def angles_section(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Section:
+def build_angles_section(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Section:
     """Joint angles by each method, over time in one trial and over the gait cycle."""
-    return Section("Joint angles", list(_blocks(methods, angles, gait)), new_page=True)
+    return Section("Joint angles", list(_build_blocks(methods, angles, gait)), new_page=True)
 
 
-def _blocks(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Iterator[Block]:
+def _build_blocks(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Iterator[Block]:
     if not angles and not gait.curves:
         yield Text("No movement was recorded, so there are no joint angles.")
         return
-    yield method_legend(methods)
+    yield make_method_legend(methods)
     if gait.curves:
-        yield from _gait(gait)
+        yield from _build_gait(gait)
     else:
         yield Text(f"No gait cycle is shown: {gait.reason}.", quiet=True)
     if angles:
-        title = f"Over time: {angles[0].trial} ({_role(angles[0].held_out)})"
-        grid = Grid([_over_time(curve) for curve in angles])
+        title = f"Over time: {angles[0].trial} ({_describe_role(angles[0].held_out)})"
+        grid = Grid([_draw_over_time(curve) for curve in angles])
         if gait.curves:
             yield Details(title, [grid])
         else:
@@ -62,11 +70,11 @@ def _blocks(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Ite
             yield grid
 
 
-def _role(held_out: bool) -> str:
+def _describe_role(held_out: bool) -> str:
     return "held out" if held_out else "used to fit"
 
 
-def _gait(gait: Gait) -> Iterator[Block]:
+def _build_gait(gait: Gait) -> Iterator[Block]:
     where = ", ".join(gait.trials)
     counts = sorted({curve.n_cycles for curve in gait.curves})
     span = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
@@ -74,14 +82,14 @@ def _gait(gait: Gait) -> Iterator[Block]:
     yield Heading("Over the gait cycle")
     yield Text(
         f"{'Mean and SD (shaded) over' if counts[-1] > 1 else 'From'} {many} of each leg from {where} "
-        f"({_role(gait.held_out)}), from contact to contact of the same foot, as "
+        f"({_describe_role(gait.held_out)}), from contact to contact of the same foot, as "
         "the markers show it."
     )
     tested = [curve for curve in gait.curves if curve.anova is not None]
     yield Text(_describe_tests(tested))
-    yield Grid([_over_cycle(curve) for curve in gait.curves])
+    yield Grid([_draw_over_cycle(curve) for curve in gait.curves])
     if tested:
-        yield _tests(tested, gait)
+        yield _tabulate_tests(tested, gait)
 
 
 def _describe_tests(tested: Sequence[CycleCurves]) -> str:
@@ -101,28 +109,28 @@ def _describe_tests(tested: Sequence[CycleCurves]) -> str:
     )
 
 
-def _over_cycle(curve: CycleCurves) -> Figure:
-    title = words(curve.name)
+def _draw_over_cycle(curve: CycleCurves) -> Figure:
+    title = spell_name(curve.name)
     described = (
         f"{title} over the gait cycle by method, degrees, mean of {curve.n_cycles} cycles. "
-        f"{ranges(curve.mean)}"
+        f"{describe_ranges(curve.mean)}"
     )
     sd = curve.sd if curve.n_cycles > 1 else {}
-    return cycle_figure(title, described, curve.mean, sd, [] if curve.anova is None else curve.anova.spans)
+    return draw_cycle(title, described, curve.mean, sd, [] if curve.anova is None else curve.anova.spans)
 
 
-def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
+def _tabulate_tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
     rows = []
     for curve in tested:
         test = curve.anova
         assert test is not None
         p = f"{test.p:.3f}" if test.can_decide else f"cannot decide (smallest possible {test.smallest_p:.2g})"
         pairs = [
-            f"{method}: {percent_spans(pair.spans) if pair.can_decide else 'too few cycles'}"
+            f"{method}: {describe_spans(pair.spans) if pair.can_decide else 'too few cycles'}"
             for method, pair in curve.pairs.items()
         ]
-        cells = [str(curve.n_cycles), p, percent_spans(test.spans), "; ".join(pairs) or "not tested"]
-        rows.append(Row(words(curve.name), cells))
+        cells = [str(curve.n_cycles), p, describe_spans(test.spans), "; ".join(pairs) or "not tested"]
+        rows.append(Row(spell_name(curve.name), cells))
     return Table(
         "Do the methods differ along the curve?",
         ["angle", "cycles", "p", "where, % of the cycle", f"pairs with {gait.reference}"],
@@ -132,10 +140,10 @@ def _tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
     )
 
 
-def _over_time(curve: Curves) -> Figure:
-    title = words(curve.name)
+def _draw_over_time(curve: Curves) -> Figure:
+    title = spell_name(curve.name)
     return Figure(
-        chart(lines(curve.x, curve.values), x_title="time, s", y_title="degrees"),
+        make_chart(draw_lines(curve.x, curve.values), x_title="time, s", y_title="degrees"),
         title,
         f"{title} over time in {curve.trial} by method, degrees.",
         210,
@@ -166,37 +174,41 @@ _RESTS_ON = (
 )
 
 
-def clinical_section(methods: Mapping[str, MethodResult], method: str) -> Section:
+def build_clinical_section(methods: Mapping[str, MethodResult], method: str) -> Section:
     """Conventional angles of the verdict's method, its profile, and the scores of all methods."""
-    return Section("Angles as a clinic reads them", list(_clinical(methods, method)), new_page=True)
+    return Section("Angles as a clinic reads them", list(_build_clinical(methods, method)), new_page=True)
 
 
-def _clinical(methods: Mapping[str, MethodResult], method: str) -> Iterator[Block]:
+def _build_clinical(methods: Mapping[str, MethodResult], method: str) -> Iterator[Block]:
     found = {name: m.clinical for name, m in methods.items() if m.clinical is not None}
     shown = found.get(method)
     if shown is None or not shown.sides:
         yield Text(
             f"No gait cycle is shown: {shown.reason if shown else 'no movement was recorded'}.", quiet=True
         )
-        yield from _left_out(shown)
+        yield from _build_left_out(shown)
         return
     if shown.doubtful:
         yield Callout("Read with doubt", [Bullets([f"{said}." for said in shown.doubtful])], "poor")
-    yield Text(_cycles_in_words(method, shown))
+    yield Text(_describe_cycles(method, shown))
     yield Legend([(name, style.colour, style.dash) for name, style in _SIDES.values()])
-    bands = schwartz2008().bands
+    bands = read_schwartz2008().bands
     yield Grid(
-        [_figure(angle, shown, bands[angle]) for angle in ANGLES if angle in bands and _has(shown, angle)]
+        [
+            _draw_figure(angle, shown, bands[angle])
+            for angle in ANGLES
+            if angle in bands and _has(shown, angle)
+        ]
     )
     yield Heading("Movement Analysis Profile and Gait Profile Score")
-    yield _profile(shown)
+    yield _draw_profile(shown)
     yield Text(_score_in_words(method, shown))
-    yield from _left_out(shown)
-    yield from _scores(found)
+    yield from _build_left_out(shown)
+    yield from _build_scores(found)
     yield Details("What these angles and scores rest on", [Bullets(_RESTS_ON)])
 
 
-def _cycles_in_words(method: str, shown: ClinicalDocument) -> str:
+def _describe_cycles(method: str, shown: ClinicalDocument) -> str:
     counts = " and ".join(
         f"{len(shown.sides[side].cycles)} {name}" for side, (name, _) in _SIDES.items() if side in shown.sides
     )
@@ -215,22 +227,22 @@ def _has(shown: ClinicalDocument, angle: str) -> bool:
     return any(angle in side.curves for side in shown.sides.values())
 
 
-def _figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
+def _draw_figure(angle: str, shown: ClinicalDocument, usual: Band) -> Figure:
     title, low, high = WAYS[angle]
-    traces = [band(np.degrees(usual.mean), np.degrees(usual.sd), _BAND)]
+    traces = [draw_band(np.degrees(usual.mean), np.degrees(usual.sd), _BAND)]
     curves = {side: shown.sides[side].curves[angle] for side in _SIDES if _in(shown, side, angle)}
     for side, curve in curves.items():
         if curve.sd_deg is not None:
             traces.append(
-                band(np.array(curve.mean_deg), np.array(curve.sd_deg), fade(_SIDES[side][1].colour))
+                draw_band(np.array(curve.mean_deg), np.array(curve.sd_deg), fade(_SIDES[side][1].colour))
             )
-    traces += [_line(side, curve) for side, curve in curves.items()]
+    traces += [_draw_line(side, curve) for side, curve in curves.items()]
     said = "; ".join(
         f"{_SIDES[side][0]} {min(curve.mean_deg):.0f} to {max(curve.mean_deg):.0f}"
         for side, curve in curves.items()
     )
     described = f"{title} over the gait cycle, degrees, {high} positive. Ranges: {said}."
-    drawn = chart(traces, x_title="gait cycle, %", y_title="degrees")
+    drawn = make_chart(traces, x_title="gait cycle, %", y_title="degrees")
     return Figure(drawn, f"{title}: {high} +, {low} −", described, 230)
 
 
@@ -238,7 +250,7 @@ def _in(shown: ClinicalDocument, side: _Side, angle: str) -> bool:
     return side in shown.sides and angle in shown.sides[side].curves
 
 
-def _line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
+def _draw_line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
     name, style = _SIDES[side]
     return go.Scatter(
         x=np.linspace(0.0, 100.0, len(curve.mean_deg)),
@@ -250,7 +262,7 @@ def _line(side: _Side, curve: ClinicalCurve) -> go.Scatter:
     )
 
 
-def _profile(shown: ClinicalDocument) -> Figure:
+def _draw_profile(shown: ClinicalDocument) -> Figure:
     scored = [a for a in VARIABLES if any(a in side.gvs_deg for side in shown.sides.values())]
     whole = any(side.gps_deg is not None for side in shown.sides.values())
     names = [*(WAYS[angle][0] for angle in scored), *(["GPS"] if whole else [])]
@@ -279,7 +291,7 @@ def _profile(shown: ClinicalDocument) -> Figure:
             hovertemplate="%{y:.1f}",
         )
     )
-    drawn = chart(bars, y_title="degrees", barmode="group", bargap=0.35)
+    drawn = make_chart(bars, y_title="degrees", barmode="group", bargap=0.35)
     drawn.update_xaxes(tickangle=0)
     return Figure(
         drawn,
@@ -304,19 +316,21 @@ def _score_in_words(method: str, shown: ClinicalDocument) -> str:
     )
 
 
-def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
-    columns: list[str | Cell] = ["", *method_columns(list(found))]
+def _build_scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
+    columns: list[str | Cell] = ["", *list_method_columns(list(found))]
     documents = list(found.values())
     sides = {side: [d.sides.get(side) for d in documents] for side in _SIDES}
     totals = [
-        _row(f"GPS, {_SIDES[s][0]}", [None if x is None else x.gps_deg for x in of])
+        _make_row(f"GPS, {_SIDES[s][0]}", [None if x is None else x.gps_deg for x in of])
         for s, of in sides.items()
     ]
-    totals.append(_row("GPS, both sides", [d.gps_deg for d in documents]))
+    totals.append(_make_row("GPS, both sides", [d.gps_deg for d in documents]))
     if any(totals):
         yield Table("Gait Profile Score by method, degrees", columns, [row for row in totals if row])
     rows = [
-        _row(f"{WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of])
+        _make_row(
+            f"{WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of]
+        )
         for s, of in sides.items()
         for angle in VARIABLES
     ]
@@ -324,12 +338,12 @@ def _scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
     yield Details("The scores of each angle", [table])
 
 
-def _row(title: str, scores: Sequence[float | None]) -> Row | None:
+def _make_row(title: str, scores: Sequence[float | None]) -> Row | None:
     """The scores of all methods; None where no method has one."""
     known = any(score is not None for score in scores)
     return Row(title, [number(score) for score in scores]) if known else None
 
 
-def _left_out(shown: ClinicalDocument | None) -> Iterator[Block]:
+def _build_left_out(shown: ClinicalDocument | None) -> Iterator[Block]:
     if shown is not None and shown.left_out:
         yield Bullets([f"Not given: {reason}." for reason in shown.left_out])

@@ -12,21 +12,21 @@ from scaling_service.capabilities.scaling.comparison.curves import Curves
 from scaling_service.capabilities.scaling.report.tables import (
     FAR_MM,
     Methods,
-    axis_table,
-    error_table,
-    length_table,
+    tabulate_axes,
+    tabulate_errors,
+    tabulate_lengths,
 )
 from scaling_service.documents.results import ComparisonDocument, JointCentre, MethodResult
 from scaling_service.report.blocks import Block, Cell, Grid, Heading, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, lines, plain
+from scaling_service.report.figures import Figure, draw_lines, escape_plain, make_chart
 from scaling_service.report.methods import (
     INK,
-    method_columns,
-    method_legend,
+    list_method_columns,
+    list_styles,
+    make_method_legend,
     number,
-    styles,
-    union,
-    words,
+    spell_name,
+    unite_keys,
 )
 from scaling_service.report.page import Section
 
@@ -37,13 +37,13 @@ _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "x")
 """Of each method in turn, each smaller than the one before, so that those in one place all show."""
 
 
-def errors_section(methods: Methods, curves: Sequence[Curves]) -> Section:
+def build_errors_section(methods: Methods, curves: Sequence[Curves]) -> Section:
     """Mean errors of all trials, errors over time and per marker; held-out and fitted trials apart."""
-    return Section("Distance to the measured markers", list(_errors(methods, curves)), new_page=True)
+    return Section("Distance to the measured markers", list(_build_errors(methods, curves)), new_page=True)
 
 
-def _errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
-    trials = {role: _trials(methods, role) for role, _ in _ROLES}
+def _build_errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
+    trials = {role: _list_trials(methods, role) for role, _ in _ROLES}
     if not any(trials.values()):
         yield Text("No movement was recorded, so there is nothing to follow.")
         return
@@ -51,17 +51,17 @@ def _errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
         "Fitted trials flatter a fit. Held-out ones do less, above all where they show another movement than "
         "the fitted ones: skin that slides the same way in both is not found out."
     )
-    yield error_table(methods)
-    yield method_legend(list(methods))
+    yield tabulate_errors(methods)
+    yield make_method_legend(list(methods))
     for role, title in _ROLES:
         drawn = [c for c in curves if c.held_out == (role == "evaluation")]
-        per_marker = {name: _per_marker(m, trials[role]) for name, m in methods.items()}
+        per_marker = {name: _average_per_marker(m, trials[role]) for name, m in methods.items()}
         if drawn or any(per_marker.values()):
             yield Heading(title)
         if drawn:
-            yield Grid([_over_time(curve) for curve in drawn])
+            yield Grid([_draw_over_time(curve) for curve in drawn])
         if any(per_marker.values()):
-            yield _heat_map(
+            yield _tabulate_heat_map(
                 f"{title}: mean distance per marker, mm",
                 per_marker,
                 _DARKEST,
@@ -69,14 +69,16 @@ def _errors(methods: Methods, curves: Sequence[Curves]) -> Iterator[Block]:
             )
 
 
-def _trials(methods: Methods, role: str) -> list[str]:
-    return union({t: e for t, e in m.kinematic_error_mm.items() if e.role == role} for m in methods.values())
+def _list_trials(methods: Methods, role: str) -> list[str]:
+    return unite_keys(
+        {t: e for t, e in m.kinematic_error_mm.items() if e.role == role} for m in methods.values()
+    )
 
 
-def _over_time(curve: Curves) -> Figure:
+def _draw_over_time(curve: Curves) -> Figure:
     said = ", ".join(f"{name} {np.nanmean(values):.1f}" for name, values in curve.values.items())
-    drawn = chart(
-        lines(curve.x, curve.values),
+    drawn = make_chart(
+        draw_lines(curve.x, curve.values),
         x_title="time, s",
         y_title="mean distance, mm",
         yaxis_rangemode="tozero",
@@ -89,24 +91,26 @@ def _over_time(curve: Curves) -> Figure:
     )
 
 
-def _per_marker(method: MethodResult, trials: Sequence[str]) -> dict[str, float]:
+def _average_per_marker(method: MethodResult, trials: Sequence[str]) -> dict[str, float]:
     """Marker to the mean over trials, mm."""
     errors = [method.kinematic_error_mm[t].per_marker for t in trials if t in method.kinematic_error_mm]
-    seen = {marker: [error[marker] for error in errors if marker in error] for marker in union(errors)}
+    seen = {marker: [error[marker] for error in errors if marker in error] for marker in unite_keys(errors)}
     return {marker: sum(values) / len(values) for marker, values in seen.items()}
 
 
-def _heat_map(caption: str, values: Mapping[str, Mapping[str, float]], darkest: float, note: str) -> Table:
+def _tabulate_heat_map(
+    caption: str, values: Mapping[str, Mapping[str, float]], darkest: float, note: str
+) -> Table:
     """A value of each marker by method, the larger the darker."""
     rows = []
-    for marker in union(values.values()):
+    for marker in unite_keys(values.values()):
         known = [own.get(marker) for own in values.values()]
         cells = [Cell(number(v), shade=None if v is None else v / darkest) for v in known]
         rows.append(Row(marker, cells))
-    return Table(caption, ["marker", *method_columns(list(values))], rows, note)
+    return Table(caption, ["marker", *list_method_columns(list(values))], rows, note)
 
 
-def geometry_section(
+def build_geometry_section(
     document: ComparisonDocument, imaged: str | None, imaged_lengths: Sequence[str]
 ) -> Section:
     """Lengths against the image, or the truth, or only beside each other; centres, axes, shifts.
@@ -114,11 +118,11 @@ def geometry_section(
     ``imaged``: the method whose lengths and joint centres are the image's.
     ``imaged_lengths``: segment lengths between imaged joint centres.
     """
-    blocks = list(_geometry(document, imaged, imaged_lengths))
+    blocks = list(_build_geometry(document, imaged, imaged_lengths))
     return Section("Lengths, joint centres, axes", blocks, new_page=True)
 
 
-def _geometry(
+def _build_geometry(
     document: ComparisonDocument, imaged: str | None, imaged_lengths: Sequence[str]
 ) -> Iterator[Block]:
     methods = document.methods
@@ -129,29 +133,29 @@ def _geometry(
     elif imaged is not None:
         lengths = methods[imaged].segment_lengths_mm
         reference, title = {name: lengths[name] for name in imaged_lengths if name in lengths}, "image"
-    yield length_table(methods, reference, title)
-    yield from _rests_on(methods)
+    yield tabulate_lengths(methods, reference, title)
+    yield from _build_sources(methods)
     if reference:
-        yield _length_differences(methods, reference, title)
+        yield _draw_length_differences(methods, reference, title)
     else:
         yield Text(
             "Neither an image nor the truth is known: the lengths can only be compared with each other."
         )
-    hips = {name: _hips(m) for name, m in methods.items()}
+    hips = {name: _list_hips(m) for name, m in methods.items()}
     if any(hips.values()):
         yield Heading("Hip centres in the pelvis")
-        yield _hip_table(hips, {} if imaged is None else hips[imaged])
+        yield _tabulate_hips(hips, {} if imaged is None else hips[imaged])
         yield Grid(
             [
-                _hip_view(hips, 0, "Seen from above", "x, forward, mm"),
-                _hip_view(hips, 1, "Seen from behind", "y, up, mm"),
+                _draw_hips(hips, 0, "Seen from above", "x, forward, mm"),
+                _draw_hips(hips, 1, "Seen from behind", "y, up, mm"),
             ]
         )
     if any(m.knee_axis_deg for m in methods.values()):
-        yield axis_table(methods)
+        yield tabulate_axes(methods)
     moved = {name: m.marker_shift_mm for name, m in methods.items() if any(m.marker_shift_mm.values())}
     if moved:
-        yield _heat_map(
+        yield _tabulate_heat_map(
             "Marker shifts: how far the fit moved each marker on its segment, mm",
             moved,
             _SHIFTED,
@@ -160,16 +164,16 @@ def _geometry(
         )
 
 
-def _rests_on(methods: Methods) -> Iterator[Block]:
+def _build_sources(methods: Methods) -> Iterator[Block]:
     """What decides the lengths of linear scaling, and where they were measured from."""
     method = next((m for m in methods.values() if m.length_estimates), None)
     if method is None:
         return
     yield Table(
-        f"What the lengths of {plain(method.method)} rest on, %",
+        f"What the lengths of {escape_plain(method.method)} rest on, %",
         ["", "own distances", "other segments", "persons of this size"],
         [
-            Row(words(name), [f"{100 * share:.0f}" for share in (e.measured, e.others, e.expected)])
+            Row(spell_name(name), [f"{100 * share:.0f}" for share in (e.measured, e.others, e.expected)])
             for name, e in method.length_estimates.items()
         ],
         "A share may be negative where distances of other segments correct a marker that two segments share.",
@@ -179,17 +183,20 @@ def _rests_on(methods: Methods) -> Iterator[Block]:
             "Joint centres that distances were measured from",
             ["", "found by", "± forward, up, right, mm"],
             [
-                Row(words(name), [plain(centre.source), ", ".join(number(sd) for sd in centre.sd_mm)])
+                Row(
+                    spell_name(name),
+                    [escape_plain(centre.source), ", ".join(number(sd) for sd in centre.sd_mm)],
+                )
                 for name, centre in method.person_centres.items()
             ],
         )
 
 
-def _length_differences(methods: Methods, reference: Mapping[str, float], title: str) -> Figure:
+def _draw_length_differences(methods: Methods, reference: Mapping[str, float], title: str) -> Figure:
     names = list(reference)[::-1]
     points = {
         method: [
-            (m.segment_lengths_mm[n] - reference[n], plain(words(n)))
+            (m.segment_lengths_mm[n] - reference[n], escape_plain(spell_name(n)))
             for n in names
             if n in m.segment_lengths_mm
         ]
@@ -213,13 +220,13 @@ def _scatter(
     legend: float,
 ) -> go.Figure:
     """Places of each method, with its colour and symbol."""
-    known = styles(list(points))
+    known = list_styles(list(points))
     traces = [
         go.Scatter(
             x=[x for x, _ in places],
             y=[y for _, y in places],
             mode="markers",
-            name=plain(method),
+            name=escape_plain(method),
             marker={
                 "color": known[method].colour,
                 "size": max(17 - 2 * k, 5),
@@ -231,17 +238,19 @@ def _scatter(
         for k, (method, places) in enumerate(points.items())
     ]
     below = {"orientation": "h", "y": legend, "x": 0}
-    return chart(traces, x_title=x_title, y_title=y_title, showlegend=True, hovermode="closest", legend=below)
+    return make_chart(
+        traces, x_title=x_title, y_title=y_title, showlegend=True, hovermode="closest", legend=below
+    )
 
 
-def _hips(method: MethodResult) -> dict[str, JointCentre]:
+def _list_hips(method: MethodResult) -> dict[str, JointCentre]:
     return {n: c for n, c in method.joint_centres_mm.items() if n.startswith("hip") and c.frame == "pelvis"}
 
 
-def _hip_table(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mapping[str, JointCentre]) -> Table:
-    known, rows = styles(list(hips)), []
-    for name in union(hips.values()):
-        rows.append(Row(words(name)))
+def _tabulate_hips(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mapping[str, JointCentre]) -> Table:
+    known, rows = list_styles(list(hips)), []
+    for name in unite_keys(hips.values()):
+        rows.append(Row(spell_name(name)))
         for method, centres in hips.items():
             if name in centres:
                 xyz = centres[name].xyz
@@ -258,7 +267,7 @@ def _hip_table(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mapping[st
     )
 
 
-def _hip_view(hips: Mapping[str, Mapping[str, JointCentre]], up: int, title: str, y_title: str) -> Figure:
+def _draw_hips(hips: Mapping[str, Mapping[str, JointCentre]], up: int, title: str, y_title: str) -> Figure:
     points = {name: [(c.xyz[2], c.xyz[up]) for c in centres.values()] for name, centres in hips.items()}
     figure = _scatter(points, "%{x:.1f}, %{y:.1f} mm", "z, right, mm", y_title, -0.3)
     figure.update_layout(margin={"l": 50, "r": 10, "t": 6, "b": 80}, yaxis_scaleanchor="x")

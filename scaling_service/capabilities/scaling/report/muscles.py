@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
 from scaling_service.documents.results import MuscleDifference, MuscleDocument, MuscleQuantity
 from scaling_service.report.blocks import Block, Bullets, Details, Grid, Heading, Row, Table, Text
-from scaling_service.report.figures import Figure, chart, lines
-from scaling_service.report.methods import method_legend, number, signed, words
+from scaling_service.report.figures import Figure, draw_lines, make_chart
+from scaling_service.report.methods import format_signed, make_method_legend, number, spell_name
 from scaling_service.report.page import Section
 
 MOST_CURVES = 6
@@ -22,27 +22,27 @@ _TITLES: dict[MuscleQuantity, tuple[str, str]] = {
 _METRES = {"mm": 1e3, "N m": 1.0}
 
 
-def muscles_section(found: MuscleComparison, document: MuscleDocument) -> Section:
+def build_muscles_section(found: MuscleComparison, document: MuscleDocument) -> Section:
     """Largest differences in words, tables of them, and the curves in which they stand."""
-    return Section("Muscles", list(_blocks(found, document)), new_page=True)
+    return Section("Muscles", list(_build_blocks(found, document)), new_page=True)
 
 
-def _blocks(found: MuscleComparison, document: MuscleDocument) -> Iterator[Block]:
+def _build_blocks(found: MuscleComparison, document: MuscleDocument) -> Iterator[Block]:
     yield Text(
         f"Muscle paths by OpenSim in each method's model and motion, over {', '.join(document.trials)}; "
         f"differences against {document.reference}."
     )
     yield Bullets([*document.summary, *(f"{note}." for note in document.notes)])
-    yield method_legend(list(found.courses))
+    yield make_method_legend(list(found.courses))
     for quantity, (title, unit) in _TITLES.items():
         differences = [each for each in document.differences if each.quantity == quantity]
         if differences:
             yield Heading(f"{title}, {unit}")
-            yield Grid([_curve(found, each) for each in _distinct(differences)])
-            yield Details("The largest differences", [difference_table(document, quantity)])
+            yield Grid([_draw_curve(found, each) for each in _list_distinct(differences)])
+            yield Details("The largest differences", [tabulate_differences(document, quantity)])
 
 
-def _distinct(differences: list[MuscleDifference]) -> list[MuscleDifference]:
+def _list_distinct(differences: list[MuscleDifference]) -> list[MuscleDifference]:
     """The largest of all methods, each muscle and coordinate once."""
     largest: dict[tuple[str, str], MuscleDifference] = {}
     for each in sorted(differences, key=lambda each: -abs(each.difference)):
@@ -50,14 +50,14 @@ def _distinct(differences: list[MuscleDifference]) -> list[MuscleDifference]:
     return list(largest.values())[:MOST_CURVES]
 
 
-def difference_table(document: MuscleDocument, quantity: MuscleQuantity) -> Table:
+def tabulate_differences(document: MuscleDocument, quantity: MuscleQuantity) -> Table:
     """The largest differences of one quantity."""
     title, unit = _TITLES[quantity]
     rows = [
         Row(
             f"{each.method}: {_name(each)}",
             [
-                signed(each.difference),
+                format_signed(each.difference),
                 number(each.reference),
                 number(each.rms),
                 "–" if each.angle_deg is None else f"{each.angle_deg:.0f}",
@@ -76,10 +76,10 @@ def difference_table(document: MuscleDocument, quantity: MuscleQuantity) -> Tabl
 
 
 def _name(each: MuscleDifference) -> str:
-    return ", ".join(filter(None, (each.muscle, words(each.coordinate) if each.coordinate else "")))
+    return ", ".join(filter(None, (each.muscle, spell_name(each.coordinate) if each.coordinate else "")))
 
 
-def _curve(found: MuscleComparison, each: MuscleDifference) -> Figure:
+def _draw_curve(found: MuscleComparison, each: MuscleDifference) -> Figure:
     title, unit = _TITLES[each.quantity]
     values, times = {}, found.courses[each.method][each.trial].times
     for method, trials in found.courses.items():
@@ -87,7 +87,7 @@ def _curve(found: MuscleComparison, each: MuscleDifference) -> Figure:
         if course is not None:
             values[method] = _METRES[unit] * course
     return Figure(
-        chart(lines(times, values), x_title="time, s", y_title=unit),
+        make_chart(draw_lines(times, values), x_title="time, s", y_title=unit),
         _name(each),
         f"{title}: {_name(each)} over time in {each.trial} by method, {unit}. {each.sentence}",
         210,

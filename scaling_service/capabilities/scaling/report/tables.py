@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.documents.results import ComparisonDocument, MethodResult, TrialError, TruthDocument
 from scaling_service.report.blocks import Cell, Row, Table
-from scaling_service.report.methods import method_columns, number, signed, union, words
+from scaling_service.report.methods import format_signed, list_method_columns, number, spell_name, unite_keys
 
 Methods = Mapping[str, MethodResult]
 
@@ -14,63 +14,67 @@ FAR_MM = 20.0
 """The darkest shade of a difference. Chosen: twice what counts as agreeing with an image."""
 
 
-def comparison_tables(document: ComparisonDocument) -> Iterator[Table]:
+def make_comparison_tables(document: ComparisonDocument) -> Iterator[Table]:
     """All that the terminal shows."""
     methods, truth = document.methods, document.truth
-    yield error_table(methods)
-    yield length_table(methods, truth.segment_lengths_mm if truth else {}, "truth")
+    yield tabulate_errors(methods)
+    yield tabulate_lengths(methods, truth.segment_lengths_mm if truth else {}, "truth")
     if any(m.knee_axis_deg for m in methods.values()):
-        yield axis_table(methods)
+        yield tabulate_axes(methods)
     if any(m.parameters for m in methods.values()):
-        yield fitted_table(methods)
+        yield tabulate_fitted(methods)
     if truth is not None:
-        yield truth_table(truth)
+        yield tabulate_truth(truth)
 
 
-def error_table(methods: Methods) -> Table:
+def tabulate_errors(methods: Methods) -> Table:
     """Kinematic errors of all trials, and their means."""
     of = methods.values()
     rows = [
-        Row(f"{trial} ({role})", [_error(m.kinematic_error_mm.get(trial)) for m in of])
-        for trial, role in _roles(methods).items()
+        Row(f"{trial} ({role})", [_format_error(m.kinematic_error_mm.get(trial)) for m in of])
+        for trial, role in _list_roles(methods).items()
     ]
     errors = [list(m.kinematic_error_mm.values()) for m in of]
     if any(e.tracking_mean is not None for own in errors for e in own):
         rows.append(
-            Row("all, on bony landmarks", [_mean([e.anatomical_mean for e in own]) for own in errors])
+            Row("all, on bony landmarks", [_format_mean([e.anatomical_mean for e in own]) for own in errors])
         )
-        rows.append(Row("all, tracking markers", [_mean([e.tracking_mean for e in own]) for own in errors]))
+        rows.append(
+            Row("all, tracking markers", [_format_mean([e.tracking_mean for e in own]) for own in errors])
+        )
     rows += [
-        Row("mean, used to fit", [_or_none(m.fitted_mean_mm) for m in of]),
-        Row("mean, held out", [_or_none(m.held_out_mean_mm) for m in of]),
+        Row("mean, used to fit", [_format_or_none(m.fitted_mean_mm) for m in of]),
+        Row("mean, held out", [_format_or_none(m.held_out_mean_mm) for m in of]),
         Row("held out over fitted", [number(m.held_out_ratio, 2) for m in of]),
     ]
-    return _table("Kinematic error, mm", methods, rows, "Mean ± SD over frames, in brackets the largest.")
+    return _make_table(
+        "Kinematic error, mm", methods, rows, "Mean ± SD over frames, in brackets the largest."
+    )
 
 
-def length_table(methods: Methods, reference: Mapping[str, float], title: str) -> Table:
+def tabulate_lengths(methods: Methods, reference: Mapping[str, float], title: str) -> Table:
     """Segment lengths with their deviations, and how far they are from a reference, named by ``title``."""
     rows = []
-    for name in union(m.segment_lengths_mm for m in methods.values()):
-        cells = [_length(m, name, reference.get(name)) for m in methods.values()]
-        rows.append(Row(words(name), [*cells, *([number(reference.get(name))] if reference else [])]))
+    for name in unite_keys(m.segment_lengths_mm for m in methods.values()):
+        cells = [_format_length(m, name, reference.get(name)) for m in methods.values()]
+        rows.append(Row(spell_name(name), [*cells, *([number(reference.get(name))] if reference else [])]))
     note = "Between joint centres. ± is one standard deviation, from the errors of markers and sizes."
     note += f" In brackets: the difference from the {title}." if reference else ""
     if reference and title == "image":
         note += " Only lengths between imaged joint centres are held against the image."
     more = [title] if reference else []
-    return _table("Segment lengths, mm", methods, rows, note, more)
+    return _make_table("Segment lengths, mm", methods, rows, note, more)
 
 
-def axis_table(methods: Methods) -> Table:
+def tabulate_axes(methods: Methods) -> Table:
     """Turns of the knees' axes."""
     rows = []
-    for side in union(m.knee_axis_deg for m in methods.values()):
+    for side in unite_keys(m.knee_axis_deg for m in methods.values()):
         axes = [m.knee_axis_deg.get(side) for m in methods.values()]
         name = {"r": "right", "l": "left"}.get(side, side)
-        rows.append(Row(f"{name}, about x", [signed(None if a is None else a.x) for a in axes]))
-        rows.append(Row(f"{name}, about y", [signed(None if a is None else a.y) for a in axes]))
-    return _table(
+        rows.append(Row(f"{name}, about x", [format_signed(None if a is None else a.x) for a in axes]))
+        rows.append(Row(f"{name}, about y", [format_signed(None if a is None else a.y) for a in axes]))
+    return _make_table(
         "Knee axes, degrees",
         methods,
         rows,
@@ -79,16 +83,16 @@ def axis_table(methods: Methods) -> Table:
     )
 
 
-def fitted_table(methods: Methods) -> Table:
+def tabulate_fitted(methods: Methods) -> Table:
     """How many numbers were fitted, how many of them mean little, and how far markers moved."""
     fitted = [m.parameters for m in methods.values()]
     rows = [
         Row("in all", [str(len(own)) for own in fitted]),
         Row("not determined", [str(sum(not p.identifiable for p in own)) for own in fitted]),
         Row("at a bound", [str(sum(p.at_bound for p in own)) for own in fitted]),
-        Row("mean marker shift, mm", [_mean([*m.marker_shift_mm.values()]) for m in methods.values()]),
+        Row("mean marker shift, mm", [_format_mean([*m.marker_shift_mm.values()]) for m in methods.values()]),
     ]
-    return _table(
+    return _make_table(
         "Fitted numbers",
         methods,
         rows,
@@ -97,57 +101,57 @@ def fitted_table(methods: Methods) -> Table:
     )
 
 
-def truth_table(truth: TruthDocument) -> Table:
+def tabulate_truth(truth: TruthDocument) -> Table:
     """Of a virtual person: each method's distance from what is known."""
     rows = [
         Row(
-            f"{plain_measure(name)}, {name.rpartition('_')[2]}",
+            f"{name_measure(name)}, {name.rpartition('_')[2]}",
             [number(errors.get(name)) for errors in truth.errors.values()],
         )
-        for name in union(truth.errors.values())
+        for name in unite_keys(truth.errors.values())
     ]
     note = "This person is virtual. On held-out trials."
-    return _table("Distance from the truth", truth.errors, rows, note)
+    return _make_table("Distance from the truth", truth.errors, rows, note)
 
 
-def plain_measure(name: str) -> str:
+def name_measure(name: str) -> str:
     """``hip_centre_mm`` as ``hip centre``."""
     return name.rpartition("_")[0].replace("_", " ")
 
 
-def _table(
+def _make_table(
     caption: str,
     methods: Mapping[str, object],
     rows: Sequence[Row],
     note: str = "",
     more: Sequence[str] = (),
 ) -> Table:
-    return Table(caption, ["", *method_columns(list(methods)), *more], rows, note)
+    return Table(caption, ["", *list_method_columns(list(methods)), *more], rows, note)
 
 
-def _roles(methods: Methods) -> dict[str, str]:
+def _list_roles(methods: Methods) -> dict[str, str]:
     """Trial to what it served for, held-out ones first."""
     words_of = {"evaluation": "held out", "calibration": "used to fit"}
     found = {t: words_of[e.role] for m in methods.values() for t, e in m.kinematic_error_mm.items()}
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
-def _error(error: TrialError | None) -> str:
+def _format_error(error: TrialError | None) -> str:
     return "–" if error is None else f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
 
 
-def _length(method: MethodResult, name: str, against: float | None) -> str | Cell:
+def _format_length(method: MethodResult, name: str, against: float | None) -> str | Cell:
     value, estimate = method.segment_lengths_mm.get(name), method.length_estimates.get(name)
     text = number(value) + (f" ± {number(estimate.sd_mm)}" if estimate is not None else "")
     if value is None or against is None:
         return text
-    return Cell(f"{text} ({signed(value - against)})", shade=abs(value - against) / FAR_MM)
+    return Cell(f"{text} ({format_signed(value - against)})", shade=abs(value - against) / FAR_MM)
 
 
-def _mean(values: Sequence[float | None]) -> str:
+def _format_mean(values: Sequence[float | None]) -> str:
     known = [value for value in values if value is not None]
     return number(sum(known) / len(known) if known else None)
 
 
-def _or_none(value: float | None) -> str:
+def _format_or_none(value: float | None) -> str:
     return "none" if value is None else number(value)

@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 
 from scaling_service.model.anatomy.centres import Points
-from scaling_service.model.anatomy.frames import Frames, pelvis_frame
+from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.body import Vector
 from scaling_service.numerics.multibody.laws import Array
 
@@ -60,7 +60,7 @@ _TRUNK_HEIGHT_SHAPE = 0.008
 six children are broader than long against an adult, by 6 to 28 %."""
 
 
-def _side(side: str) -> tuple[SegmentMeasurement, ...]:
+def _measure_side(side: str) -> tuple[SegmentMeasurement, ...]:
     s = side.upper()
     hip, knee = (f"hip_{side}",), (f"knee_{side}",)
     between, lateral_ankle = (f"ankle_{side}_middle",), (f"ankle_{side}_chord",)
@@ -108,7 +108,7 @@ _PELVIS = SegmentMeasurement(
     _PELVIS_SHAPE,
     ((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
 )
-_LIMBS = (*_side("r"), *_side("l"))
+_LIMBS = (*_measure_side("r"), *_measure_side("l"))
 
 _TRUNK = ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax")
 _BREADTH: Pair = (("RSHO",), ("LSHO",))
@@ -122,13 +122,13 @@ _JOINTED_TRUNK = SegmentMeasurement(_TRUNK, (_HEIGHT,), _CHOSEN, _TRUNK_HEIGHT_S
 """With a joint in its middle, where a trunk that is too long folds."""
 
 
-def measurements_of(segments: Sequence[str]) -> tuple[SegmentMeasurement, ...]:
+def list_measurements(segments: Sequence[str]) -> tuple[SegmentMeasurement, ...]:
     """What can be measured of a model with these segments."""
     trunk = _JOINTED_TRUNK if "abdomen" in segments else _RIGID_TRUNK
     return tuple(m for m in (_PELVIS, trunk, *_LIMBS) if set(m.segments) & set(segments))
 
 
-def available(
+def list_available(
     measurement: SegmentMeasurement, person: Points, model: Points, *, besides: bool = False
 ) -> tuple[Pair, ...]:
     """The distances that both sides have: those of ``pairs``, unless more of ``instead`` can be taken.
@@ -143,17 +143,17 @@ def available(
     return tuple(dict.fromkeys((*chosen, *(more if besides else ()))))
 
 
-def ratio(measurement: SegmentMeasurement, person: Points, model: Points) -> float | None:
+def compute_ratio(measurement: SegmentMeasurement, person: Points, model: Points) -> float | None:
     """Mean ratio of the distances that can be taken on both; None if there is none.
 
     A distance on the person is the mean over the frames that show both of its ends.
     """
-    pairs = available(measurement, person, model)
-    ratios = [np.nanmean(distances(p, person)) / distances(p, model)[0] for p in pairs]
+    pairs = list_available(measurement, person, model)
+    ratios = [np.nanmean(measure_distances(p, person)) / measure_distances(p, model)[0] for p in pairs]
     return float(np.mean(ratios)) if ratios else None
 
 
-def distances(pair: Pair, points: Points) -> Array:
+def measure_distances(pair: Pair, points: Points) -> Array:
     """A distance in every frame, (n_frames,), m; NaN where one of its ends is missing."""
     one, other = (np.mean([points[name] for name in end], axis=0) for end in pair)
     return np.asarray(np.linalg.norm(one - other, axis=1))
@@ -161,7 +161,7 @@ def distances(pair: Pair, points: Points) -> Array:
 
 def _has(pair: Pair, points: Points) -> bool:
     known = all(name in points for end in pair for name in end)
-    return known and bool(np.isfinite(distances(pair, points)).any())
+    return known and bool(np.isfinite(measure_distances(pair, points)).any())
 
 
 AXES: Mapping[str, str] = {
@@ -182,7 +182,7 @@ _WIDTH = SegmentMeasurement(
 _DEPTH = SegmentMeasurement(("pelvis",), ((_ASIS, _PSIS),), "chosen: Harrington 2007's pelvic depth")
 
 
-def per_axis(
+def open_axes(
     factors: Mapping[str, Vector], people: Sequence[Points], ours: Points
 ) -> tuple[dict[str, Vector], tuple[str, ...]]:
     """Uniform factors opened along the axes that can be measured.
@@ -200,9 +200,9 @@ def per_axis(
 
     if "pelvis" in factors:
         found = {
-            "depth": measured(partial(ratio, _DEPTH)),
-            "width": measured(partial(ratio, _WIDTH)),
-            "height": measured(_hip_depth_ratio),
+            "depth": measured(partial(compute_ratio, _DEPTH)),
+            "width": measured(partial(compute_ratio, _WIDTH)),
+            "height": measured(_compute_hip_depth_ratio),
         }
         missing = [name for name, value in found.items() if value is None]
         if missing:
@@ -214,7 +214,7 @@ def per_axis(
             if segment in factors:
                 lateral, medial = (f"{side.upper()}{name}" for name in ends)
                 across = SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth")
-                length, breadth = factors[segment][1], measured(partial(ratio, across))
+                length, breadth = factors[segment][1], measured(partial(compute_ratio, across))
                 if breadth is None:
                     notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
                 else:
@@ -222,24 +222,24 @@ def per_axis(
     return opened, tuple(notes)
 
 
-def _hip_depth_ratio(person: Points, model: Points) -> float | None:
+def _compute_hip_depth_ratio(person: Points, model: Points) -> float | None:
     """How far the hip centres lie below the plane of ASIS and PSIS, over the model's."""
-    theirs, own = _hip_depth(person), _hip_depth(model)
+    theirs, own = _measure_hip_depth(person), _measure_hip_depth(model)
     return None if theirs is None or own is None else theirs / own
 
 
-def _hip_depth(points: Points) -> float | None:
+def _measure_hip_depth(points: Points) -> float | None:
     """Mean over both sides, m; the sacrum stands for both PSIS where these were not marked."""
     psis = [name if name in points else "SACR" for name in _PSIS]
     if any(name not in points for name in (*_ASIS, *psis, "hip_r", "hip_l")):
         return None
-    frame: Frames = pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
+    frame: Frames = build_pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
     depths: Array = -np.concatenate([frame.to_local(points[f"hip_{side}"])[:, 1] for side in "rl"])
     known = depths[np.isfinite(depths)]
     return float(known.mean()) if known.size and known.mean() > 0.0 else None
 
 
-def fitted_factor(values: Mapping[str, float], segment: str) -> Vector:
+def read_fitted_factor(values: Mapping[str, float], segment: str) -> Vector:
     """What a fit multiplied a segment's size by, along x, y and z; ones where it was not free.
 
     ``values``: parameter name to value.

@@ -17,13 +17,12 @@ from scaling_service.model.anatomy.centres import (
     lift_ankle,
     with_mirrored_psis,
 )
-from scaling_service.model.anatomy.hip_centre import chord_centre
-from scaling_service.model.anatomy.lengths import joint_centres, segment_of
-from scaling_service.model.anatomy.markers import canonical, strip_prefix
+from scaling_service.model.anatomy.hip_centre import solve_chord_centre
+from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
+from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.poses import neutral_frames
+from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import ever, seen
 from scaling_service.numerics.multibody.laws import Array
 
 _MIDDLES: Mapping[str, tuple[str, str]] = MappingProxyType({"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")})
@@ -75,7 +74,7 @@ def name_points(landmarks: Points, centres: Mapping[str, Centre]) -> Points:
     return {**with_mirrored_psis(landmarks), **named, **kinds}
 
 
-def person_points(
+def find_person_points(
     trial: Trial,
     *,
     standing: bool,
@@ -93,7 +92,7 @@ def person_points(
     """
     landmarks = without_raised_shoulders(read_landmarks(trial))
     if standing:
-        sizes = sizes.with_leg_lengths(standing_leg_lengths(landmarks))
+        sizes = sizes.with_leg_lengths(measure_standing_legs(landmarks))
     hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
     centres = construct_centres(landmarks, sizes, regression, hips=hips)
     return PersonPoints(landmarks, sizes, regression, standing, scale, hips, centres)
@@ -137,10 +136,10 @@ def without_raised_shoulders(points: Points) -> dict[str, Array]:
 
 
 def _name(label: str) -> str:
-    return canonical(label) or strip_prefix(label).upper()
+    return find_canonical(label) or strip_prefix(label).upper()
 
 
-def standing_leg_lengths(points: Points) -> dict[str, float]:
+def measure_standing_legs(points: Points) -> dict[str, float]:
     """ASIS to medial malleolus by side, means over the frames that show both (m)."""
     found = {}
     for side in "rl":
@@ -152,18 +151,18 @@ def standing_leg_lengths(points: Points) -> dict[str, float]:
     return found
 
 
-def model_points(model: BodyModel) -> Points:
+def find_model_points(model: BodyModel) -> Points:
     """The same points on the model in its neutral pose, one frame."""
     points: dict[str, Array] = {}
-    frames = neutral_frames(model)
+    frames = pose_neutral_frames(model)
     for marker in model.markers:
         rotation, origin = frames[marker.segment]
         points.setdefault(_name(marker.name), (origin + rotation @ np.array(marker.nominal))[None])
     if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
-    own = joint_centres(model)
+    own = find_joint_centres(model)
     for side in "rl":
-        femur = segment_of(model, "femur", side)
+        femur = find_segment(model, "femur", side)
         if femur is not None:
             points[f"hip_{side}"] = frames[femur][1][None]
         for joint, landmarks in _MIDDLES.items():
@@ -174,11 +173,11 @@ def model_points(model: BodyModel) -> Points:
                 segment, at = own[f"{joint}_{side}"]
                 rotation, origin = frames[segment]
                 points[f"{joint}_{side}"] = (origin + rotation @ np.array(at))[None]
-        points |= _ankle_kinds(points, side)
+        points |= _place_ankles(points, side)
     return points
 
 
-def _ankle_kinds(points: Points, side: str) -> Points:
+def _place_ankles(points: Points, side: str) -> Points:
     """A model's ankle as it would be found between the malleoli, and from the lateral one."""
     ankle, knee = points.get(f"ankle_{side}"), points.get(f"knee_{side}")
     if ankle is None:
@@ -186,7 +185,9 @@ def _ankle_kinds(points: Points, side: str) -> Points:
     lateral = points.get(f"{side.upper()}LM")
     chord = None
     if lateral is not None and knee is not None:
-        chord = chord_centre(knee, lateral, 2.0 * lateral - ankle, np.linalg.norm(lateral - ankle, axis=1))
+        chord = solve_chord_centre(
+            knee, lateral, 2.0 * lateral - ankle, np.linalg.norm(lateral - ankle, axis=1)
+        )
         chord = lift_ankle(chord, knee)
     return {
         f"ankle_{side}_middle": ankle,
@@ -205,10 +206,10 @@ def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
 
     It takes the name of the label; a model that has such a marker is left as it is.
     """
-    shown = {label for trial in trials for label in _labels_seen(trial)}
-    landmarks = {canonical(label) for label in shown}
-    marked = {canonical(m.name): m for m in model.markers}
-    labels = [label for label in shown if canonical(label) == SACRUM]
+    shown = {label for trial in trials for label in trial.shown_labels}
+    landmarks = {find_canonical(label) for label in shown}
+    marked = {find_canonical(m.name): m for m in model.markers}
+    labels = [label for label in shown if find_canonical(label) == SACRUM]
     if (
         not labels
         or landmarks & {"RPSIS", "LPSIS"}
@@ -231,8 +232,8 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
     ``centres``: ``knee_r`` … in the frames of this trial.
     """
     at = without_raised_shoulders(read_landmarks(trial))
-    trial = _showing(trial, {name: at[name] for name in ("RSHO", "LSHO") if name in at})
-    seen_once = {_name(label) for label in _labels_seen(trial)}
+    trial = _show_landmarks(trial, {name: at[name] for name in ("RSHO", "LSHO") if name in at})
+    seen_once = {_name(label) for label in trial.shown_labels}
     at = {name: position for name, position in at.items() if name in seen_once}
     added: dict[str, Array] = {}
     for joint, lateral, medial in _OPPOSITE:
@@ -251,15 +252,10 @@ def with_virtual_landmarks(trial: Trial, centres: Mapping[str, Centre]) -> Trial
     )
 
 
-def _showing(trial: Trial, points: Points) -> Trial:
+def _show_landmarks(trial: Trial, points: Points) -> Trial:
     """The trial with some landmarks where these points are."""
     markers = trial.markers.copy()
     for k, label in enumerate(trial.labels):
         if _name(label) in points:
             markers[:, k] = points[_name(label)]
     return replace(trial, markers=markers)
-
-
-def _labels_seen(trial: Trial) -> list[str]:
-    present = ever(seen(trial.markers))
-    return [label for label, once in zip(trial.labels, present, strict=True) if once]

@@ -15,16 +15,16 @@ import numpy as np
 from scaling_service.capabilities.scaling.sizes.measurements import (
     Pair,
     SegmentMeasurement,
-    available,
-    distances,
-    measurements_of,
+    list_available,
+    list_measurements,
+    measure_distances,
 )
 from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
 from scaling_service.model.anatomy.centres import (
     Points,
     Size,
     construct_centres,
-    landmark_sd,
+    look_up_landmark_sd,
     read_pelvis,
 )
 from scaling_service.numerics.multibody.laws import Array
@@ -70,10 +70,10 @@ def measure_ratios(
     ``besides``: whether to take what only a weighted estimate can use.
     """
     taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
-    for measurement in measurements_of(segments):
+    for measurement in list_measurements(segments):
         done: set[Pair] = set()
         for person in people:
-            pairs = available(measurement, person.points, model, besides=besides)
+            pairs = list_available(measurement, person.points, model, besides=besides)
             taken += [(measurement, pair, person) for pair in pairs if pair not in done]
             done.update(pairs)
             if done and not besides:
@@ -84,8 +84,8 @@ def measure_ratios(
     logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs)))
     own = np.empty(len(taken))
     for row, (measurement, pair, person) in enumerate(taken):
-        seen = distances(pair, person.points)
-        ours = float(distances(pair, model)[0])
+        seen = measure_distances(pair, person.points)
+        ours = float(measure_distances(pair, model)[0])
         logs[row] = np.log(np.nanmean(seen) / ours)
         found = errors[id(person)]
         shifts = found.of_distance(pair)
@@ -98,7 +98,7 @@ def measure_ratios(
     return Ratios(tuple(m for m, _, _ in taken), logs, spread @ spread.T + np.diag(own))
 
 
-def centre_sds(person: PersonPoints) -> dict[str, Array]:
+def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:
     """Standard deviation of each joint centre along x, y, z of the pelvis (else of ground), (3,), m."""
     propagated = _Propagated.through(person)
     return {
@@ -118,7 +118,7 @@ class _Propagated:
 
     @classmethod
     def through(cls, person: PersonPoints) -> _Propagated:
-        still = _posture(person)
+        still = _choose_posture(person)
         pelvis = read_pelvis({name: at[None] for name, at in still.items()})
         axes = np.eye(3) if pelvis is None else pelvis.frame.rotation[0]
         axes = axes if np.isfinite(axes).all() else np.eye(3)
@@ -143,7 +143,7 @@ class _Propagated:
             return sizes_of
 
         landmarks = {
-            name: at + moved(name, [person.scale * sd for sd in landmark_sd(name)], axes)
+            name: at + moved(name, [person.scale * sd for sd in look_up_landmark_sd(name)], axes)
             for name, at in still.items()
         }
         errors = {name: moved(name, centre.sd, np.eye(3)) for name, centre in person.centres.items()}
@@ -152,14 +152,14 @@ class _Propagated:
             landmarks,
             replace(sizes, widths=widths),
             person.regression,
-            hips={name: np.broadcast_to(at, (n, 3)) for name, at in _hips(person).items()},
+            hips={name: np.broadcast_to(at, (n, 3)) for name, at in _find_hips(person).items()},
             errors=errors,
         )
         return cls(tuple(inputs), name_points(landmarks, centres), axes)
 
     def of_distance(self, pair: Pair) -> Array:
         """How much each input moves the logarithm of a distance, (n_inputs,)."""
-        logs = np.log(distances(pair, self.points))
+        logs = np.log(measure_distances(pair, self.points))
         return np.asarray(0.5 * (logs[0::2] - logs[1::2]))
 
     def of_point(self, name: str) -> Array:
@@ -168,23 +168,23 @@ class _Propagated:
         return np.asarray(0.5 * (at[0::2] - at[1::2]) @ self.axes)
 
 
-def _posture(person: PersonPoints) -> dict[str, Array]:
+def _choose_posture(person: PersonPoints) -> dict[str, Array]:
     """One place of each landmark, (3,), m: the mean of standing, else the frame that shows most of them."""
     if person.standing:
         known = {n: at for n, at in person.landmarks.items() if np.isfinite(at).all(axis=1).any()}
         return {name: np.nanmean(at, axis=0) for name, at in known.items()}
-    frame = _fullest(person)
+    frame = _find_fullest(person)
     still = {name: at[frame] for name, at in person.landmarks.items()}
     return {name: at for name, at in still.items() if np.isfinite(at).all()}
 
 
-def _fullest(person: PersonPoints) -> int:
+def _find_fullest(person: PersonPoints) -> int:
     shown = np.stack([np.isfinite(at).all(axis=1) for at in person.points.values()])
     return int(np.argmax(shown.sum(axis=0)))
 
 
-def _hips(person: PersonPoints) -> Mapping[str, Array]:
+def _find_hips(person: PersonPoints) -> Mapping[str, Array]:
     if person.standing:
         return {name: np.nanmean(at, axis=0) for name, at in person.hips.items()}
-    frame = _fullest(person)
+    frame = _find_fullest(person)
     return {name: at[frame] for name, at in person.hips.items()}

@@ -16,21 +16,21 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
-from scaling_service.capabilities.scaling.sizes.measurements import per_axis
+from scaling_service.capabilities.scaling.sizes.measurements import open_axes
 from scaling_service.capabilities.scaling.sizes.points import (
     PersonPoints,
-    model_points,
-    person_points,
+    find_model_points,
+    find_person_points,
+    measure_standing_legs,
     read_landmarks,
-    standing_leg_lengths,
 )
-from scaling_service.capabilities.scaling.sizes.ratios import Ratios, centre_sds, measure_ratios
+from scaling_service.capabilities.scaling.sizes.ratios import Ratios, estimate_centre_sds, measure_ratios
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.text import few
+from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
-from scaling_service.model.anatomy.lengths import segment_lengths
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
@@ -75,13 +75,13 @@ _EXACT = 1e-4
 """Chosen: relative standard deviation of a model's own length, which is known but must not be zero."""
 
 
-def dimension_of(segment: str) -> str | None:
+def find_dimension(segment: str) -> str | None:
     """The person's dimension that a segment's size follows, None where its name says nothing.
 
     Examples
     --------
-    >>> dimension_of("tibia_r"), dimension_of("l_humerus"), dimension_of("lumbar3"), dimension_of("crate")
-    ('shank_r', 'upper_arm_l', 'trunk', None)
+    >>> [find_dimension(name) for name in ("tibia_r", "l_humerus", "lumbar3", "crate")]
+    ['shank_r', 'upper_arm_l', 'trunk', None]
     """
     words = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", segment).lower())
     dimension = next(
@@ -123,14 +123,14 @@ def estimate_sizes(
         distances as it is, and the prior serves the others.
     Returns segment to its size. Segments whose names say nothing take their parent's.
     """
-    stands_for = {name: dimension_of(model.bone_of(name)) for name in model.segment_names}
+    stands_for = {name: find_dimension(model.bone_of(name)) for name in model.segment_names}
     dimensions = {name: dimension for name, dimension in stands_for.items() if dimension is not None}
     names = tuple(dict.fromkeys(dimensions.values()))
     if not names:
         return {}
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.averaged()
-    mean = expected.mean - _own_dimensions(model, names)
+    mean = expected.mean - _measure_own_dimensions(model, names)
     measured = {model.bone_of(name): dimension for name, dimension in dimensions.items()}
     rows = [next(measured[s] for s in m.segments if s in measured) for m in ratios.measurements]
     pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
@@ -156,11 +156,11 @@ def estimate_sizes(
     return _with_followers(model, sizes)
 
 
-def _own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
+def _measure_own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
     """Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths."""
     blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
     lengths = {}
-    for name, length in segment_lengths(model).items():
+    for name, length in measure_segment_lengths(model).items():
         sided = name if name in blank.names else f"{name}_r"
         if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
             lengths[sided] = (length, _EXACT * length)
@@ -217,9 +217,9 @@ def size_segments(
     subject, model = session.subject, session.model
     prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in lengths.items()})
     scale = prior.value("stature") / ADULT_STATURE_M
-    known = body_sizes(session, prior)
+    known = estimate_body_sizes(session, prior)
     people = tuple(
-        person_points(
+        find_person_points(
             trial,
             standing=trial is session.static,
             regression=settings.hip_regression,
@@ -230,7 +230,7 @@ def size_segments(
         for trial in (session.static, *session.calibration)
         if trial is not None
     )
-    ours = model_points(model)
+    ours = find_model_points(model)
     weighted = settings.sizes == "weighted" or bool(lengths)
     bones = {model.bone_of(name): name for name in model.segment_names}
     ratios = measure_ratios(people, ours, tuple(bones), besides=weighted)
@@ -244,17 +244,17 @@ def size_segments(
         _check(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
-    notes = [*_notes(model, ratios, sizes, subject)]
+    notes = [*_write_notes(model, ratios, sizes, subject)]
     if settings.scaling == "per-axis":
-        factors, more = per_axis(factors, [person.points for person in people], ours)
+        factors, more = open_axes(factors, [person.points for person in people], ours)
         notes.extend(more)
     for segment, along in factors.items():
         for factor in along:
             _check(factor, segment)
-    return Sizing(factors, sizes, _centres(people), people, tuple(notes))
+    return Sizing(factors, sizes, _list_centres(people), people, tuple(notes))
 
 
-def body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
+def estimate_body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
     widths: dict[str, tuple[Size, float]] = {}
@@ -271,20 +271,20 @@ def body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
     sizes = BodySizes(widths, legs, diameter / 2.0)
     if session.static is None:
         return sizes
-    return sizes.with_leg_lengths(standing_leg_lengths(read_landmarks(session.static)))
+    return sizes.with_leg_lengths(measure_standing_legs(read_landmarks(session.static)))
 
 
-def _centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
+def _list_centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
     found: dict[str, EstimatedCentre] = {}
     for person in people:
         if not found.keys() >= person.centres.keys():
-            for name, (x, y, z) in centre_sds(person).items():
+            for name, (x, y, z) in estimate_centre_sds(person).items():
                 sds = (float(x), float(y), float(z))
                 found.setdefault(name, EstimatedCentre(person.centres[name].source, sds))
     return found
 
 
-def _notes(
+def _write_notes(
     model: BodyModel, ratios: Ratios, sizes: Mapping[str, SegmentSize], subject: Subject
 ) -> Sequence[str]:
     notes = []
@@ -299,21 +299,24 @@ def _notes(
         if value is not None
     ]
     like = f"persons of this {', '.join(known)}" if known else "adults and children of any size"
-    unmeasured = [name for name, size in sizes.items() if not size.own and dimension_of(model.bone_of(name))]
+    unmeasured = [
+        name for name, size in sizes.items() if not size.own and find_dimension(model.bone_of(name))
+    ]
     if unmeasured:
         notes.append(
-            f"MB: {few(unmeasured)}: not measured; the size is that of {like}, as far as the other segments "
-            f"allow (standard deviation {_percent([sizes[n].sd for n in unmeasured])})"
+            f"MB: {list_few(unmeasured)}: not measured; the size is that of {like}, as far as the other "
+            f"segments "
+            f"allow (standard deviation {_format_percent([sizes[n].sd for n in unmeasured])})"
         )
-    following = [name for name in sizes if dimension_of(model.bone_of(name)) is None]
+    following = [name for name in sizes if find_dimension(model.bone_of(name)) is None]
     if following:
         notes.append(
-            f"MB: {few(following)}: scaled as the segment that carries it, for nothing else is known"
+            f"MB: {list_few(following)}: scaled as the segment that carries it, for nothing else is known"
         )
     return notes
 
 
-def _percent(sds: Sequence[float]) -> str:
+def _format_percent(sds: Sequence[float]) -> str:
     low, high = (f"{100.0 * sd:.0f}" for sd in (min(sds), max(sds)))
     return f"{low} %" if low == high else f"{low} to {high} %"
 

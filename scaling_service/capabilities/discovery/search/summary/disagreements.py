@@ -11,9 +11,9 @@ import scipy
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors
 from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
-from scaling_service.capabilities.discovery.evidence.statistics import holm, p_above_zero
+from scaling_service.capabilities.discovery.evidence.statistics import adjust_holm, assess_above_zero
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
-from scaling_service.capabilities.discovery.search.findings import Disagreement, observable_of
+from scaling_service.capabilities.discovery.search.findings import Disagreement, classify_place
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST = 3  # blocks; chosen: a spread needs three
@@ -23,15 +23,15 @@ _HEAVY = 3  # degrees of freedom; chosen: noise with tails as heavy keeps to the
 
 def locate_disagreements(fit: Fit, floors: Floors) -> tuple[Disagreement, ...]:
     """All places, those that stand highest above their floors first; the p-values pay for their number."""
-    rows = places_of(fit, floors)
-    p = holm(np.array([p_above_floor(tally, k) for _, tally, k in rows]))
-    excess = np.array([_excess(tally, k) for _, tally, k in rows])
+    rows = list_places(fit, floors)
+    p = adjust_holm(np.array([assess_above_floor(tally, k) for _, tally, k in rows]))
+    excess = np.array([_compute_excess(tally, k) for _, tally, k in rows])
     share = excess / max(float(excess.sum()), 1e-300)
     found = [_place(fit, *row, float(share[i]), float(p[i])) for i, row in enumerate(rows)]
     return tuple(sorted(found, key=lambda d: -d.share))
 
 
-def places_of(fit: Fit, floors: Floors) -> list[tuple[Observation[Any], Tally, int]]:
+def list_places(fit: Fit, floors: Floors) -> list[tuple[Observation[Any], Tally, int]]:
     """Every place of every observation in all trials, by its number in a tally."""
     tallies = [(o, o.tally(fit, None, floors[o.name].noise)) for o in OBSERVATIONS]
     return [(o, tally, k) for o, tally in tallies if tally is not None for k in range(len(tally.places))]
@@ -46,20 +46,20 @@ def by_trial(tally: Tally, k: int) -> Iterator[tuple[str, float, float]]:
             yield trial, *(float(x[here, k].sum() / frames) ** 0.5 for x in (tally.square, tally.floor))
 
 
-def _excess(tally: Tally, k: int) -> float:
+def _compute_excess(tally: Tally, k: int) -> float:
     """Whitened square above the floor."""
     floor = float(tally.floor[:, k].sum())
     frames = float(tally.frames[:, k].sum())
     return frames * max(float(tally.square[:, k].sum()) / max(floor, 1e-300) - 1.0, 0.0)
 
 
-def p_above_floor(tally: Tally, k: int, trial: str | None = None) -> float:
+def assess_above_floor(tally: Tally, k: int, trial: str | None = None) -> float:
     """How likely a place stands so far above its floor by chance: on the whole, or in any one block."""
     used = (tally.frames[:, k] > 0) & np.array([trial in {None, name} for name in tally.trials])
     if used.sum() < _FEWEST:
         return 1.0
     height = np.log(tally.square[used, k] / np.maximum(tally.floor[used, k], 1e-300) + 1e-12)
-    return min(1.0, 2.0 * min(p_above_zero(height), in_one_block(height)))
+    return min(1.0, 2.0 * min(assess_above_zero(height), in_one_block(height)))
 
 
 def in_one_block(height: Array) -> float:
@@ -81,18 +81,18 @@ def _place(
     name, total = tally.places[k], float(tally.frames[:, k].sum())
     return Disagreement(
         name,
-        observable_of(name),
+        classify_place(name),
         float((tally.square[:, k].sum() / total) ** 0.5),
         float((tally.floor[:, k].sum() / total) ** 0.5),
         share,
         p,
         {trial: rms for trial, rms, _ in by_trial(tally, k)},
-        _when(tally, k),
-        _along(fit, observation, name),
+        _describe_time(tally, k),
+        _name_coordinate(fit, observation, name),
     )
 
 
-def _when(tally: Tally, k: int) -> str:
+def _describe_time(tally: Tally, k: int) -> str:
     mean = np.divide(
         tally.square[:, k], tally.frames[:, k], out=np.zeros(len(tally.frames)), where=tally.frames[:, k] > 0
     )
@@ -100,7 +100,7 @@ def _when(tally: Tally, k: int) -> str:
     return f"{tally.trials[worst]}, from {tally.starts[worst]:.2f} s"
 
 
-def _along(fit: Fit, observation: Observation[Any], name: str) -> str:
+def _name_coordinate(fit: Fit, observation: Observation[Any], name: str) -> str:
     """The coordinate, or its rate, that the residual follows best."""
     coordinates = fit.model.coordinates
     best = (fit.settings.correlated_share, "")

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.catalogue import candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors
 from scaling_service.capabilities.discovery.evidence.observation import Tally
 from scaling_service.capabilities.discovery.evidence.statistics import fit_each
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, inverse_of
+from scaling_service.capabilities.discovery.evidence.sums import Evidence, invert_curvature
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, Part
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Following, Profile
@@ -37,16 +37,18 @@ def measure_gaps(
 ) -> dict[Role, Gap]:
     """Levels of all observables of the trials of each role."""
     count = sum(max(len(n.candidate.columns), 1) for n in named if MARKERS.shows(n.candidate))
-    shares = bound_by_black_box(before, count) if count else dict.fromkeys(ROLES, 1.0)
-    swallowed = _absorbed(before) if named else before
+    shares = fit_black_box(before, count) if count else dict.fromkeys(ROLES, 1.0)
+    swallowed = _absorb_by_calibration(before) if named else before
     noise = floors[MARKERS.name].noise
     return {
-        role: _gap(before, after, role, floors, shares[role], _reached(MARKERS.tally(swallowed, role, noise)))
+        role: _measure_gap(
+            before, after, role, floors, shares[role], _measure_reached(MARKERS.tally(swallowed, role, noise))
+        )
         for role in roles
     }
 
 
-def _reached(tally: Tally | None) -> float:
+def _measure_reached(tally: Tally | None) -> float:
     """Whitened RMS."""
     if tally is None:
         return float("nan")
@@ -55,7 +57,7 @@ def _reached(tally: Tally | None) -> float:
     return float((ratio @ frames / frames.sum()) ** 0.5)
 
 
-def _gap(before: Fit, after: Fit, role: Role, floors: Floors, left: float, absorbed: float) -> Gap:
+def _measure_gap(before: Fit, after: Fit, role: Role, floors: Floors, left: float, absorbed: float) -> Gap:
     """Levels of a role.
 
     Parameters
@@ -74,23 +76,23 @@ def _gap(before: Fit, after: Fit, role: Role, floors: Floors, left: float, absor
             pairs |= {name: (old, new, part) for name, part in parts.items()}
     levels, places = {}, {}
     for name, (old, new, part) in pairs.items():
-        levels[name] = _level(old, new, part, bound.get(name, 1.0))
+        levels[name] = _measure_level(old, new, part, bound.get(name, 1.0))
         for k in range(len(old.places))[part]:
-            places[old.places[k]] = _level(old, new, slice(k, k + 1), float("nan"))
+            places[old.places[k]] = _measure_level(old, new, slice(k, k + 1), float("nan"))
     if pairs:
-        levels = {"whitened": _whitened(pairs, bound), **levels}
+        levels = {"whitened": _measure_whitened(pairs, bound), **levels}
     return Gap(levels, places, absorbed)
 
 
 _PARTS = {_FORCES: slice(0, 3), _MOMENTS: slice(3, 6)}
 
 
-def _level(old: Tally, new: Tally, part: slice, left: float) -> Level:
+def _measure_level(old: Tally, new: Tally, part: slice, left: float) -> Level:
     """RMS of places together: a distance for markers, per component for wrenches."""
     frames = _count(old, part)
     before, after = old.square[:, part].sum(axis=1), new.square[:, part].sum(axis=1)
     floor = old.floor[:, part].sum()
-    low, high = _interval(after, _count(new, part))
+    low, high = _estimate_interval(after, _count(new, part))
     mean = float(before.sum() / frames.sum())
     return Level(
         mean**0.5,
@@ -106,7 +108,7 @@ def _count(tally: Tally, part: slice) -> Array:
     return np.asarray(tally.frames[:, part].sum(axis=1))
 
 
-def _interval(squares: Array, frames: Array) -> tuple[float, float]:
+def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
     """95 % interval of an RMS over blocks."""
     mean = squares.sum() / frames.sum()
     stray = squares - mean * frames
@@ -115,7 +117,7 @@ def _interval(squares: Array, frames: Array) -> tuple[float, float]:
     return max(mean - _NORMAL_95 * error, 0.0) ** 0.5, (mean + _NORMAL_95 * error) ** 0.5
 
 
-def _whitened(pairs: Mapping[str, tuple[Tally, Tally, slice]], bound: Mapping[str, float]) -> Level:
+def _measure_whitened(pairs: Mapping[str, tuple[Tally, Tally, slice]], bound: Mapping[str, float]) -> Level:
     """All residuals divided by their floors; the floor is one."""
     before, after, weight, blocks = 0.0, 0.0, 0.0, []
     best = 0.0
@@ -129,11 +131,11 @@ def _whitened(pairs: Mapping[str, tuple[Tally, Tally, slice]], bound: Mapping[st
         after += float(blocks[-1][0].sum())
         weight += float(_count(old, part).sum())
     squares, frames = (np.concatenate([b[k] for b in blocks]) for k in (0, 1))
-    low, high = _interval(squares, frames)
+    low, high = _estimate_interval(squares, frames)
     return Level((before / weight) ** 0.5, (after / weight) ** 0.5, 1.0, (best / weight) ** 0.5, low, high)
 
 
-def bound_by_black_box(before: Fit, count: int) -> dict[Role, float]:
+def fit_black_box(before: Fit, count: int) -> dict[Role, float]:
     """Share of the markers' squares that the best ``count`` columns leave, by role.
 
     Columns are taken one after the other, each where it helps most beside those taken (orthogonal matching
@@ -174,16 +176,16 @@ def _pursue(detail: Evidence, count: int) -> tuple[list[int], Array]:
         if gain[best] <= 0.0:
             break
         taken.append(best)
-        size = inverse_of(curvature[np.ix_(taken, taken)], detail.raw[taken])[0] @ score[taken]
+        size = invert_curvature(curvature[np.ix_(taken, taken)], detail.raw[taken])[0] @ score[taken]
     return taken, size
 
 
-def _absorbed(before: Fit) -> Fit:
+def _absorb_by_calibration(before: Fit) -> Fit:
     """The fit in which what calibration can free takes up what it can."""
     taken = {s.candidate.name for s in before.estimates}
     added = [
         Estimate(c, np.zeros(len(c.columns)))
-        for c in candidates(before.scene, _ABSORBING)
+        for c in propose_candidates(before.scene, _ABSORBING)
         if not c.trials and c.name not in taken
     ]
     return estimate(before, added, SOON)

@@ -61,11 +61,11 @@ def summarise(
         tuple(o for o in scored.best if o.candidate.key not in {n.key for n in named}),
         left,
         _DISTURBED if disturbance else ended,
-        (*notes, *_limits(before, folds), *([_DISTURBED] if disturbance else [])),
+        (*notes, *_describe_limits(before, folds), *([_DISTURBED] if disturbance else [])),
     )
 
 
-def _limits(before: Fit, folds: bool) -> tuple[str, ...]:
+def _describe_limits(before: Fit, folds: bool) -> tuple[str, ...]:
     said = []
     if folds:
         said.append(

@@ -15,13 +15,13 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import Floors, NoiseFloor
 from scaling_service.capabilities.discovery.evidence.observation import Observation, Tally
-from scaling_service.capabilities.discovery.evidence.statistics import holm
+from scaling_service.capabilities.discovery.evidence.statistics import adjust_holm
 from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
-from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, observable_of
+from scaling_service.capabilities.discovery.search.findings import Observable, Unexplained, classify_place
 from scaling_service.capabilities.discovery.search.summary.disagreements import (
+    assess_above_floor,
     by_trial,
-    p_above_floor,
-    places_of,
+    list_places,
 )
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
@@ -46,16 +46,16 @@ def describe_unexplained(
     An unmodelled disturbance comes before all, and stands for every place of its observation. One of all
     markers moves the body against the plates, so it stands for the forces, too.
     """
-    left = (*_repaired(fit), *_left(fit, floors))
+    left = (*_list_repaired(fit), *_list_left(fit, floors))
     if disturbance is None:
         return left
     if disturbance.where == ("markers",):
-        return (_described(fit, disturbance),)
+        return (_describe_disturbance(fit, disturbance),)
     others = [u for u in left if (u.observable != "marker") != (disturbance.seen_in == "wrench")]
-    return _described(fit, disturbance), *others
+    return _describe_disturbance(fit, disturbance), *others
 
 
-def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
+def _describe_disturbance(fit: Fit, disturbance: Disturbance) -> Unexplained:
     """A disturbance with what its places show, over what the instrument would."""
     observation = next(o for o in OBSERVATIONS if o.name == disturbance.seen_in)
     tally = observation.tally(fit, None)
@@ -68,13 +68,13 @@ def _described(fit: Fit, disturbance: Disturbance) -> Unexplained:
     return Unexplained(disturbance.where, observable, disturbance.law, max(rms, disturbance.rms), floor)
 
 
-def _repaired(fit: Fit) -> Iterator[Unexplained]:
+def _list_repaired(fit: Fit) -> Iterator[Unexplained]:
     """Faults taken out of the recordings before the search, each where it was largest."""
-    yield from _largest(fit, MARKERS, ("merged", "jitter"), [item.trial for item in fit.tracked])
-    yield from _largest(fit, WRENCH, ("spikes",), [item.contacts.ground for item in fit.wrenches])
+    yield from _list_largest(fit, MARKERS, ("merged", "jitter"), [item.trial for item in fit.tracked])
+    yield from _list_largest(fit, WRENCH, ("spikes",), [item.contacts.ground for item in fit.wrenches])
 
 
-def _largest(
+def _list_largest(
     fit: Fit, observation: Observation[Any], kinds: Sequence[str], sources: Sequence[Trial | GroundForces]
 ) -> Iterator[Unexplained]:
     found: dict[str, Unexplained] = {}
@@ -89,34 +89,34 @@ def _largest(
         law = f"{repair.where} {repair.detail}, in {repair.frames} of {frames} frames of {source.name}"
         usual = found.get(repair.where)
         if rms > fit.settings.unexplained_ratio * floor and (usual is None or rms > usual.rms):
-            found[repair.where] = Unexplained(where, observable_of(where[-1]), law, rms, floor)
+            found[repair.where] = Unexplained(where, classify_place(where[-1]), law, rms, floor)
     yield from found.values()
 
 
-def _left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
+def _list_left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
     """Places that the movement or the time still predicts, and places that stand above their noise.
 
     Whatever its course, what no noise of the instruments makes has a cause.
     """
-    rows = places_of(fit, floors)
-    strength = [_strength(fit, floors[o.name], k) for o, _, k in rows]
-    pairs = zip(_chances(strength), rows, strict=True)
-    p = np.array([min(1.0, 2.0 * min(q, _p_of_level(fit, *row[1:]))) for q, row in pairs])
+    rows = list_places(fit, floors)
+    strength = [_measure_strength(fit, floors[o.name], k) for o, _, k in rows]
+    pairs = zip(_assess_chances(strength), rows, strict=True)
+    p = np.array([min(1.0, 2.0 * min(q, _assess_level(fit, *row[1:]))) for q, row in pairs])
     for one in OBSERVATIONS:  # a component does not pay for the many markers
         here = [row[0] is one for row in rows]
-        p[here] = np.minimum(1.0, len(OBSERVATIONS) * holm(p[here]))
+        p[here] = np.minimum(1.0, len(OBSERVATIONS) * adjust_holm(p[here]))
     found = []
     for (observation, tally, k), chance in zip(rows, p.tolist(), strict=True):
         if chance <= fit.settings.unexplained_level and tally.frames[:, k].any():
             _, rms, floor = max(by_trial(tally, k), key=lambda one: one[1] / max(one[2], 1e-300))
             if rms > fit.settings.unexplained_ratio * floor:
                 place = tally.places[k]
-                law = _law(fit, observation, place)
-                found.append(Unexplained((place,), observable_of(place), law, rms, floor))
+                law = _describe_law(fit, observation, place)
+                found.append(Unexplained((place,), classify_place(place), law, rms, floor))
     return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
 
 
-def _p_of_level(fit: Fit, tally: Tally, k: int) -> float:
+def _assess_level(fit: Fit, tally: Tally, k: int) -> float:
     """How likely noise alone stands so high in one or all of the trials in which the cameras' noise shows."""
     telling = {item.name for item in fit.tracked if item.shows_noise}
     high = [
@@ -124,12 +124,12 @@ def _p_of_level(fit: Fit, tally: Tally, k: int) -> float:
         for trial, rms, floor in by_trial(tally, k)
         if trial in telling and rms > fit.settings.unexplained_ratio * floor
     ]
-    chances = [p_above_floor(tally, k, trial) for trial in high]
+    chances = [assess_above_floor(tally, k, trial) for trial in high]
     in_one = len(telling) * min(chances, default=1.0)
-    return min(1.0, 2.0 * min(in_one, _p_of_size(tally, k, telling))) if high else 1.0
+    return min(1.0, 2.0 * min(in_one, _assess_size(tally, k, telling))) if high else 1.0
 
 
-def _p_of_size(tally: Tally, k: int, trials: Collection[str]) -> float:
+def _assess_size(tally: Tally, k: int, trials: Collection[str]) -> float:
     """How likely noise alone is so large in some trials, if each block has but one independent number of it.
 
     The floor is taken to be known from as many. What comes and goes differs so much from block to block that
@@ -140,7 +140,7 @@ def _p_of_size(tally: Tally, k: int, trials: Collection[str]) -> float:
     return float(scipy.stats.f.sf(ratio, here.sum(), here.sum()))
 
 
-def _strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:
+def _measure_strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:
     """Of every trial, block by block: what prediction takes off a place, over what it leaves."""
     found = []
     for item in fit.tracked:
@@ -152,7 +152,7 @@ def _strength(fit: Fit, floor: NoiseFloor, k: int) -> list[Array]:
     return found
 
 
-def _chances(strength: list[list[Array]]) -> Array:
+def _assess_chances(strength: list[list[Array]]) -> Array:
     """How likely chance lets places be predicted so well in any of their trials.
 
     Most places are predicted no better than chance does, so the median spread of all blocks is chance's.
@@ -167,9 +167,9 @@ def _chances(strength: list[list[Array]]) -> Array:
     return np.array(found)
 
 
-def _law(fit: Fit, observation: Observation[Any], place: str) -> str:
+def _describe_law(fit: Fit, observation: Observation[Any], place: str) -> str:
     """A sparse sum of simple functions along the residual's main direction, in words."""
-    gathered = _gathered(fit, observation, place)
+    gathered = _gather_residuals(fit, observation, place)
     if gathered is None:
         return "too short to say"
     residual, functions = gathered
@@ -180,7 +180,7 @@ def _law(fit: Fit, observation: Observation[Any], place: str) -> str:
     taken: list[int] = []
     best = 0.0
     for _ in range(fit.settings.law_terms):
-        scores = [_explained(y, functions, [*taken, k], halves) for k in range(len(functions))]
+        scores = [_measure_explained(y, functions, [*taken, k], halves) for k in range(len(functions))]
         k = int(np.argmax(scores))
         if scores[k] < best + fit.settings.law_gain:
             break
@@ -191,7 +191,7 @@ def _law(fit: Fit, observation: Observation[Any], place: str) -> str:
     if not taken:
         return f"no simple law{along}"
     size = np.linalg.lstsq(np.stack([functions[k].values for k in taken], axis=1), y, rcond=None)[0]
-    factor, unit = _UNITS[observable_of(place)]
+    factor, unit = _UNITS[classify_place(place)]
     terms = " + ".join(
         f"{s * factor:.3g} {unit}" + (f" x {functions[k].name}" if functions[k].name != "1" else "")
         for s, k in zip(size, taken, strict=True)
@@ -206,7 +206,9 @@ _UNITS: Mapping[Observable, tuple[float, str]] = {
 }
 
 
-def _explained(y: Array, functions: list[_Function], chosen: list[int], halves: NDArray[np.bool_]) -> float:
+def _measure_explained(
+    y: Array, functions: list[_Function], chosen: list[int], halves: NDArray[np.bool_]
+) -> float:
     """Share of the squares that a sum explains where it was not fitted."""
     x = np.stack([functions[k].values for k in chosen], axis=1)
     left = 0.0
@@ -216,7 +218,9 @@ def _explained(y: Array, functions: list[_Function], chosen: list[int], halves: 
     return 1.0 - left / max(float((y**2).sum()), 1e-300)
 
 
-def _gathered(fit: Fit, observation: Observation[Any], place: str) -> tuple[Array, list[_Function]] | None:
+def _gather_residuals(
+    fit: Fit, observation: Observation[Any], place: str
+) -> tuple[Array, list[_Function]] | None:
     """Residuals (n, 1 or 3) of a place, and functions of the movement and time at the same frames."""
     residual, q, speed, pull, clock, load = [], [], [], [], [], []
     forces = {item.name: item for item in fit.wrenches}
@@ -234,7 +238,7 @@ def _gathered(fit: Fit, observation: Observation[Any], place: str) -> tuple[Arra
         return None
     time, vertical = np.concatenate(clock), np.concatenate(load)
     functions = [_Function("1", np.ones(len(time))), _Function("time (s)", time)]
-    functions += [_Function(f"(time after {t:.2f} s)", (time > t).astype(float)) for t in _steps(time)]
+    functions += [_Function(f"(time after {t:.2f} s)", (time > t).astype(float)) for t in _choose_steps(time)]
     if vertical.any():
         functions.append(_Function("the vertical force (N)", vertical))
         functions.append(_Function("contact", (vertical > _LOADED_N).astype(float)))
@@ -246,6 +250,6 @@ def _gathered(fit: Fit, observation: Observation[Any], place: str) -> tuple[Arra
     return np.concatenate(residual), [f for f in functions if f.values.any()]
 
 
-def _steps(time: Array) -> Array:
+def _choose_steps(time: Array) -> Array:
     """Times at which something may have changed for good."""
     return np.linspace(time.min(), time.max(), 11)[1:-1]

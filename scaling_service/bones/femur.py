@@ -147,7 +147,7 @@ def _collect(
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
-        axes["knee"] = surface.turned(knee.axis)
+        axes["knee"] = surface.turn_to_image(knee.axis)
         balls["condyle_medial"] = place_sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
         balls["condyle_lateral"] = place_sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
         outwards = knee.axis if side[0] == "r" else -knee.axis
@@ -184,7 +184,7 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     )
     cylinders["condyles"] = Cylinder(
         surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
-        surface.turned(axis),
+        surface.turn_to_image(axis),
         found.radius,
         quality,
     )

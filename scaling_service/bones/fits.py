@@ -81,7 +81,7 @@ def refine_sphere(
     limit = _START * radius
     about = _Around.of(surface, centre, radius + limit)
     for step in range(_SPHERE_STEPS):
-        about = about.reaching(surface, centre, radius + limit)
+        about = about.widen(surface, centre, radius + limit)
         offset = about.smooth - centre
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
         facing = sign * np.einsum("ij,ij->i", offset, about.normals) / distance
@@ -129,7 +129,7 @@ class _Around:
         parts = (surface.points, surface.smooth, surface.normals, surface.areas)
         return cls(centre, wide, rows, *(part[rows] for part in parts))
 
-    def reaching(self, surface: Surface, centre: Array, reach: float) -> _Around:
+    def widen(self, surface: Surface, centre: Array, reach: float) -> _Around:
         """The same where it holds all vertices within reach of a centre, else anew."""
         held = float(np.linalg.norm(centre - self.centre)) + reach <= self.reach
         return self if held else _Around.of(surface, centre, reach)

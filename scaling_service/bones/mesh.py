@@ -136,7 +136,7 @@ class Smoother:
         weights.data /= np.repeat(total, np.diff(weights.indptr))
         self._mean, self._points, self._faces = weights, points, faces
 
-    def smoothed(self, sigma: float, *, edges_of: Array | None = None) -> Array:
+    def smooth(self, sigma: float, *, edges_of: Array | None = None) -> Array:
         """The points with waves shorter than about ``sigma`` (their unit) taken off.
 
         ``edges_of`` (n, 3): the same vertices with less noise, whose edges tell the length of a step: noise
@@ -161,12 +161,12 @@ def remove_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, floa
     ``sigma`` m: length of the waves to take off.
     """
     smoother = Smoother(points, faces)
-    smooth = smoother.smoothed(sigma)
+    smooth = smoother.smooth(sigma)
     off = np.einsum("ij,ij->i", points - smooth, compute_vertex_normals(smooth, faces))
     noise = 1.4826 * float(np.median(np.abs(off)))  # standard deviation of a normal scatter
     if noise <= QUIET_M:
         return points, 0.0
-    return smoother.smoothed(sigma, edges_of=smooth), noise
+    return smoother.smooth(sigma, edges_of=smooth), noise
 
 
 def _measure_median_edge(points: Array, faces: Faces) -> float:

@@ -94,7 +94,7 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
             name: place_sphere(surface, ball, poor_cover=SOCKET_COVERED, good_cover=0.28)
             for name, ball in (("acetabulum_r", high), ("acetabulum_l", low))
         },
-        axes={"asis": surface.turned(across / np.linalg.norm(across))},
+        axes={"asis": surface.turn_to_image(across / np.linalg.norm(across))},
         definitions=_DEFINITIONS,
         warnings=surface.notes,
     )

@@ -55,7 +55,7 @@ class Surface:
         moved: Array = points @ self.R_image_own.T + self.origin
         return moved
 
-    def turned(self, directions: Array) -> Array:
+    def turn_to_image(self, directions: Array) -> Array:
         """Directions (..., 3) of this frame in the image."""
         moved: Array = directions @ self.R_image_own.T
         return moved
@@ -120,7 +120,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     label = _number_shells(points, triangles)
     origin, axes = _find_principal_frame(points, triangles)
     points = (points - origin) @ axes
-    smooth = mesh.Smoother(points, triangles).smoothed(SMOOTHING_M)
+    smooth = mesh.Smoother(points, triangles).smooth(SMOOTHING_M)
     return Surface(
         points=points,
         smooth=smooth,

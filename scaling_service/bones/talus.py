@@ -80,7 +80,7 @@ def find_talus_landmarks(
         for name, ball, usual in (("head", head, HEAD_COVERED), ("heel_facet", facet, FACET_COVERED))
         if ball is not None
     }
-    points, axes = {"ankle_centre": surface.to_image(centre)}, {"ankle": surface.turned(axis)}
+    points, axes = {"ankle_centre": surface.to_image(centre)}, {"ankle": surface.turn_to_image(axis)}
     words = {"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"}
     if head is not None and facet is not None:
         forward = spheres["head"].centre - spheres["heel_facet"].centre
@@ -99,7 +99,7 @@ def find_talus_landmarks(
         cylinders={
             "trochlea": Cylinder(
                 surface.to_image(centre),
-                surface.turned(axis),
+                surface.turn_to_image(axis),
                 found.radius,
                 Quality(found.rms, found.covered, trust),
             )

@@ -84,12 +84,14 @@ def find_tibia_landmarks(
         side=side,
         side_from=side_from,
         points=image,
-        axes={"plateau": surface.turned(frame.z)},
+        axes={"plateau": surface.turn_to_image(frame.z)},
         definitions=_DEFINITIONS,
         refused=refused,
         warnings=(*surface.notes, *shank.notes),
     )
-    turned = TibiaFrame(surface.turned(frame.x), surface.turned(frame.y), surface.turned(frame.z))
+    turned = TibiaFrame(
+        surface.turn_to_image(frame.x), surface.turn_to_image(frame.y), surface.turn_to_image(frame.z)
+    )
     return landmarks, turned
 
 

@@ -199,7 +199,7 @@ class _Plate:
     def read(self, length: float) -> RawPlate:
         """The plate, with what a unit of length of the file is in m."""
         if self._kind not in CHANNELS:
-            raise self._refused(
+            raise self._refuse(
                 f"{self._name} is of type {self._kind}, which is not supported",
                 "TYPE",
                 f"Types {', '.join(map(str, CHANNELS))} are; export the forces as MOT or STO",
@@ -207,7 +207,7 @@ class _Plate:
         corners = self._matrix("CORNERS", (3, 4)).T * length
         if min(np.linalg.norm(corners[0] - corners[i]) for i in (1, 3)) < 1e-3:
             problem = f"{self._name} has corners that coincide"
-            raise self._refused(problem, "CORNERS", "Measure the plate's corners")
+            raise self._refuse(problem, "CORNERS", "Measure the plate's corners")
         origin = self._matrix("ORIGIN", (3,)) * length
         columns = self._columns()
         signals = self._without_baseline(self._content.analog[:, columns].astype(float))
@@ -221,7 +221,7 @@ class _Plate:
         count, have = CHANNELS[self._kind], self._content.analog.shape[1]
         channels = self._matrix("CHANNEL", (None,))[:count].astype(int) - 1
         if len(channels) < count or channels.min() < 0 or channels.max() >= have:
-            raise self._refused(
+            raise self._refuse(
                 f"{self._name} names channels that the file does not hold",
                 "CHANNEL",
                 "Export the recording again with all channels of the plates",
@@ -291,13 +291,13 @@ class _Plate:
                 return part
         if fits and values.ndim == len(shape) and k == 0:
             return values  # one plate: some writers leave the last index out
-        raise self._refused(
+        raise self._refuse(
             f"{name} does not describe {self._name}",
             name,
             "Complete the parameter in the recording software and export again",
         )
 
-    def _refused(self, problem: str, parameter: str, remedy: str) -> TrialUnusable:
+    def _refuse(self, problem: str, parameter: str, remedy: str) -> TrialUnusable:
         field = f"FORCE_PLATFORM:{parameter}"
         return TrialUnusable(problem, file=self._content.name, field=field, remedy=remedy)
 

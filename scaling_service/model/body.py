@@ -99,7 +99,7 @@ class Law:
     def __add__(self, other: Law) -> Law:
         return Law(self.terms + other.terms)
 
-    def scaled(self, factor: float) -> Law:
+    def scale(self, factor: float) -> Law:
         """The law with every gain multiplied."""
         return Law(tuple(replace(t, gain=t.gain * factor) for t in self.terms))
 

@@ -318,7 +318,7 @@ def _mirror_joint(joint: Joint) -> Joint:
     x, y, z = joint.axis
     if joint.kind == "rotation":
         return replace(joint, axis=(-x + 0.0, -y + 0.0, z), law=law, scales_with=scales_with)
-    return replace(joint, law=law.scaled(-1.0) if z else law, scales_with=scales_with)
+    return replace(joint, law=law.scale(-1.0) if z else law, scales_with=scales_with)
 
 
 def _mirror_name(name: str) -> str:

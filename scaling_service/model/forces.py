@@ -105,7 +105,7 @@ class GroundForces:
         pressing = np.where(loaded, self.pressing, np.nan)
         return self.surfaces + np.cross(self.normals, about) / pressing[..., None]
 
-    def changed(self, *repairs: Repair, **fields: object) -> GroundForces:
+    def change(self, *repairs: Repair, **fields: object) -> GroundForces:
         """The same with some fields replaced and what was done noted."""
         return replace(self, repairs=self.repairs + repairs, **fields)  # type: ignore[arg-type]
 

@@ -65,7 +65,7 @@ def free_scale_axes(
 
     def resized(item: Joint) -> tuple[Joint, ...]:
         return tuple(
-            replace(item, axis=unit, law=_multiply_law(item.law.scaled(part), shares[letter]))
+            replace(item, axis=unit, law=_multiply_law(item.law.scale(part), shares[letter]))
             for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
             if part
         )

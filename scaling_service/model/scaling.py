@@ -106,15 +106,15 @@ def scale_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     direction: Array = np.array(joint.axis) * np.array(factors[segment])
     length = float(np.linalg.norm(direction))
     if np.count_nonzero(direction) == 1:  # keep a coordinate axis free of rounding
-        return replace(joint, law=joint.law.scaled(length))
-    return replace(joint, axis=to_vector(direction / length), law=joint.law.scaled(length))
+        return replace(joint, law=joint.law.scale(length))
+    return replace(joint, axis=to_vector(direction / length), law=joint.law.scale(length))
 
 
 def _scale_marker(marker: Marker, factors: Mapping[str, Vector]) -> Marker:
     if not marker.follows_size or marker.segment not in factors:
         return marker
     f = factors[marker.segment]
-    x, y, z = (law.scaled(factor) for law, factor in zip(marker.laws, f, strict=True))
+    x, y, z = (law.scale(factor) for law, factor in zip(marker.laws, f, strict=True))
     return replace(marker, laws=(x, y, z))
 
 

@@ -176,11 +176,11 @@ class Trial:
         """The same clock and labels with other positions, and what was done noted."""
         return replace(self, markers=markers, repairs=self.repairs + repairs)
 
-    def relabelled(self, names: dict[str, str]) -> Trial:
+    def relabel(self, names: dict[str, str]) -> Trial:
         """The labels renamed: ``names`` maps old to new; those not named keep their own."""
         return replace(self, labels=tuple(names.get(label, label) for label in self.labels))
 
-    def selected(self, labels: Sequence[str]) -> Trial:
+    def select(self, labels: Sequence[str]) -> Trial:
         """Only these labels, in this order; a label that is absent becomes an all-NaN column."""
         columns = np.full((self.n_frames, len(labels), 3), np.nan)
         for k, label in enumerate(labels):
@@ -208,7 +208,7 @@ class ImagePose:
     rotation: Array  # (3, 3)
     origin: Array  # (3,), m
 
-    def carrying(self, frame: tuple[Array, Array]) -> ImagePose:
+    def carry(self, frame: tuple[Array, Array]) -> ImagePose:
         """The pose of what lies at a rotation, (3, 3), and an origin, (3,) m, in this segment's frame."""
         rotation, origin = frame
         return ImagePose(self.rotation @ rotation, self.origin + self.rotation @ origin)

@@ -239,7 +239,7 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
         detail = f"jumps by up to {size.max():.0f} N for a sample or two, interpolated"
         where = f"{plate} f{'xyz'[int(rms.argmax())]}"
         repairs.append(Repair("spikes", where, detail, int(bad.sum()), float(rms.max())))
-    return forces.changed(*repairs, force=force, moment=moment) if repairs else forces
+    return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 
 def _find_spikes(force: Array) -> Mask:
@@ -277,7 +277,7 @@ def note_dead_channels(forces: GroundForces) -> GroundForces:
     usual = np.nan_to_num(spread).max(axis=0)
     dead = (spread < _DEAD) & (usual > _ALIVE) & _SIDEWAYS
     detail = "reads nothing under load, where another plate does: its channel is dead"
-    return forces.changed(
+    return forces.change(
         *(
             Repair(
                 "dead_channel",
@@ -314,7 +314,7 @@ def note_saturation(forces: GroundForces) -> GroundForces:
     pressing = np.where(forces.known, forces.pressing, 0.0)
     rate = len(forces.times) / np.ptp(forces.times) if len(forces.times) > 1 else 0.0
     found = [(plate, _limit(load, rate)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
-    return forces.changed(
+    return forces.change(
         *(
             Repair("saturated", f"{plate} fy", f"stands at {limit[0]:.0f} N, its limit", limit[1])
             for plate, limit in found

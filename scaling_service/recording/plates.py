@@ -146,13 +146,13 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     normals = np.where(normals[:, 1:2] < 0, -normals, normals)
     force, moment = axes.rotate(forces.force), axes.rotate(forces.moment)
     repairs = [r for r in axes.repairs if r.what in ("up_axis", "forward_axis")]
-    turned = forces.changed(
+    turned = forces.change(
         *repairs, force=force, moment=moment, surfaces=axes.rotate(forces.surfaces), normals=normals
     )
     pressing = turned.pressing
     if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:
         note = Repair("force_sign", forces.name, "forces pull the body down; they were turned round")
-        return turned.changed(note, force=-force, moment=-moment)
+        return turned.change(note, force=-force, moment=-moment)
     return turned
 
 
@@ -202,7 +202,7 @@ def synchronise(
             Repair("not_recorded", forces.name, "no forces at these frames of the markers", outside)
         )
     force, moment, read = sampled[..., :3], sampled[..., 3:6], sampled[..., 6]
-    return forces.changed(*repairs, times=wanted, force=force, moment=moment, read=read)
+    return forces.change(*repairs, times=wanted, force=force, moment=moment, read=read)
 
 
 def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Array, list[Repair]]:

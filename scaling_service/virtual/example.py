@@ -176,7 +176,7 @@ def _list_trials(session: Session) -> tuple[Trial, ...]:
 
 
 def _write_recording(file: Path, trial: Trial) -> None:
-    named = trial.relabelled(dict(LABELS))
+    named = trial.relabel(dict(LABELS))
     write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
 
 

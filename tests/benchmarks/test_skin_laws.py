@@ -55,7 +55,7 @@ def test_what_is_named_of_skin_against_the_skin_itself(shared_data: Path, name: 
     measured = recordings[trial].trial
     known = np.isfinite(_read(folder, trial, plain).skin).all(axis=(1, 2))[: len(measured.times)]
     named = _named(correct_model(results.after), plain, measured, held_out.markers)[known]
-    model = results.bones.added_to(correct_model(results.lasting))
+    model = results.bones.add_to(correct_model(results.lasting))
     estimated = _estimated(model, measured, held_out.markers)[known]
     explained = {
         "named": _r2(held_out.skin, named),
@@ -109,7 +109,7 @@ def _estimated(model: BodyModel, trial: Trial, markers: tuple[str, ...]) -> Arra
     tree = compile_model(model, markers)
     poses = pose_links(tree, np.ascontiguousarray(q.T), list_parameter_values(model))
     axes, origins = poses.axes[tree.marker_link], poses.origins[tree.marker_link]
-    apart = trial.selected(markers).markers - np.moveaxis(origins, -1, 0)
+    apart = trial.select(markers).markers - np.moveaxis(origins, -1, 0)
     places = np.array([model.marker(m).nominal for m in markers])
     return np.asarray(np.einsum("mjan,nma->nmj", axes, apart) - places)
 

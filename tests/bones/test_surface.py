@@ -30,7 +30,7 @@ def test_areas_and_normals_of_a_ball() -> None:
 def test_smoothing_takes_noise_off_and_keeps_the_size() -> None:
     rng = np.random.default_rng(0)
     noisy = POINTS + rng.normal(scale=3e-4, size=POINTS.shape)
-    smooth = Smoother(noisy, FACES).smoothed(5e-3)
+    smooth = Smoother(noisy, FACES).smooth(5e-3)
     before, after = (np.linalg.norm(p, axis=1) - 0.03 for p in (noisy, smooth))
     assert after.std() < 0.5 * before.std()
     assert abs(after.mean()) < 1e-4

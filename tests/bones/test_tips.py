@@ -53,7 +53,7 @@ def test_noise_is_measured_and_taken_off_whatever_it_does_to_the_edges() -> None
     noisy = points + np.random.default_rng(0).normal(scale=1e-3, size=points.shape)
     quiet, noise = remove_noise(noisy, faces, 5e-3)
     assert noise == pytest.approx(1e-3, rel=0.2)
-    off = [np.std(np.linalg.norm(p, axis=1)) for p in (Smoother(noisy, faces).smoothed(5e-3), quiet)]
+    off = [np.std(np.linalg.norm(p, axis=1)) for p in (Smoother(noisy, faces).smooth(5e-3), quiet)]
     assert off[1] < 0.8 * off[0]
     assert abs(np.linalg.norm(quiet, axis=1).mean() - 0.03) < 2e-4
 

@@ -105,7 +105,7 @@ def test_frames_are_equally_spaced_over_all_trials() -> None:
 
 def test_markers_never_seen_in_the_movement_are_not_freed() -> None:
     session = person(18, seconds=4.0).session
-    hidden = session.calibration[0].selected([n for n in session.static.labels if n not in ("RMFE", "RMM")])
+    hidden = session.calibration[0].select([n for n in session.static.labels if n not in ("RMFE", "RMM")])
     found = calibrate(replace(session, calibration=(hidden,)), "MB_am")
     assert not [p for p in found.parameters if p.target in ("RMFE", "RMM")]
     assert found.model.marker("RMFE").nominal == calibrate(session, "MB").model.marker("RMFE").nominal

@@ -76,8 +76,8 @@ def test_a_breadth_that_no_marker_shows_follows_the_length(broad: Person) -> Non
     labels = [n for n in broad.session.static.labels if n != "RMFE"]
     one = replace(
         broad.session,
-        static=broad.session.static.selected([n for n in labels if n != "LPSIS"]),
-        calibration=tuple(t.selected(labels) for t in broad.session.calibration),
+        static=broad.session.static.select([n for n in labels if n != "LPSIS"]),
+        calibration=tuple(t.select(labels) for t in broad.session.calibration),
     )
     found = scale_linearly(one, OPEN)
     assert len(set(found.scale_factors["femur_r"])) == 1

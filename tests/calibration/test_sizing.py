@@ -90,9 +90,7 @@ def test_the_estimate_is_nearer_than_distances_alone(clinic) -> None:
 
 def test_shares_add_up_and_say_what_was_measured() -> None:
     session = person(61).session
-    half = session.static.selected(
-        [n for n in session.static.labels if not n.startswith("L") or n == "LASIS"]
-    )
+    half = session.static.select([n for n in session.static.labels if not n.startswith("L") or n == "LASIS"])
     only_right = replace(session, static=half, calibration=())
     sizing = size_segments(only_right, SETTINGS)
     right, left = sizing.sizes["tibia_r"], sizing.sizes["tibia_l"]
@@ -109,7 +107,7 @@ def test_shares_add_up_and_say_what_was_measured() -> None:
 
 def test_a_taller_declared_person_is_longer_where_nothing_was_measured() -> None:
     session = person(62).session
-    pelvis = session.static.selected(["RASIS", "LASIS", "RPSIS", "LPSIS"])
+    pelvis = session.static.select(["RASIS", "LASIS", "RPSIS", "LPSIS"])
 
     def legs(height: float) -> float:
         subject = replace(session.subject, height_m=height, mass_kg=60.0)
@@ -123,7 +121,7 @@ def test_one_psis_is_mirrored_at_the_middle_of_the_asis() -> None:
     trial = person(63).session.static
     both = find_person_points(trial, standing=True, regression="harrington2007")
     one = find_person_points(
-        trial.selected([n for n in trial.labels if n != "LPSIS"]), standing=True, regression="harrington2007"
+        trial.select([n for n in trial.labels if n != "LPSIS"]), standing=True, regression="harrington2007"
     )
     np.testing.assert_allclose(one.points["LPSIS"], both.points["LPSIS"], atol=1e-12)
     np.testing.assert_allclose(one.centres["hip_l"].at, both.centres["hip_l"].at, atol=1e-12)
@@ -150,7 +148,7 @@ def without(session: Session, landmarks: set[str], *, static: bool = True) -> Se
     """The session as if some landmarks, or standing, had not been recorded."""
 
     def cut(trial: Trial | None) -> Trial | None:
-        return trial and trial.selected([n for n in trial.labels if find_canonical(n) not in landmarks])
+        return trial and trial.select([n for n in trial.labels if find_canonical(n) not in landmarks])
 
     return replace(
         session,

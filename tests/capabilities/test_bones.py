@@ -137,10 +137,10 @@ def test_a_model_keeps_what_is_known_of_its_bones_on_paper() -> None:
     model = _leg()
     rotation = next(r for r in list_secondary_rotations(model) if r.law.terms)
     known = BoneKnowledge({"skin_0": 0.004}, (Expectation(rotation.coordinate, rotation.law, 0.07),))
-    kept = known.added_to(model)
+    kept = known.add_to(model)
     assert from_document(to_document(kept)) == kept != model
-    assert known.added_to(kept) == kept
-    assert BoneKnowledge().added_to(kept) == model
+    assert known.add_to(kept) == kept
+    assert BoneKnowledge().add_to(kept) == model
 
 
 def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
@@ -179,7 +179,7 @@ def living(shared_data: Path) -> dict[str, tuple[float, float]]:
         before = ik(root / name / "model.osim", [root / name / f"{trial}.trc"])
         measured = before.loaded.session.evaluation[0]
         true = true_rotations(root / name / f"{trial}_bones.csv")
-        after = track(known.added_to(replace(before.loaded.session.model)), measured)
+        after = track(known.add_to(replace(before.loaded.session.model)), measured)
         found[name] = (
             _bone_error(before.loaded.session.model, before.trials[trial].motion.q, true),
             _bone_error(model, after.motion.q, true),

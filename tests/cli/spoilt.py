@@ -32,7 +32,7 @@ def record(folder: Path, change: Callable[[Trial], Trial], names: tuple[str, ...
 
 
 def without(*labels: str) -> Callable[[Trial], Trial]:
-    return lambda trial: trial.selected([label for label in trial.labels if label not in labels])
+    return lambda trial: trial.select([label for label in trial.labels if label not in labels])
 
 
 def at(trial: Trial, positions: np.ndarray, *labels: str) -> Trial:

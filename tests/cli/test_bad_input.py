@@ -60,12 +60,12 @@ MISTAKES = {
         in_recordings(without("LLFE")), "S01.yaml", ("no marker 'LLFE'", "under `markers:`")
     ),
     "a pelvis marker with an unknown name": Mistake(
-        in_recordings(lambda t: t.relabelled({"RPSIS": "Back1", "LPSIS": "Back2"})),
+        in_recordings(lambda t: t.relabel({"RPSIS": "Back1", "LPSIS": "Back2"})),
         "S01.yaml",
         ("'RPSIS'; it has Back1",),
     ),
     "no marker with a known name": Mistake(
-        in_recordings(lambda t: t.relabelled({n: f"M{k}" for k, n in enumerate(t.labels)})),
+        in_recordings(lambda t: t.relabel({n: f"M{k}" for k, n in enumerate(t.labels)})),
         "S01.yaml",
         ("no segment could be measured", "under `markers:`"),
     ),
@@ -131,7 +131,7 @@ MISTAKES = {
         in_recordings(unseen()), "standing.trc", ("no marker is seen", "Check the recording")
     ),
     "two markers with one label": Mistake(
-        in_recordings(lambda t: t.relabelled({"LFH": "RFH"}), "walk"),
+        in_recordings(lambda t: t.relabel({"LFH": "RFH"}), "walk"),
         "walk.trc",
         ("two markers", "'RFH'", "Rename"),
     ),
@@ -141,7 +141,7 @@ MISTAKES = {
         ("markers.LFH", "'RTHI' already stands", "Map each"),
     ),
     "a label with and without prefix": Mistake(
-        in_recordings(lambda t: t.relabelled({"LFH": "B:RFH"}), "walk"),
+        in_recordings(lambda t: t.relabel({"LFH": "B:RFH"}), "walk"),
         "walk.trc",
         ("markers.RFH", "'RFH' or 'B:RFH'", "Say under `markers:`"),
     ),
@@ -228,7 +228,7 @@ REPAIRED: dict[str, tuple[Spoil, str]] = {
         "hips: the header says 99, the file holds 50 frames",
     ),
     "labels exchanged": (
-        in_recordings(lambda t: t.relabelled({"RLM": "RMM", "RMM": "RLM"}), "walk"),
+        in_recordings(lambda t: t.relabel({"RLM": "RMM", "RMM": "RLM"}), "walk"),
         "walk: the labels RLM and RMM look exchanged throughout: correct the labels in the recording",
     ),
     "another person's standing trial": (

@@ -145,7 +145,7 @@ def test_a_terminal_shows_the_whole_and_every_subject_under_way() -> None:
     console = Console(file=text, force_terminal=True, width=100)
     with Progress(console=console, auto_refresh=False) as progress:
         screen = Screen(progress, terminal=True)
-        screen.started(3, 2)
+        screen.start(3, 2)
         screen.stage("A", "MB: fitting", 0.5)
         screen.stage("B", "reading the recordings", 0.25)
         whole, a, b = progress.tasks
@@ -153,12 +153,12 @@ def test_a_terminal_shows_the_whole_and_every_subject_under_way() -> None:
         assert (whole.completed, whole.total) == (0.75, 3)
         assert "A: MB: fitting" in a.description
         assert "B: reading" in b.description
-        screen.finished(Outcome("A", {}, "done"))
+        screen.finish(Outcome("A", {}, "done"))
         screen.stage("A", "done", 1.0)  # late: the subject is over
-        screen.finished(Outcome("C", {}, "done", kept=True))
+        screen.finish(Outcome("C", {}, "done", kept=True))
         assert [task.description for task in progress.tasks] == [whole.description, b.description]
         # What was kept took no time and is no measure of the rest.
         assert (progress.tasks[0].completed, progress.tasks[0].total) == (1.25, 2)
         assert screen.ended == 2
-        screen.finished(Outcome("B", {}, "failed", reason="no markers"))
+        screen.finish(Outcome("B", {}, "failed", reason="no markers"))
         assert "3 of 3  B failed: no markers" in text.getvalue()

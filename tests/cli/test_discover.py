@@ -111,7 +111,7 @@ def test_a_recording_that_fits_nobody_is_said_first(
     walk = session().evaluation[0]
     order = np.random.default_rng(0).permutation(walk.labels)
     other = dict(zip(walk.labels, map(str, order), strict=True))
-    file = laboratory(tmp_path, {"walk": walk.relabelled(other)}, {"trials": {"calibration": ["walk.trc"]}})
+    file = laboratory(tmp_path, {"walk": walk.relabel(other)}, {"trials": {"calibration": ["walk.trc"]}})
     axes = ["--up", "+y", "--forward", "+x"]
     code = main(["discover", str(file), "--start", "none", *axes, "--out", str(tmp_path / "out")])
     error = capsys.readouterr().err

@@ -89,7 +89,7 @@ def without_toes(folder: Path) -> None:
     for name in NAMES:
         trial = read_trc(folder / f"{name}.trc")
         kept = [label for label in trial.labels if label not in ("RTOE", "RMT1", "RMT5")]
-        write_trc(folder / f"{name}.trc", trial.selected(kept), "mm")
+        write_trc(folder / f"{name}.trc", trial.select(kept), "mm")
 
 
 def unsupported_plate(folder: Path) -> None:

@@ -59,7 +59,7 @@ def test_labels_that_no_model_marker_has_are_mapped_by_an_option(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     walk = read_trc(folder / "walk.trc")
-    write_trc(folder / "odd.trc", walk.relabelled({name: f"m{k}" for k, name in enumerate(walk.labels)}))
+    write_trc(folder / "odd.trc", walk.relabel({name: f"m{k}" for k, name in enumerate(walk.labels)}))
     assert (
         main(["ik", "lower_limb_14dof", str(folder / "odd.trc"), "--out", str(folder / "out")]) == EXIT_INPUT
     )

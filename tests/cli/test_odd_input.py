@@ -93,7 +93,7 @@ def test_labels_of_other_scripts_and_paths_with_spaces(
     place = tmp_path / "Läufer 走"
     place.mkdir()
     laboratory(place, PERSON)
-    record(place, lambda trial: trial.relabelled({"RFH": "tête du péroné 走"}))
+    record(place, lambda trial: trial.relabel({"RFH": "tête du péroné 走"}))
     file = write_subject(place, document(markers={"RFH": "tête du péroné 走"}))
     file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
     assert main(["scale", str(file), "--method", "MB", "--out", str(place / "Ergebnis 1")]) == 0
@@ -106,7 +106,7 @@ def test_trials_may_differ_in_rate_length_and_prefix(
 ) -> None:
     walk = recorded("walk")
     slow = replace(walk.frames(slice(None, None, 2)), rate_hz=0.5 * walk.rate_hz)
-    write_recording(folder / "walk.trc", slow.relabelled({"RFH": "Someone:RFH"}))
+    write_recording(folder / "walk.trc", slow.relabel({"RFH": "Someone:RFH"}))
     record(folder, lambda trial: trial.frames(slice(0, 1)), ("standing",))
     record(folder, lambda trial: trial.frames(slice(0, 2)), ("hips",))
     assert main(["scale", str(folder / "S01.yaml"), "--method", "MB", "--out", str(folder / "out")]) == 0

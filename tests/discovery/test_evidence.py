@@ -118,7 +118,7 @@ def test_arranged_anew_is_as_gathered_so(tracked: tuple[TrackedTrial, ...], pick
     every = MARKERS.gather(tracked, (), picked, BLOCK_S, together=True)
     known, others = picked[3:6], [*picked[8:], *picked[:3]]
     rows = {c.key: np.r_[span] for c, span in zip(picked, every.groups, strict=True)}
-    arranged = every.arranged(np.concatenate([rows[c.key] for c in known]), [rows[c.key] for c in others])
+    arranged = every.arrange(np.concatenate([rows[c.key] for c in known]), [rows[c.key] for c in others])
     wanted = MARKERS.gather(tracked, known, others, BLOCK_S, together=True)
     assert (arranged.nuisances, arranged.groups) == (wanted.nuisances, wanted.groups)
     np.testing.assert_allclose(arranged.raw, wanted.raw, rtol=1e-9)

@@ -91,7 +91,7 @@ def test_only_the_markers_whose_skin_swings_are_moved() -> None:
 
 
 def test_a_recording_without_the_marker_is_followed_as_it_is() -> None:
-    trial = shaken().selected([label for label in shaken().labels if label not in THIGH])
+    trial = shaken().select([label for label in shaken().labels if label not in THIGH])
     item = TrackedTrial.of(person().model, trial, "fit")
     followed: list[Trial] = []
 

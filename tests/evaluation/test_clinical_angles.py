@@ -213,7 +213,7 @@ def test_labels_of_a_trial_do_not_matter(walker) -> None:
         np.empty((trial.n_frames, 0, 3)),
         names,
     )
-    bare = trial.selected(["X1"])
+    bare = trial.select(["X1"])
     gait = compute_clinical_gait(person.model, {trial.name: motion}, [bare])
     assert not gait.cycles
     assert gait.reason == "no marker of the pelvis is seen"

@@ -138,9 +138,9 @@ def test_the_marker_that_is_seen_is_taken_and_none_is_said(persons):
     assert other.marker == "RMM"
     np.testing.assert_allclose(other.cycles, find_gait_cycles(trial, "r").cycles, atol=0.01)  # one frame
     kept = [label for label in trial.labels if label not in ("RLM", "RMM")]
-    assert "side 'r'" in find_gait_cycles(trial.selected(kept), "r").reason
+    assert "side 'r'" in find_gait_cycles(trial.select(kept), "r").reason
     legs = [label for label in trial.labels if "SIS" not in label]
-    assert "pelvis" in find_gait_cycles(trial.selected(legs), "r").reason
+    assert "pelvis" in find_gait_cycles(trial.select(legs), "r").reason
 
 
 def test_a_recording_of_less_than_a_stride_says_so(persons):

@@ -44,7 +44,7 @@ def test_perturbed_motions_have_the_residual_of_inverse_dynamics() -> None:
     given = recording()
     reference = Reference.of(given)
     noise = np.random.default_rng(0).standard_normal((len(reference.varied), reference.n_frames))
-    q = reference.perturbed(noise, 0.1)
+    q = reference.perturb(noise, 0.1)
     shaken = given.motion.q.copy()
     shaken[:, reference.varied] += 0.1 * noise.T
     dynamics = inverse_dynamics(given.model, replace(given.motion, q=shaken), given.loads)
@@ -66,7 +66,7 @@ def test_a_spinning_body_needs_its_centripetal_force_and_euler_moment(inertia: T
     angle = rate * times + 0.5 * pace * times**2
     body = PointBody.of(spinning(inertia), ())
     poses = body.poses(angle[None])
-    found = body.wrench(body.moved(poses), poses.frames[poses.plan.link_node[0], 3], 1 / 200)
+    found = body.wrench(body.move(poses), poses.frames[poses.plan.link_node[0], 3], 1 / 200)
     inner = slice(HALO, -HALO)
     speed = (rate + pace * times)[inner]
     along = np.array([np.cos(angle[inner]), np.sin(angle[inner])])

@@ -37,7 +37,7 @@ def known_person(seconds: float = 1.2) -> Person:
 
 def write_recording(path: Path, trial: Trial, *, units: str = "mm") -> None:
     """A trial as the laboratory would export it."""
-    named = trial.relabelled(LABELS)
+    named = trial.relabel(LABELS)
     write_trc(path, replace(named, markers=trial.markers @ R_OURS_LAB), units)
 
 

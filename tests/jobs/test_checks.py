@@ -26,7 +26,7 @@ SETUP = Path("scale.xml")
 
 def _without(session: Session, *labels: str) -> Session:
     def cut(trial: Trial) -> Trial:
-        return trial.selected([label for label in trial.labels if label not in labels])
+        return trial.select([label for label in trial.labels if label not in labels])
 
     assert session.static is not None
     return replace(
@@ -80,7 +80,7 @@ def test_the_sacrum_stands_for_both_posterior_spines() -> None:
 def test_labels_that_mean_nothing_are_offered_first() -> None:
     session = _without(SESSION, "RASIS")
     assert session.static is not None
-    session = replace(session, static=session.static.relabelled({"LMM": "RightFront"}))
+    session = replace(session, static=session.static.relabel({"LMM": "RightFront"}))
     with pytest.raises(MarkerMissing, match="it has RightFront, "):
         require_landmarks(session)
 
@@ -129,7 +129,7 @@ def test_a_set_up_that_cannot_be_followed_is_refused(setup: ScaleSetup, field: s
     assert static is not None
     markers = static.markers.copy()
     markers[:, static.index("RMM")] = np.nan
-    trial = static.with_markers(markers).selected([n for n in static.labels if n != "LMM"])
+    trial = static.with_markers(markers).select([n for n in static.labels if n != "LMM"])
     with pytest.raises(InputError, match=problem) as caught:
         list(require_measurements(setup, SESSION.model, trial, SETUP))
     assert caught.value.field == field

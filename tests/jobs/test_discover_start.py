@@ -116,7 +116,7 @@ def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -
     )
     check_fits(other, whole.dynamic, scaled=True)
     with pytest.raises(TrialUnusable, match="left and the right"):
-        check_fits(whole.model, [t.relabelled(mirror_labels(t.labels)) for t in whole.dynamic], scaled=True)
+        check_fits(whole.model, [t.relabel(mirror_labels(t.labels)) for t in whole.dynamic], scaled=True)
 
 
 def test_short_recordings_say_so() -> None:

@@ -30,7 +30,7 @@ def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
         assert true is not None
         assert set(ours.labels) == set(true.labels)
         # TRC keeps 10 nm
-        np.testing.assert_allclose(ours.selected(true.labels).markers, true.markers, rtol=0, atol=2e-8)
+        np.testing.assert_allclose(ours.select(true.labels).markers, true.markers, rtol=0, atol=2e-8)
 
 
 def test_what_was_taken_for_what_is_reported(subject_file: Path) -> None:
@@ -62,7 +62,7 @@ def test_given_axes_win(subject_file: Path) -> None:
 
 def test_labels_may_differ_from_trial_to_trial(tmp_path: Path) -> None:
     file = laboratory(tmp_path)
-    walk = known_person().session.evaluation[0].relabelled({"RLFE": "RKNEE"})
+    walk = known_person().session.evaluation[0].relabel({"RLFE": "RKNEE"})
     write_trc(tmp_path / "walk.trc", walk)
     assert load(load_subject(file)).markers_used["RLFE"] == ("S01:RKNE", "RKNEE")
 
@@ -72,7 +72,7 @@ def test_the_subject_files_map_wins_over_a_markers_own_name(tmp_path: Path) -> N
     file = laboratory(tmp_path, person, markers={"RFH": "RFHX"})
     for name, trial in (("standing", person.session.static), ("hips", person.session.calibration[0])):
         assert trial is not None
-        write_recording(tmp_path / f"{name}.trc", trial.relabelled({"RFH": "RFHX", "RMM": "RFH"}))
+        write_recording(tmp_path / f"{name}.trc", trial.relabel({"RFH": "RFHX", "RMM": "RFH"}))
     session = load(load_subject(file), UNSMOOTHED).session
     assert session.static is not None
     assert person.session.static is not None
@@ -86,9 +86,9 @@ def test_a_mapped_label_may_be_in_the_static_trial_only(tmp_path: Path) -> None:
     person = known_person()
     file = laboratory(tmp_path, person, markers={"RMFE": "INNER"})
     assert person.session.static is not None
-    write_recording(tmp_path / "standing.trc", person.session.static.relabelled({"RMFE": "INNER"}))
+    write_recording(tmp_path / "standing.trc", person.session.static.relabel({"RMFE": "INNER"}))
     for name, trial in (("hips", person.session.calibration[0]), ("walk", person.session.evaluation[0])):
-        write_recording(tmp_path / f"{name}.trc", trial.selected([n for n in trial.labels if n != "RMFE"]))
+        write_recording(tmp_path / f"{name}.trc", trial.select([n for n in trial.labels if n != "RMFE"]))
     assert load(load_subject(file)).markers_used["RMFE"] == ("INNER",)
 
 
@@ -117,7 +117,7 @@ def test_markers_that_no_recording_shows_are_reported(tmp_path: Path) -> None:
             name, person.session.evaluation[0]
         )
         assert trial is not None
-        write_recording(tmp_path / f"{name}.trc", trial.selected([n for n in trial.labels if n != "LFH"]))
+        write_recording(tmp_path / f"{name}.trc", trial.select([n for n in trial.labels if n != "LFH"]))
     warnings = load(load_subject(file)).session.warnings
     assert any("LFH" in text and "not used" in text for text in warnings)
     assert any("RTHI" in text and "left out" in text for text in warnings)

@@ -70,7 +70,7 @@ def test_the_static_trial_is_who_stands_still_whatever_it_is_called(tmp_path: Pa
 
 
 def test_of_two_that_stand_more_landmarks_count_before_a_name(tmp_path: Path) -> None:
-    few = standing().selected([n for n in standing().labels if n not in ("RMFE", "LMFE", "RMM", "LMM")])
+    few = standing().select([n for n in standing().labels if n not in ("RMFE", "LMFE", "RMM", "LMM")])
     found = looked(tmp_path / "lab", {"static": few, "trial7": standing(), "walk": moving(1, "w")})
     assert static_of(found) == "trial7.trc"
     found = looked(tmp_path / "same", {"static": standing(), "trial7": standing(), "walk": moving(1, "w")})
@@ -302,8 +302,8 @@ def conventional(one: Trial) -> Trial:
         new[f"{side}TIB"] = 0.5 * (one.position(f"{side}LFE") + one.position(f"{side}LM")) + out
         new[f"{side}TUB"] = one.position(f"{side}MFE") + np.array([0.03, -0.05, 0.0])
     kept = [n for n in one.labels if n[1:] not in ("PSIS", "MFE", "FH")]
-    places = np.concatenate([one.selected(kept).markers, np.stack(list(new.values()), axis=1)], axis=1)
-    return replace(one, labels=(*kept, *new), markers=places).relabelled(CONVENTIONAL)
+    places = np.concatenate([one.select(kept).markers, np.stack(list(new.values()), axis=1)], axis=1)
+    return replace(one, labels=(*kept, *new), markers=places).relabel(CONVENTIONAL)
 
 
 def test_a_conventional_set_is_named_with_what_it_means(tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_a_marker_that_a_recording_lacks_is_reported_and_the_rest_is_followed(
 ) -> None:
     whole = read_trc(scaled / "walk.trc")
     kept = [label for label in whole.labels if label != "S01:RKNE"]
-    write_trc(tmp_path / "walk.trc", replace(whole.selected(kept), name="walk"))
+    write_trc(tmp_path / "walk.trc", replace(whole.select(kept), name="walk"))
     model = scaled / "scaled/MB_am/model.json"
     tracked = ik(model, [tmp_path / "walk.trc"])
     assert any("no recording shows RLFE" in note for note in tracked.loaded.session.warnings)
@@ -105,7 +105,7 @@ def test_a_marker_that_a_recording_lacks_is_reported_and_the_rest_is_followed(
 
 def test_a_label_can_be_mapped(scaled: Path, tmp_path: Path) -> None:
     whole = read_trc(scaled / "walk.trc")
-    write_trc(tmp_path / "walk.trc", whole.relabelled({"S01:RKNE": "mine"}))
+    write_trc(tmp_path / "walk.trc", whole.relabel({"S01:RKNE": "mine"}))
     model = scaled / "scaled/MB_am/model.json"
     tracked = ik(model, [tmp_path / "walk.trc"], MotionOptions(markers={"RLFE": "mine"}))
     assert tracked.loaded.markers_used["RLFE"] == ("mine",)

@@ -238,7 +238,7 @@ def test_some_parameters_and_coordinates_may_be_held() -> None:
 
 def test_parameters_alone_are_what_scipy_finds() -> None:
     this = case(65)
-    found = solve(this.problem.holding_motion(), this.q0, this.p0, TIGHT)
+    found = solve(this.problem.hold_motion(), this.q0, this.p0, TIGHT)
 
     def rows(p: Array) -> Array:
         gap = compute_residuals(this.problem, this.q0, p) * np.sqrt(this.problem.weights)[:, None]

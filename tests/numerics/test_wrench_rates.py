@@ -101,7 +101,7 @@ def test_normal_equations_of_markers_are_those_of_differences(model: BodyModel) 
 
     def moved(motion: Motion, shared: Array = x) -> Array:
         at = move_links(mechanism, motion, p)
-        return compute_marker_motion(tree, p, at) + shifts.moved(shifts.columns(tree, at), shared, count)
+        return compute_marker_motion(tree, p, at) + shifts.move(shifts.columns(tree, at), shared, count)
 
     motion = Motion(*state)
     gap, weights = RNG.normal(size=(3, FRAMES, count, 3)), RNG.random((3, FRAMES, count))

@@ -97,7 +97,7 @@ from scaling_service.service.http import laboratory
 from scaling_service.service.jobs.kinds import KINDS
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 print(json.dumps({
-    "words": [word.name for word in laboratory.vocabulary().methods],
+    "words": [word.name for word in laboratory.list_vocabulary().methods],
     "body": KINDS["scaling"].request.model_json_schema()["properties"]["methods"]["description"],
     "optimised": KINDS["optimised-scaling"].request.model_json_schema()["properties"]["method"]["enum"],
     "accepted": KINDS["scaling"].request(subject="S01", methods=["MB_again"]).methods,

@@ -123,7 +123,7 @@ def test_arms_are_judged_by_jumps_only() -> None:
 
 
 def test_roles_say_what_labels_mean() -> None:
-    trial = _swapped(_turning(), "RLFE", "RMFE", slice(100, 250)).relabelled(
+    trial = _swapped(_turning(), "RLFE", "RMFE", slice(100, 250)).relabel(
         {"RLFE": "S:RKNE", "RMFE": "S:RKNI"}
     )
     (said,) = find_exchanged_sides(
@@ -136,14 +136,14 @@ def test_right_for_left_and_mirrored_recordings_are_reported() -> None:
     trial = _turning()
     other = {label: ("L" if label[0] == "R" else "R") + label[1:] for label in LABELS}
     mirrored = trial.with_markers(trial.markers * [1.0, 1.0, -1.0])
-    for wrong in (trial.relabelled(other), mirrored):
+    for wrong in (trial.relabel(other), mirrored):
         (said,) = find_exchanged_sides(wrong)
         assert "right and left look exchanged, or the recording is mirrored" in said
 
 
 def test_nothing_seen_is_nothing_said() -> None:
     assert find_exchanged_sides(_unseen(_turning(), LABELS)) == ()
-    assert find_exchanged_sides(_turning().selected(["RASIS"])) == ()
+    assert find_exchanged_sides(_turning().select(["RASIS"])) == ()
     assert find_exchanged_sides(_turning().frames(slice(0, 1))) == ()
 
 

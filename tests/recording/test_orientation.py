@@ -96,7 +96,7 @@ def test_right_and_left_alone_tell_forward():
 
 
 def test_labels_are_found_through_their_roles():
-    trial = _trial(ROTATIONS[9]).relabelled({"RASIS": "S1:RASI"})
+    trial = _trial(ROTATIONS[9]).relabel({"RASIS": "S1:RASI"})
     roles = {**{k: v for k, v in ROLES.items() if k != "RASIS"}, "S1:RASI": "RASIS"}
     np.testing.assert_array_equal(decide(trial, roles=roles).R_new_old, ROTATIONS[9].T)
 

@@ -93,7 +93,7 @@ class BatchRequest(JobRequest):
         """All of them."""
         return self.batch_subjects
 
-    def needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: Documents) -> Needed:
         """All files that the subjects' documents name."""
         return {name: list_named_files(check_document(documents[name])) for name in self.subjects}
 

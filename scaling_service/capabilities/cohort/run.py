@@ -32,13 +32,13 @@ from scaling_service.recording.orientation import check_axes
 class Watcher(Protocol):
     """Whoever wants to see a batch go on. Calls may come from several threads."""
 
-    def started(self, count: int, workers: int) -> None:
+    def start(self, count: int, workers: int) -> None:
         """So many subjects are about to be done by so many workers."""
 
     def stage(self, name: str, what: str, share: float) -> None:
         """A subject is at some stage, this share of it done."""
 
-    def finished(self, outcome: Outcome) -> None:
+    def finish(self, outcome: Outcome) -> None:
         """A subject ended."""
 
 
@@ -140,8 +140,8 @@ def batch(
     refuse_foreign(folder, [member.name for member in readable])
     count = min(worker_count or count_cores(), len(members))
     if watcher is not None:
-        watcher.started(len(members), count)
-    listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finished)
+        watcher.start(len(members), count)
+    listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
     with _made(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
         outcomes = run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)

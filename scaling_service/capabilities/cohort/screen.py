@@ -69,7 +69,7 @@ class Screen:
         """How many subjects have ended."""
         return len(self._over)
 
-    def started(self, count: int, workers: int) -> None:
+    def start(self, count: int, workers: int) -> None:
         """Show the whole, all of it still to do."""
         self.count = count
         with_whom = f"{workers} at a time" if workers > 1 else "one at a time"
@@ -89,7 +89,7 @@ class Screen:
                 self._progress.update(self._rows[name], description=said, completed=share)
             self._show_whole()
 
-    def finished(self, outcome: Outcome) -> None:
+    def finish(self, outcome: Outcome) -> None:
         """Count a subject, and say how it ended."""
         with self._lock:
             self._over.add(outcome.name)

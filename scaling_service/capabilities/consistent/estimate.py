@@ -181,7 +181,7 @@ def _refit_geometry(
     """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
     names = fitted[0].motion.markers
     known = [
-        KnownMotion(r.name, r.trial.selected(names).markers - m.glide, m.rated.q)
+        KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
         for r, m in zip(fitted, moved, strict=True)
     ]
     return identify_geometry(
@@ -215,7 +215,7 @@ def _predict(
 def _measure_errors(
     recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
 ) -> TrackedRecording:
-    seen = np.isfinite(recording.trial.selected(recording.motion.markers).markers).all(axis=2)
+    seen = np.isfinite(recording.trial.select(recording.motion.markers).markers).all(axis=2)
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
     return TrackedRecording(rated, marker, wrench, gaps, weight)

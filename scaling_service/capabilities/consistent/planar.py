@@ -248,4 +248,4 @@ def _rename_labels(trial: Trial) -> Trial:
         if known in wanted and known not in taken and label not in PLANAR_SOURCES:
             names[label] = known
             taken.add(known)
-    return trial.relabelled(names)
+    return trial.relabel(names)

@@ -146,7 +146,7 @@ class ConsistentProblem:
             parts.append(whole)
         return Rates.of_frames(*parts)
 
-    def moved_mechanism(self, shared: Array) -> Mechanism:
+    def move_mechanism(self, shared: Array) -> Mechanism:
         """The mechanism with the inertia that shared numbers say."""
         change = self.inertia @ shared[self.shifts.count :]
         parameters = self.mechanism.inertias.parameters() + change.reshape(-1, N_PARAMETERS)
@@ -159,7 +159,7 @@ class ConsistentProblem:
     def objectives_of(self, motion: Rates, shared: Array | None = None) -> Objectives:
         """Both objectives of any motion at the basis' times."""
         n, x = len(self.basis.times), np.zeros(self.n_shared) if shared is None else shared
-        mechanism = self.moved_mechanism(x)
+        mechanism = self.move_mechanism(x)
         gaps, wrench_gaps, total = np.empty((n, self.tree.n_markers, 3)), np.empty((n, 6)), 0.0
         for rows in split_blocks(n, BLOCK):
             state = move_links(mechanism, motion.block(rows), self.p)
@@ -181,13 +181,13 @@ class ConsistentProblem:
         for rows in split_blocks(n, BLOCK):
             moved = move_links(self.mechanism, motion.block(rows), self.p)
             shifts = self.shifts.rows(rows)
-            result[rows] = shifts.moved(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
+            result[rows] = shifts.move(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
         return result
 
     def normal(self, at: State) -> tuple[Quadratic, Quadratic]:
         """Gauss-Newton models of both objectives."""
         motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
-        mechanism, glide = self.moved_mechanism(at.shared), slice(0, self.shifts.count)
+        mechanism, glide = self.move_mechanism(at.shared), slice(0, self.shifts.count)
         markers, wrenches = (_Sum.empty(self.basis, m, k) for _ in range(2))
         for rows in split_blocks(len(self.basis.times), BLOCK):
             screws = list_screws(mechanism, motion.block(rows), self.p, self.free)
@@ -216,7 +216,7 @@ class ConsistentProblem:
         shifts = self.shifts.rows(rows)
         columns = shifts.columns(self.tree, state)
         rigid = compute_marker_motion(self.tree, self.p, state)
-        moved = rigid + shifts.moved(columns, shared[: shifts.count], self.tree.n_markers)
+        moved = rigid + shifts.move(columns, shared[: shifts.count], self.tree.n_markers)
         return shifts, moved, columns, self.markers.rows(rows)
 
     def _add_wrench(

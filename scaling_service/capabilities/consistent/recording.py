@@ -318,7 +318,7 @@ def _make_marker_targets(
     Velocities and accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
     """
     names = recording.motion.markers
-    measured = recording.trial.selected(names).markers
+    measured = recording.trial.select(names).markers
     seen = np.asarray(np.isfinite(measured).all(axis=2))
     n = len(measured)
     splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))

@@ -47,7 +47,7 @@ class BoneKnowledge:
     undetermined: tuple[str, ...] = ()  # segments of which nothing shows what their skin does as a whole
     notes: tuple[str, ...] = ()
 
-    def added_to(self, model: BodyModel) -> BodyModel:
+    def add_to(self, model: BodyModel) -> BodyModel:
         """A model with it, and without what it held of the kind before."""
         markers = tuple(replace(m, skin_sd=self.skin.get(m.name)) for m in model.markers)
         return replace(model, markers=markers, expectations=self.expectations)
@@ -110,11 +110,11 @@ class _Followed:
 
 def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
     """What the recordings to fit say; ``model``: with what was named in them."""
-    model = BoneKnowledge().added_to(model)
+    model = BoneKnowledge().add_to(model)
     followed = [_follow(model, item.trial) for item in fit.tracked if item.role == "fit"]
     if not followed:
         return BoneKnowledge()
-    posed, fields = [f.posed.thinned() for f in followed], [f.fields for f in followed]
+    posed, fields = [f.posed.thin() for f in followed], [f.fields for f in followed]
     expectations, notes = [], []
     for rotation in list_secondary_rotations(model):
         found = _expect(rotation, model, followed)

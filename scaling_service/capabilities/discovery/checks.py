@@ -124,7 +124,7 @@ def measure_typical_distance(model: BodyModel, trial: Trial) -> float:
 def _are_sides_exchanged(model: BodyModel, trial: Trial, away: float) -> bool:
     """Whether the other side's labels fit far better."""
     other = mirror_labels(trial.labels)
-    return bool(other) and measure_typical_distance(model, trial.relabelled(other)) < _MENDED * away
+    return bool(other) and measure_typical_distance(model, trial.relabel(other)) < _MENDED * away
 
 
 def mirror_labels(labels: Sequence[str]) -> dict[str, str]:

@@ -90,9 +90,9 @@ def _list_written_before(folder: Path) -> set[Path]:
 def _write_models(folder: Path, results: DiscoverResults) -> tuple[str, ...]:
     """``model.json`` and ``model.osim``, and a model for each recording that has something of its own."""
     fit, bones, notes = results.lasting, results.bones, list(results.bones.notes)
-    _write_model(folder / "model.json", bones.added_to(correct_model(fit)))
+    _write_model(folder / "model.json", bones.add_to(correct_model(fit)))
     for trial, model in make_own_models(fit).items():
-        _write_model(folder / f"{trial}_model.json", bones.added_to(model))
+        _write_model(folder / f"{trial}_model.json", bones.add_to(model))
         notes.append(f"{trial}_model.json holds what was found in {trial} only")
     return (*notes, *write_corrected_osim(folder / "model.osim", fit, results.prepared))
 

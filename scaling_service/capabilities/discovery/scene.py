@@ -71,7 +71,7 @@ def draw_largest_change(results: DiscoverResults) -> Scene | None:
     middle = _find_largest(before, after)[1]
     rows = _select_around(before.trial.times, middle)
     labels = tuple(m for m in before.markers if m in after.markers)
-    measured = after.trial.selected(labels).markers[rows]
+    measured = after.trial.select(labels).markers[rows]
     if not np.isfinite(measured).any():
         return None
     role = "held out" if before.role == "held_out" else "used to fit"

@@ -140,7 +140,7 @@ def weigh_motions(found: Mapping[str, tuple[InverseDynamics, NDArray[np.bool_]]]
     for name, (dynamics, frames) in found.items():
         borne = dynamics.external[:, 1]
         needed = borne + dynamics.residual[:, 1]
-        spans = split_into_blocks(dynamics.used(frames), dynamics.motion.times, BLOCK_S)
+        spans = split_into_blocks(dynamics.find_used(frames), dynamics.motion.times, BLOCK_S)
         blocks[name] = [(borne[rows], needed[rows]) for rows in spans]
     first = next(iter(found.values()), None)
     return None if first is None else weigh(first[0].mass, blocks)

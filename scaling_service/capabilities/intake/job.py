@@ -33,7 +33,7 @@ class ProofRequest(OfOneSubject):
     )
     settings: Settings = Field(default=Settings(), description="The laboratory's axes, where known.")
 
-    def needed(self, documents: Documents) -> Needed:  # noqa: ARG002 (whatever there is)
+    def list_needed(self, documents: Documents) -> Needed:  # noqa: ARG002 (whatever there is)
         """No file must be there."""
         return {self.subject: {}}
 

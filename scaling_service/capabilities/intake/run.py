@@ -174,7 +174,7 @@ def prove(
     if proposed is not None:
         proposed = order_keys(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
-    look.problems += [*look.compared(), *ask_for_person(sizes)]
+    look.problems += [*look.compare(), *ask_for_person(sizes)]
     reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
     look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
     files = [look.role(item) for item in found]
@@ -221,14 +221,14 @@ class _Look:
         self.static = choose_static(self.roles)
         self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
         self.problems: list[ProblemEntry] = []
-        self.seen = [self._corrected(item) for item in self.raw]
+        self.seen = [self._correct_labels(item) for item in self.raw]
         self.forces = {f.name: f.content for f in found if isinstance(f.content, GroundForces)}
         self.recordings: list[RecordingProof] = []
         self.trials: dict[str, Trial] = {}
         self.axes: AxesEntry | None = None
         self.problems += [*self._missing(), *self._folders()]
 
-    def _corrected(self, item: RecordingFile) -> RecordingFile:
+    def _correct_labels(self, item: RecordingFile) -> RecordingFile:
         """A recording with the labels exchanged that the document says are."""
         try:
             wanted = TypeAdapter(list[Correction]).validate_python(
@@ -326,7 +326,7 @@ class _Look:
             self.problems.append(make_problem(error, file=wanted))
             return load_builtin(usual)
 
-    def compared(self) -> Iterator[ProblemEntry]:
+    def compare(self) -> Iterator[ProblemEntry]:
         """What the recordings, compared with each other and with their forces, give cause to correct."""
         spans = {name: (float(f.times[0]), float(f.times[-1])) for name, f in self.forces.items()}
         yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))

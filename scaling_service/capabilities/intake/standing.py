@@ -185,7 +185,7 @@ def _list_pelvis_distances(trials: Sequence[Trial]) -> dict[tuple[str, str], flo
 def _by_landmark(trial: Trial) -> Trial:
     """The labels whose landmark no other label has, renamed to it."""
     marks = [find_canonical(label) for label in trial.labels]
-    return trial.relabelled(
+    return trial.relabel(
         {
             label: m
             for label, m in zip(trial.labels, marks, strict=True)

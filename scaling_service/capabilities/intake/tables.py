@@ -95,7 +95,7 @@ def _of_forces(
     forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: ArrayFiles
 ) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
-    ground = forces.changed(
+    ground = forces.change(
         times=trial.times,
         force=sample_at(forces.times, forces.force, trial.times),
         moment=sample_at(forces.times, forces.moment, trial.times),

@@ -82,7 +82,7 @@ class InverseDynamics:
         """Frames whose residual is known, shape (n,)."""
         return np.asarray(np.isfinite(self.residual).all(axis=1))
 
-    def used(self, frames: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    def find_used(self, frames: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
         """Frames whose residual is known, of those given, (n,); TrialUnusable where there is none."""
         used = self.known if frames is None else self.known & frames
         if not used.any():
@@ -331,7 +331,7 @@ def evaluate_residuals(
 
     Body weight is the model's.
     """
-    used = dynamics.used(frames)
+    used = dynamics.find_used(frames)
     residual = dynamics.residual[used]
     return Residuals(
         dynamics.trial,

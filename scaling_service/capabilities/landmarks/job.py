@@ -43,7 +43,7 @@ class LandmarksRequest(OfOneSubject):
         bones.pop("units", None)
         return self.bones if self.bones is not None else {k: v for k, v in bones.items() if v is not None}
 
-    def needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: Documents) -> Needed:
         """The meshes."""
         found = self.meshes(documents[self.subject])
         if not found:

@@ -51,7 +51,7 @@ class Posed:
     q: Array  # (n_frames, n_coordinates), rad or m
     held: Mask  # (n_frames, n_coordinates): what the markers do not determine or a range ends
 
-    def thinned(self) -> Posed:
+    def thin(self) -> Posed:
         """Some of its frames, equally spaced: skin moves slowly, neighbours tell the same."""
         rows = np.unique(np.linspace(0, len(self.q) - 1, min(len(self.q), _FRAMES)).astype(np.intp))
         return Posed(self.task.in_frames(rows), self.q[rows], self.held[rows])
@@ -238,7 +238,7 @@ class _Normal:
         curvature = moved.transpose(0, 2, 1) @ moved
         cost = np.square(left).sum(axis=(1, 2))
         for expected in self.expected:
-            off, slopes = expected.linearised(q)
+            off, slopes = expected.linearise(q)
             slopes = np.where(held[:, free], 0.0, slopes[:, free])
             gradient -= slopes * off[:, None]
             curvature += slopes[:, :, None] * slopes[:, None]
@@ -261,7 +261,7 @@ class _Expected:
         columns = {name: names.index(name) for name in expectation.law.coordinates}
         return cls(expectation, names.index(expectation.coordinate), columns)
 
-    def linearised(self, q: Array) -> tuple[Array, Array]:
+    def linearise(self, q: Array) -> tuple[Array, Array]:
         """How many deviations each frame is off, (n,), and how that changes with q, (n, n_coordinates)."""
         off, slopes = q[:, self.coordinate].copy(), np.zeros(q.shape)
         slopes[:, self.coordinate] = 1.0

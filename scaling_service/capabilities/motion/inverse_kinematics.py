@@ -100,7 +100,7 @@ class Task:
             model,
             compile_model(model, names),
             names,
-            trial.selected(names).markers,
+            trial.select(names).markers,
             np.array([chosen[name] for name in names]),
             free_coordinates(model),
             list_coordinate_bounds(model) if bounded else open_ended,

@@ -37,11 +37,11 @@ class MotionRequest(OfOneSubject, MotionOptions):
         examples=[["walk.trc"]],
     )
 
-    def needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: Documents) -> Needed:
         """The model, where it is a file, with its marker set, and the recordings."""
         document = check_document(documents[self.subject])
         named = {f"recordings.{k}": name for k, name in enumerate(self.select_recordings(document))}
-        model = self.chosen_model(document)
+        model = self.choose_model(document)
         if model.lower().endswith(MODEL_SUFFIXES):
             named["model"] = model
         marker_set = self.marker_set(document)
@@ -49,13 +49,13 @@ class MotionRequest(OfOneSubject, MotionOptions):
             named["marker_set"] = marker_set
         return {self.subject: {field: require_plain_name(name, field) for field, name in named.items()}}
 
-    def chosen_model(self, document: SubjectDocument) -> str:
+    def choose_model(self, document: SubjectDocument) -> str:
         """The model asked for, else the subject's."""
         return self.model if self.model is not None else document.model
 
     def marker_set(self, document: SubjectDocument) -> str | None:
         """The subject's markers to add, where the model is the subject's own."""
-        return document.marker_set if self.chosen_model(document) == document.model else None
+        return document.marker_set if self.choose_model(document) == document.model else None
 
     def select_recordings(self, document: SubjectDocument) -> list[str]:
         """The recordings asked for, else the subject's movements, else what stands still.
@@ -85,7 +85,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
 
     folder = inputs / request.subject
     document = read_document(folder / DOCUMENT)
-    name, marker_set = request.chosen_model(document), request.marker_set(document)
+    name, marker_set = request.choose_model(document), request.marker_set(document)
     model = folder / name if name.lower().endswith(MODEL_SUFFIXES) else name
     added = None if marker_set is None else folder / marker_set
     files = [folder / recording for recording in request.select_recordings(document)]

@@ -212,7 +212,7 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     fields = tuple(list_skin_fields(task)) if skin else ()
     names, rates = compute_clinical_rates(model) if angles else ((), None)
     posed = Posed(task, solution.q, ~known)
-    learnt = learn_skin_sizes([posed.thinned()], [fields]) if fields and not has_bone_knowledge(model) else {}
+    learnt = learn_skin_sizes([posed.thin()], [fields]) if fields and not has_bone_knowledge(model) else {}
     fields = tuple(resize(field, task.markers, learnt) for field in fields)
     uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
     if fields and has_bone_knowledge(model):

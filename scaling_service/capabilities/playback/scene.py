@@ -151,7 +151,7 @@ def _make_trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
         rate_hz=trial.rate_hz,
         start_s=float(trial.times[0]),
         labels=list(labels),
-        measured=files.write(f"{trial.name}.measured", trial.selected(labels).markers, "m"),
+        measured=files.write(f"{trial.name}.measured", trial.select(labels).markers, "m"),
         motions={played.body: _make_motion(played, labels, trial.name, files) for played in item.played},
         plates=list_plates(item.forces, item.corners),
         force=_of_plates(item, files, "N"),

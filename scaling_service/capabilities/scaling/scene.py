@@ -41,7 +41,7 @@ def make_overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, MOST_FRAMES)).astype(np.intp))
     scalings = {name: s for name, s in results.scalings.items() if trial.name in s.motions}
     labels = tuple(dict.fromkeys(m for s in scalings.values() for m in s.motions[trial.name].markers))
-    measured = trial.selected(labels).markers[rows]
+    measured = trial.select(labels).markers[rows]
     if not np.isfinite(measured).any():
         return None
     images = {} if results.session.images is None else results.session.images.bones

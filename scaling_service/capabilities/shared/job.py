@@ -46,7 +46,7 @@ class JobRequest(Options):
         """Whose data the job rests on."""
 
     @abstractmethod
-    def needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: Documents) -> Needed:
         """The uploaded files that it reads (SubjectInvalid: a document does not allow what is asked for)."""
 
     def part(self, kind: type[Chosen]) -> Chosen:
@@ -72,7 +72,7 @@ class OfRecordings(OfOneSubject):
         default=Settings(), description="How recordings are processed and models fitted."
     )
 
-    def needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: Documents) -> Needed:
         """All files that the subject's document names."""
         return {self.subject: list_named_files(check_document(documents[self.subject]))}
 

@@ -52,7 +52,7 @@ def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
 def _is_same(one: Trial, other: Trial) -> bool:
     if one.n_frames != other.n_frames or set(one.labels) != set(other.labels):
         return False
-    theirs = other.selected(one.labels).markers
+    theirs = other.select(one.labels).markers
     both = np.isfinite(one.markers) & np.isfinite(theirs)
     if not both.any() or not np.array_equal(np.isfinite(one.markers), np.isfinite(theirs)):
         return False

@@ -79,7 +79,7 @@ def _read_law(function: Any, coordinate: str | None, ranges: Mapping[str, Range]
         return Law.constant(library.Constant.safeDownCast(function).getValue())
     if kind == "MultiplierFunction":
         scaled = library.MultiplierFunction.safeDownCast(function)
-        return _read_law(scaled.getFunction(), coordinate, ranges, component).scaled(scaled.getScale())
+        return _read_law(scaled.getFunction(), coordinate, ranges, component).scale(scaled.getScale())
     if coordinate is None:
         raise ModelRefused(
             f"the {kind} of '{component}' has no coordinate",
@@ -287,7 +287,7 @@ def _list_constant_moves(transform: Any, body: str) -> Iterator[Joint]:
 
 def _invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
     """The chain that leads back."""
-    return tuple(replace(joint, law=joint.law.scaled(-1.0)) for joint in reversed(chain))
+    return tuple(replace(joint, law=joint.law.scale(-1.0)) for joint in reversed(chain))
 
 
 def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
@@ -348,7 +348,7 @@ def _list_couplers(model: Any, ranges: Mapping[str, Range]) -> Iterator[tuple[st
             )
         law = _read_law(coupler.getFunction(), names.get(0), ranges, name)
         factor = import_opensim().PropertyHelper.getValueDouble(coupler.getPropertyByName("scale_factor"))
-        yield name, Coupler(coupler.getDependentCoordinateName(), names.get(0), law.scaled(factor))
+        yield name, Coupler(coupler.getDependentCoordinateName(), names.get(0), law.scale(factor))
 
 
 def _resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:

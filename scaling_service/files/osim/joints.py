@@ -114,9 +114,9 @@ def substitute(law: Law, coordinate: str, follows: Law) -> Law:
         if term.coordinate != coordinate:
             terms.append(term)
         elif term.shape is None:
-            terms.extend(follows.scaled(term.gain).terms)
+            terms.extend(follows.scale(term.gain).terms)
         else:
-            terms.extend(_compose_laws(term.shape, follows).scaled(term.gain).terms)
+            terms.extend(_compose_laws(term.shape, follows).scale(term.gain).terms)
     return Law(tuple(terms))
 
 
@@ -326,7 +326,7 @@ def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: 
     for k in candidates:
         if np.linalg.norm(np.cross(axes[k][0], axis)) < _PARALLEL:
             sign = float(np.sign(axes[k][0] @ axis))
-            axes[k] = (axes[k][0], axes[k][1] + law.scaled(sign))
+            axes[k] = (axes[k][0], axes[k][1] + law.scale(sign))
             return
     axes.append((axis, law))
 

@@ -133,7 +133,7 @@ def compute_step(
     if pins is not None:
         border = linearise(problem, q, p, p0, damping.frames, pins)
         trial_q, trial_p, promised = _solve_step(problem, border, q, p, damping, pins)
-    return (*problem.clipped(trial_q, trial_p), promised, border.gains)
+    return (*problem.clip(trial_q, trial_p), promised, border.gains)
 
 
 def _solve_step(

@@ -211,7 +211,7 @@ class Limits:
     low: Array
     high: Array
 
-    def fixed(self, columns: NDArray[np.bool_], way: Array) -> Limits:
+    def fix(self, columns: NDArray[np.bool_], way: Array) -> Limits:
         """The same, with some columns (c, n) to move just so far (c, n)."""
         return Limits(np.where(columns, way, self.low), np.where(columns, way, self.high))
 

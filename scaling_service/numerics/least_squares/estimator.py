@@ -104,7 +104,7 @@ def solve(
     ``progress``: called with the step's number and the cost.
     ``start``: (n_parameters,).
     """
-    q, p = problem.clipped(q0.copy(), (p0 if start is None else start).copy())
+    q, p = problem.clip(q0.copy(), (p0 if start is None else start).copy())
     cost, raise_by = compute_total_cost(problem, q, p, p0), 2.0
     damping = DampingShares(np.full(problem.n_frames, settings.damping), settings.damping)
     for steps in range(1, settings.max_steps + 1):
@@ -134,7 +134,7 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
     ``q0``: (n_frames, n_coordinates).
     ``p``: (n_parameters,).
     """
-    q, p = problem.clipped(q0.copy(), p.copy())
+    q, p = problem.clip(q0.copy(), p.copy())
     cost = compute_frame_costs(problem, q, p)
     damping, left = np.full(problem.n_frames, settings.damping), np.arange(problem.n_frames)
     for steps in range(1, settings.max_steps + 1):

@@ -97,11 +97,11 @@ class Problem:
         """The same of some frames."""
         return replace(self, measured=self.measured[rows])
 
-    def holding_motion(self) -> Problem:
+    def hold_motion(self) -> Problem:
         """The same with no coordinate to estimate, only parameters."""
         return replace(self, coordinates=np.zeros(0, dtype=np.intp))
 
-    def clipped(self, q: Array, p: Array) -> tuple[Array, Array]:
+    def clip(self, q: Array, p: Array) -> tuple[Array, Array]:
         """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place."""
         lower, upper = self.coordinate_bounds
         free = self.coordinates

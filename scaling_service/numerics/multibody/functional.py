@@ -48,7 +48,7 @@ class Poses:
         moved: Array = np.einsum("...nij,...j->...ni", self.rotation, np.asarray(points, float))
         return moved + self.position
 
-    def turned(self, directions: ArrayLike) -> Array:
+    def turn(self, directions: ArrayLike) -> Array:
         """A direction of the segment, (..., 3), in every frame, (..., n_frames, 3)."""
         moved: Array = np.einsum("...nij,...j->...ni", self.rotation, np.asarray(directions, float))
         return moved
@@ -135,7 +135,7 @@ def find_rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
     solution = _solve_least_squares(stack, kept)
     axis = stack.right[..., -1]
     first, second = _normalise(axis[..., :3]), _normalise(axis[..., 3:])
-    gap = np.linalg.norm(proximal.turned(first) - distal.turned(second), axis=-1)
+    gap = np.linalg.norm(proximal.turn(first) - distal.turn(second), axis=-1)
     angle = 2.0 * np.arcsin(np.clip(0.5 * gap, 0.0, 1.0))
     return RotationAxis(
         first,

@@ -162,7 +162,7 @@ class MarkerShifts:
         found[:, 6:] = bent * value + 2.0 * turned * rate + axes * second
         return np.ascontiguousarray(found.transpose(0, 2, 1))
 
-    def moved(self, columns: Array, x: Array, count: int) -> Array:
+    def move(self, columns: Array, x: Array, count: int) -> Array:
         """How far ``count`` markers are shifted, (3, n, count, 3)."""
         total = np.zeros((count, *columns.shape[1:]))
         for k, marker in enumerate(self.marker.tolist()):

@@ -307,7 +307,7 @@ def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> 
     over = within != delta
     rows = np.flatnonzero(over.any(axis=0) & (state.near > 0.0))
     if len(rows):
-        given = limits.fixed(over, within).take(rows)
+        given = limits.fix(over, within).take(rows)
         again = _eliminate(part.take(rows), misfit.take(rows), twist[..., rows], state.take(rows), given)
         delta[:, rows], promised[rows] = again
     return delta, promised

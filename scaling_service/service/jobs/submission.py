@@ -102,7 +102,7 @@ def make_new_job(
         for subject in request.subjects
     }
     inputs: list[FileRow] = []
-    for subject, named in request.needed(documents).items():
+    for subject, named in request.list_needed(documents).items():
         there = subjects.list_files_in(connection, owner, subject)
         chosen = there if request.reads_every_file else _match_uploads(there, subject, named)
         inputs += (FileRow(f"{subject}/{file.name}", file.sha256, file.size) for file in chosen)

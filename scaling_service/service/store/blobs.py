@@ -145,7 +145,7 @@ class Blobs:
                 remedy="Check the disk, and upload the file again",
             )
 
-    def stored(self) -> Iterator[str]:
+    def list_stored(self) -> Iterator[str]:
         """The digests of all files in place."""
         for shard in sorted(self._blobs.iterdir()):
             for file in sorted(shard.iterdir()):
@@ -221,7 +221,7 @@ def collect_garbage(database: Database, files: Blobs) -> int:
     with database.read() as connection:
         unused = list(connection.scalars(select(blobs.c.sha256).where(_UNREFERRED)))
         listed = set(connection.scalars(select(blobs.c.sha256)))
-    unlisted = [sha256 for sha256 in files.stored() if sha256 not in listed]
+    unlisted = [sha256 for sha256 in files.list_stored() if sha256 not in listed]
     for sha256 in unlisted:
         with database.write() as connection:
             _lock(connection, sha256, {})

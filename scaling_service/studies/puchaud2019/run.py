@@ -166,10 +166,10 @@ def reproduce_puchaud2019(
     ]
     processes = min(worker_count or count_cores(), count)
     if watcher is not None:
-        watcher.started(count, processes)
+        watcher.start(count, processes)
     with workers(processes, None if watcher is None else watcher.stage) as executor:
         outcomes = run_members(
-            people, executor, METHODS, settings, finished=None if watcher is None else watcher.finished
+            people, executor, METHODS, settings, finished=None if watcher is None else watcher.finish
         )
     slowest = max(outcome.wall_s for outcome in outcomes)
     return build_document(

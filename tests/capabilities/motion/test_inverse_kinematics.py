@@ -84,7 +84,7 @@ def test_with_noise_the_residuals_are_the_noise() -> None:
 def test_labels_may_be_in_any_order_and_others_are_ignored() -> None:
     model = legs()
     trial = recorded(model, motion(model, 60))
-    other = trial.selected(("nose", *reversed(trial.labels)))
+    other = trial.select(("nose", *reversed(trial.labels)))
     np.testing.assert_allclose(
         inverse_kinematics(model, other).q, inverse_kinematics(model, trial).q, rtol=0, atol=1e-12
     )
@@ -109,7 +109,7 @@ def test_weights_decide_who_is_followed() -> None:
 
 def test_no_marker_in_common_is_an_error_that_says_what_to_do() -> None:
     model = legs()
-    trial = recorded(model, motion(model, 3)).relabelled({name: f"x{name}" for name in model.marker_names})
+    trial = recorded(model, motion(model, 3)).relabel({name: f"x{name}" for name in model.marker_names})
     with pytest.raises(TrialUnusable) as caught:
         inverse_kinematics(model, trial)
     assert caught.value.file == "made"
@@ -121,7 +121,7 @@ def test_a_leg_that_is_never_seen_stands_at_its_default() -> None:
     model = legs()
     q = motion(model, 80)
     trial = recorded(model, q)
-    right = trial.selected(
+    right = trial.select(
         [name for name in trial.labels if name in ("RPSIS", "LPSIS", "LASIS") or name[0] == "R"]
     )
     found = inverse_kinematics(model, right)

@@ -118,7 +118,7 @@ def test_a_dependent_translation_follows_a_uniform_factor(oracle, random_poses, 
     np.testing.assert_allclose(placed, answer["positions"], rtol=0, atol=1e-9)
     factor = drawn(read_osim(path), uniform=True)["a"][0]
     (before,), (after,) = read_osim(path).couplers, ours.couplers
-    assert after.law == before.law.scaled(factor)
+    assert after.law == before.law.scale(factor)
 
 
 def test_oblique_translations_scale_like_everything_else(oracle, tmp_path):

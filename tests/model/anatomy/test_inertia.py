@@ -29,13 +29,13 @@ def larger(model: BodyModel, factor: float) -> BodyModel:
         replace(
             s,
             joints=tuple(
-                replace(j, law=j.law.scaled(factor)) if j.kind == "translation" else j for j in s.joints
+                replace(j, law=j.law.scale(factor)) if j.kind == "translation" else j for j in s.joints
             ),
         )
         for s in model.segments
     )
     markers = tuple(
-        replace(m, laws=tuple(Law(law.terms).scaled(factor) for law in m.laws)) for m in model.markers
+        replace(m, laws=tuple(Law(law.terms).scale(factor) for law in m.laws)) for m in model.markers
     )
     return replace(model, segments=segments, markers=markers)
 

@@ -36,11 +36,11 @@ def test_the_body_has_all_options_of_the_command() -> None:
     assert asked.part(MotionOptions) == MotionOptions(poses=True, smooth_hz=0.0, up="+z")
     assert KINDS["motion"].route == "motions"
     documents = {"S01": document()}
-    assert asked.needed(documents)["S01"] == {"recordings.0": "hips.trc", "recordings.1": "walk.trc"}
+    assert asked.list_needed(documents)["S01"] == {"recordings.0": "hips.trc", "recordings.1": "walk.trc"}
     with pytest.raises(InputError, match="same name without suffix"):
-        MotionRequest(subject="S01", recordings=["walk.trc", "walk.c3d"]).needed(documents)
+        MotionRequest(subject="S01", recordings=["walk.trc", "walk.c3d"]).list_needed(documents)
     with pytest.raises(InputError, match="cannot be the name"):
-        MotionRequest(subject="S01", model="../model.json").needed(documents)
+        MotionRequest(subject="S01", model="../model.json").list_needed(documents)
 
 
 def test_an_uploaded_model_follows_the_subjects_recordings(service: Service, tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_a_part_goes_with_its_wholes_only(service: Service) -> None:
     assert result(service, second)["sum"] == 13
     service.delete_job("lab", second)
     assert members(service) == {}
-    assert list(service.store.blobs.stored()) == []
+    assert list(service.store.blobs.list_stored()) == []
 
 
 def test_what_a_kept_job_is_made_of_does_not_grow_old(service: Service) -> None:

@@ -39,7 +39,7 @@ class _Frames:
     def of(cls, item: WrenchFit, plates: Sequence[str], block_s: float) -> _Frames:
         """All that any plate reads."""
         used = item.usable
-        read = np.concatenate([item.smoothed(item.plate(plate)) for plate in plates], axis=1)
+        read = np.concatenate([item.filter(item.plate(plate)) for plate in plates], axis=1)
         every = np.concatenate([read, np.gradient(read, item.times, axis=0)], axis=1)
         number = np.cumsum(used) - 1
         parts = [number[rows][used[rows]] for rows in item.blocks(block_s)]
@@ -48,14 +48,14 @@ class _Frames:
         blocks = tuple(part for part in parts if len(part))
         return cls(every[used], off[used], assign_folds(item.tracked, block_s)[used], blocks, item)
 
-    def whitened(self, wrench: Array) -> Array:
+    def whiten(self, wrench: Array) -> Array:
         """A wrench about the ground origin in floors of the one about the trunk."""
         moment = wrench[:, 3:] - np.cross(self.item.about[self.item.usable], wrench[:, :3])
         return np.concatenate([wrench[:, :3], moment], axis=1) / self.item.floor
 
     def squares(self, guess: Array) -> Array:
         """Of each block and component without a guess of the wrench and with it, (n_blocks, 2, 6)."""
-        both = np.stack([np.square(self.whitened(off)) for off in (self.off, self.off - guess)], axis=1)
+        both = np.stack([np.square(self.whiten(off)) for off in (self.off, self.off - guess)], axis=1)
         return np.array([both[part].sum(axis=0) for part in self.blocks])
 
 

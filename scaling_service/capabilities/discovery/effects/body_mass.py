@@ -69,7 +69,7 @@ def balance_weight(fit: Fit) -> Weight | None:
     """What the plates bear in all recordings with forces; None without any."""
     blocks = {}
     for item in fit.wrenches:
-        borne, needed = (item.smoothed(wrench)[:, 1] for wrench in (item.measured, item.needed))
+        borne, needed = (item.filter(wrench)[:, 1] for wrench in (item.measured, item.needed))
         spans = split_into_blocks(item.usable, item.times, BLOCK_S)
         blocks[item.name] = [(borne[rows], needed[rows]) for rows in spans]
     return weigh(fit.wrenches[0].mass, blocks) if blocks else None

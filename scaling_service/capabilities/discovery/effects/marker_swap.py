@@ -106,7 +106,7 @@ def _measure_gains_in(
     An exchange moves the first by d and the second by -d. What the pose hides of that is the square of
     (H_a / f_a - H_b / f_b)' d, with H the rows of a marker in the pose's basis and f the floors.
     """
-    gap, _, _, basis = generators.freed(item, chunk)
+    gap, _, _, basis = generators.free_of_pose(item, chunk)
     known, n, count = item.seen[chunk], len(gap), len(item.markers)
     apart = np.nan_to_num(item.task.measured[chunk][:, b] - item.task.measured[chunk][:, a])
     pull = gap.reshape(n, count, 3) / item.floor[:, None]

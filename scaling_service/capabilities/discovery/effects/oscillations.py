@@ -71,7 +71,7 @@ def _estimate_oscillation_spreads(effect: Estimate, after: Fit) -> Mapping[str, 
     that nothing else determines it, that part is not taken off: the deviations are the least there are.
     """
     whole = with_shape_columns(effect)
-    known = choose_observation(whole).known(after)
+    known = choose_observation(whole).list_known(after)
     for freed_of in (known, ()):
         covariance = _compute_covariance(whole, after, freed_of)
         if len(covariance) == len(whole.columns) and (np.diag(covariance) > 0.0).all():
@@ -83,7 +83,7 @@ def _estimate_oscillation_spreads(effect: Estimate, after: Fit) -> Mapping[str, 
 
 def _compute_covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimate]) -> Array:
     observation = choose_observation(whole)
-    others = [s.candidate for s in observation.known(after) if s.candidate.name != whole.name]
+    others = [s.candidate for s in observation.list_known(after) if s.candidate.name != whole.name]
     evidence = observation.gather(
         observation.items(after),
         others,

@@ -63,7 +63,7 @@ def solve_courses(
 
     def fill(start: int) -> Array:
         rows = slice(start, start + _CHUNK)
-        free = generators.freed(item, slice(every * start, every * (start + _CHUNK), every))
+        free = generators.free_of_pose(item, slice(every * start, every * (start + _CHUNK), every))
         slopes[rows] = every * (free.columns @ gaps[rows, :, None]).reshape(-1, groups, 3)
         of_groups = free.columns.reshape(len(free.columns), groups, 3, -1)
         curvatures[rows] = every * (of_groups @ of_groups.transpose(0, 1, 3, 2))

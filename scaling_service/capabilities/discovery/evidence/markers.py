@@ -101,7 +101,7 @@ class Markers(Observation[TrackedTrial]):
             if place in item.markers:
                 yield item, item.residuals[:, item.markers.index(place)], item.q
 
-    def performed(self, fit: Fit, movement: str) -> TrackedTrial | None:
+    def perform(self, fit: Fit, movement: str) -> TrackedTrial | None:
         """By the markers of the first trial."""
         return perform_movement(fit.tracked[0], movement)
 
@@ -214,19 +214,19 @@ class _Columns:
     def blocks(self, stretch: Sequence[NDArray[np.intp]]) -> Iterator[Iterator[Chunk]]:
         """Of every block; the pose is taken out of a whole stretch at once, or of parts of a long block."""
         if len(stretch) > 1:
-            free = self._freed(np.concatenate(stretch))
+            free = self._free_of_pose(np.concatenate(stretch))
             edges = np.cumsum([0, *map(len, stretch)]).tolist()
             yield from (self._chunks(free.cut(slice(a, b))) for a, b in pairwise(edges))
         else:
             parts = (stretch[0][k : k + self.most] for k in range(0, len(stretch[0]), self.most))
-            yield chain.from_iterable(self._chunks(self._freed(part)) for part in parts)
+            yield chain.from_iterable(self._chunks(self._free_of_pose(part)) for part in parts)
 
-    def _freed(self, frames: NDArray[np.intp]) -> _Freed:
+    def _free_of_pose(self, frames: NDArray[np.intp]) -> _Freed:
         """The pose is taken out of the spots: there are far fewer of them than of columns, their sums."""
-        free = self.generators.freed(self.item, frames)
+        free = self.generators.free_of_pose(self.item, frames)
         square = np.square(free.residuals).sum(axis=1)
         numbers = 3.0 * self.item.seen[frames].sum(axis=1) - np.square(free.basis).sum(axis=(1, 2))
-        free, digits = free.condensed(), self.products.sums.dtype
+        free, digits = free.condense(), self.products.sums.dtype
         left = np.ascontiguousarray(np.moveaxis(free.columns, 1, 0), digits)
         hidden = np.ascontiguousarray(np.moveaxis(free.hidden, 1, 0), "f4")
         values: Array = self.values[:, frames].astype(digits)

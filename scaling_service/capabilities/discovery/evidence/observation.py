@@ -98,14 +98,14 @@ class Observation(ABC, Generic[Item]):
         """Of every trial: residuals of a place (n, 1 or 3), NaN where not known, and coordinates (n, any)."""
 
     @abstractmethod
-    def performed(self, fit: Fit, movement: str) -> Item | None:
+    def perform(self, fit: Fit, movement: str) -> Item | None:
         """What another movement of the same body would show; None where it has none of its coordinates."""
 
     def shows(self, candidate: Candidate) -> bool:
         """Whether a candidate is one of this observation."""
         return candidate.seen_in == self.name
 
-    def known(self, fit: Fit) -> list[Estimate]:
+    def list_known(self, fit: Fit) -> list[Estimate]:
         """What is free or named already and is a sum of columns of this observation."""
         return [s for s in fit.estimates if s.candidate.columns and self.shows(s.candidate)]
 
@@ -114,7 +114,7 @@ class Observation(ABC, Generic[Item]):
     ) -> Evidence:
         """Candidates beside all that is known of their sort."""
         fit.context.advance()
-        known = [s.candidate for s in self.known(fit)]
+        known = [s.candidate for s in self.list_known(fit)]
         items, block_s = self.items(fit), fit.settings.block_s
         return self.gather(items, known, candidates, block_s, together=together, rough=rough)
 

@@ -62,7 +62,7 @@ class Evidence:
     nuisances: int  # how many of the columns, the first ones, may take any value
     groups: tuple[slice, ...]  # the columns of each candidate
 
-    def arranged(self, known: Array, groups: Sequence[Array]) -> Evidence:
+    def arrange(self, known: Array, groups: Sequence[Array]) -> Evidence:
         """Of what was gathered together, some columns as nuisances and others in groups, by their numbers."""
         order = np.concatenate([known, *groups]).astype(np.intp)
         edges = np.cumsum([len(known), *(len(group) for group in groups)]).tolist()

@@ -85,7 +85,7 @@ class Wrench(Observation[WrenchFit]):
             values = np.where(item.usable[:, None], item.residuals[:, at], np.nan)
             yield item.tracked, values, item.rated.q
 
-    def performed(self, fit: Fit, movement: str) -> WrenchFit | None:
+    def perform(self, fit: Fit, movement: str) -> WrenchFit | None:
         """On plates under the feet of the first trial that has both."""
         made = (perform_on_plates(item, movement) for item in fit.wrenches)
         return next((item for item in made if item is not None), None)
@@ -127,7 +127,7 @@ def _whiten_columns(item: WrenchFit, replicate: WrenchFit, layout: Layout) -> _W
     raw = np.zeros((len(item.times), 6, len(known) + 1))
     raw[:, :, :-1] = compute_columns(list(known), replicate)
     thin = _thin(item)
-    made, about = replicate.smoothed(raw)[::thin], replicate.about[::thin, None]
+    made, about = replicate.filter(raw)[::thin], replicate.about[::thin, None]
     made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
     made /= item.floor[:, None]
     columns = made[:, :, [-1 if load is None else known[load] for load in loads]]

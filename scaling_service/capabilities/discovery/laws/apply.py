@@ -64,7 +64,7 @@ def _with_column(model: BodyModel, column: Column, size: float) -> BodyModel:
     for part in column.parts:
         spot, profile = part.spot, part.profile
         if isinstance(spot, SizeSpot):
-            model = spot.resized(model, part.gain * size)
+            model = spot.resize(model, part.gain * size)
         elif isinstance(spot, JointSpot | MarkerSpot) and isinstance(profile, Constant | Following):
             model = spot.put(model, Law((profile.term(part.gain * size),)))
     return model
@@ -146,10 +146,10 @@ def correct_forces(ground: GroundForces, times: Array, effects: Iterable[Estimat
                 plate = Plate(
                     force[:, k], moment[:, k], find_middle_of_pressure(ground, k), ground.readings[:, k]
                 )
-                force[:, k], moment[:, k] = load.corrected(plate, size)
+                force[:, k], moment[:, k] = load.correct(plate, size)
     if late:
         force, moment = (_shift_earlier(values, times, late) for values in (force, moment))
-    return ground.changed(force=force, moment=moment)
+    return ground.change(force=force, moment=moment)
 
 
 def _shift_earlier(values: Array, times: Array, late: float) -> Array:

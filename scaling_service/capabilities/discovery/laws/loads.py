@@ -43,7 +43,7 @@ class PlateFault(Protocol):
     def column(self, fit: WrenchFit) -> Array:
         """What one more does to the disagreement, (n, 6), N and N m."""
 
-    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+    def correct(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment (n, 3) of the plate without a fault of this size."""
 
 
@@ -77,7 +77,7 @@ class PlateShift:
         force = fit.plate(self.plate)[:, :3]
         return np.concatenate([np.zeros_like(force), -np.cross(_UNIT[self.axis], force)], axis=1)
 
-    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+    def correct(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
         return plate.force, plate.moment + np.cross(size * _UNIT[self.axis], plate.force)
 
@@ -100,7 +100,7 @@ class PlateBias:
             wrench[3:] = np.cross(fit.centre(self.plate), _UNIT[self.component])
         return np.outer(fit.readings(self.plate), wrench)
 
-    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+    def correct(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
         if self.component >= 3:
             return plate.force, plate.moment - np.outer(size * plate.read, _UNIT[self.component - 3])
@@ -118,7 +118,7 @@ class PlateGain:
         """The plate's own wrench, (n, 6)."""
         return fit.plate(self.plate)
 
-    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+    def correct(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
         return plate.force / (1.0 + size), plate.moment / (1.0 + size)
 
@@ -139,7 +139,7 @@ class PlateTurn:
         moment = np.cross(centre, turned) - np.cross(_UNIT[self.axis], about)
         return np.concatenate([turned, moment], axis=1)
 
-    def corrected(self, plate: Plate, size: float) -> tuple[Array, Array]:
+    def correct(self, plate: Plate, size: float) -> tuple[Array, Array]:
         """Force and moment without it."""
         turn, point = rotate_about(_UNIT[self.axis], size), self._point(plate.middle)
         about = plate.moment - np.cross(point, plate.force)
@@ -184,7 +184,7 @@ class Shear:
             "load": (vertical > _LOADED_N).astype(float),
         }
         force = np.outer(shapes[self.follows], _UNIT[self.axis])
-        return np.concatenate([force, np.cross(fit.pressed(self.plate), force)], axis=1)
+        return np.concatenate([force, np.cross(fit.find_pressure(self.plate), force)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +201,7 @@ class Crossed:
         if self.component >= 3:
             return np.outer(read, np.eye(6)[self.component])
         force = np.outer(read, _UNIT[self.component])
-        return np.concatenate([force, np.cross(fit.pressed(self.plate), force)], axis=1)
+        return np.concatenate([force, np.cross(fit.find_pressure(self.plate), force)], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +213,7 @@ class Inertial:
 
     def column(self, fit: WrenchFit) -> Array:
         """What the motion needs more, (n, 6)."""
-        return fit.needed_more([self.segment], np.array([self.change]))[:, :, 0]
+        return fit.compute_needed_more([self.segment], np.array([self.change]))[:, :, 0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +283,7 @@ def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
             made[:, :, k] = kept[load]
     if changing:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
-        made[:, :, list(changing)] = fit.needed_more(segments, np.array(changes))
+        made[:, :, list(changing)] = fit.compute_needed_more(segments, np.array(changes))
     for shape, here in oscillating.items():
         made[:, :, list(here)] = _compute_oscillating(fit, list(here.values()), shape)
     return made

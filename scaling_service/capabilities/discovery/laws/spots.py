@@ -77,7 +77,7 @@ class SizeSpot:
 
     segment: str
 
-    def resized(self, model: BodyModel, change: float) -> BodyModel:
+    def resize(self, model: BodyModel, change: float) -> BodyModel:
         """The model with a segment that is larger by a share."""
         return fold(free_scale(model, self.segment, 0.9), {f"scale.{self.segment}": 1.0 + change})
 
@@ -191,7 +191,7 @@ class PoseFree(NamedTuple):
     hidden: Array  # (n, n_spots, q): what the pose takes of the columns, along its basis
     basis: Array  # (n, q, r)
 
-    def condensed(self) -> PoseFree:
+    def condense(self) -> PoseFree:
         """The same products of residuals and columns in as many rows as there are spots, if these are fewer.
 
         The rows are those of the Cholesky factor of the columns' products.
@@ -231,7 +231,7 @@ class Generators:
             volumes,
         )
 
-    def freed(self, item: TrackedTrial, rows: Frames) -> PoseFree:
+    def free_of_pose(self, item: TrackedTrial, rows: Frames) -> PoseFree:
         """Residuals and the spots' columns in some frames without what the pose takes of them."""
         residuals, pose, columns = self.at(item, rows)
         basis = span(pose)

@@ -90,7 +90,7 @@ def track_steady(trial: Trial, item: TrackedTrial, effects: Sequence[Estimate], 
 
 def _displace_skin(item: TrackedTrial, springs: Springs) -> Array:
     """How far a motion moves the skin, (n, n_markers, 3), m, ground."""
-    return springs.moved(item.places[:, springs.numbers(item)])
+    return springs.move(item.places[:, springs.numbers(item)])
 
 
 def make_steady_replicates(
@@ -106,7 +106,7 @@ def make_steady_replicates(
     carried, numbers = Carried.by(item, springs), springs.numbers(item)
     found, before = [], item.places[:, numbers]
     for other in item.noise_replicates[:FEW_DRAWS]:
-        skin = carried.whole(springs.moved(other.places[:, numbers] - before), _CLOSE)
+        skin = carried.whole(springs.move(other.places[:, numbers] - before), _CLOSE)
         moved = np.zeros((1, *item.residuals.shape))
         moved[0][:, numbers] = -skin / item.floor[numbers, None]
         back = item.give_way(moved.reshape(1, len(item.q), -1))[0]
@@ -131,7 +131,7 @@ class Springs:
         held = tuple((markers.index(p.marker), share, p.frequency_hz, p.damping) for p, share in tracked)
         return cls(markers, item.step, held)
 
-    def moved(self, places: Array) -> Array:
+    def move(self, places: Array) -> Array:
         """How far skin moves over bone that is at some places, both (n, n_markers, 3), m, ground."""
         pull, found = compute_pull(places, self.step), np.zeros_like(places)
         for k, share, frequency, damping in self.held:
@@ -169,7 +169,7 @@ class Carried:
 
         def moved_by(whole: Array) -> Array:
             given_way = (self.follows @ whole.reshape(len(moved), -1, 1)).reshape(moved.shape)
-            return whole + self.springs.moved(given_way).ravel()
+            return whole + self.springs.move(given_way).ravel()
 
         square = (moved.size, moved.size)
         system = LinearOperator(square, moved_by, dtype=float)
@@ -192,12 +192,12 @@ class Carried:
         bone = bsr_array((self.follows, np.arange(n), np.arange(n + 1)))
         taps = make_pull_taps(self.springs.step)
         of_place, of_pull = (kron(_make_centred_taps(each, n), eye_array(width)) for each in taps)
-        places, pulls = self._held(n)
+        places, pulls = self._hold(n)
         order = np.arange(2 * n * width).reshape(2, n, width).transpose(1, 0, 2).ravel()
         whole = csr_array(block_array([[places, pulls], [-of_place @ bone, of_pull]]))[order][:, order]
         return places, splu(csc_array(whole), permc_spec="NATURAL")
 
-    def _held(self, n: int) -> tuple[csr_array, csr_array]:
+    def _hold(self, n: int) -> tuple[csr_array, csr_array]:
         """Taps of the skin's places and of the pulls on it; a marker's largest share stands for all."""
         largest = {k: held for k, *held in sorted(self.springs.held, key=lambda held: abs(held[1]))}
         places, pulls = [], []

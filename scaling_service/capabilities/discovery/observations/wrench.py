@@ -112,7 +112,7 @@ class WrenchFit:
         """The motion with its rates, filtered as lightly as the forces."""
         return self.inertial_loads.rated
 
-    def smoothed(self, ground_wrench: Array) -> Array:
+    def filter(self, ground_wrench: Array) -> Array:
         """A wrench (n, 6) about the ground origin below the frequency of comparison.
 
         Motion and forces pass the filter as wrenches: filtered coordinates need another wrench than the
@@ -159,10 +159,10 @@ class WrenchFit:
         left = self.measured - self.needed
         for load, size in self.oscillating:
             left = left - size * load.column(self)
-        smooth = self.smoothed(np.nan_to_num(left))
-        return self.moved(smooth if self.touched is None else smooth + self.touched)
+        smooth = self.filter(np.nan_to_num(left))
+        return self.move_moment(smooth if self.touched is None else smooth + self.touched)
 
-    def moved(self, ground_wrench: Array) -> Array:
+    def move_moment(self, ground_wrench: Array) -> Array:
         """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""
         moment = ground_wrench[:, 3:] - np.cross(self.about, ground_wrench[:, :3])
         return np.concatenate([ground_wrench[:, :3], moment], axis=1)
@@ -193,7 +193,7 @@ class WrenchFit:
             return self.known_covariance
         own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
         changes = [
-            self.moved(self.smoothed(np.nan_to_num(other.needed - self.needed)))[self.usable]
+            self.move_moment(self.filter(np.nan_to_num(other.needed - self.needed)))[self.usable]
             for other in self.noise_replicates(DRAWS)
         ]
         square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
@@ -204,7 +204,7 @@ class WrenchFit:
         for other in self.tracked.noise_replicates[:draws]:
             yield replace(self, tracked=other)
 
-    def needed_more(self, segments: Sequence[str], changes: Array) -> Array:
+    def compute_needed_more(self, segments: Sequence[str], changes: Array) -> Array:
         """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""
         own = np.zeros((len(self.model.segments), N_PARAMETERS, len(segments)))
         own[self._numbers(segments), :, np.arange(len(segments))] = changes
@@ -263,7 +263,7 @@ class WrenchFit:
         """How much of each frame a plate's readings make, (n,), 0 to 1."""
         return self._of_plate(name, lambda g, k: g.readings[:, k])
 
-    def pressed(self, name: str) -> Array:
+    def find_pressure(self, name: str) -> Array:
         """The centre of pressure of a plate, (n, 3), m; zero where nothing presses."""
         return self._of_plate(name, lambda g, k: g.centre_of_pressure()[:, k], 3)
 

@@ -50,7 +50,7 @@ class Removable:
     def of(cls, fit: Fit, observation: Observation[Any], rivals: Sequence[Candidate] = ()) -> Removable:
         """Pass all recordings once."""
         evidence = observation.gather_beside(fit, rivals, together=True)
-        return cls(evidence, observation.known(fit), list(rivals))
+        return cls(evidence, observation.list_known(fit), list(rivals))
 
     def without(self, effect: Estimate, rivals: Sequence[Candidate] = ()) -> list[ScoredCandidate]:
         """One of the known and some of the rivals scored where that one is taken back, the best first."""
@@ -60,7 +60,7 @@ class Removable:
         others = np.delete(np.arange(edges[-1]), own)
         groups = [own, *(np.r_[self.evidence.groups[self.rivals.index(c)]] for c in rivals)]
         blocks = tuple(_put_back(s, own, self.known[k].size) for s in self.evidence.blocks)
-        evidence = replace(self.evidence, blocks=blocks).arranged(others, groups)
+        evidence = replace(self.evidence, blocks=blocks).arrange(others, groups)
         return score_gathered(evidence, [self.known[k].candidate, *rivals])
 
 

@@ -122,7 +122,7 @@ def _take_step(fit: Fit, observation: Observation[Any], least: float) -> tuple[F
     Also what it takes off the squares, and by how much that differs from what it promises; less what it takes
     off by chance: steps are corrected for that, too, and would seem to make the fit worse.
     """
-    moving = observation.known(fit)
+    moving = observation.list_known(fit)
     if not moving:
         return fit, 0.0, 0.0
     chosen = [with_shape_columns(s) for s in moving]
@@ -139,7 +139,9 @@ def _take_step(fit: Fit, observation: Observation[Any], least: float) -> tuple[F
         sized = {id(s): step_shape(s, share * step[rows]) for s, rows in pairs}
         free, effects = (tuple(sized.get(id(s), s) for s in some) for some in (fit.free, fit.effects))
         tried = observation.refit(fit, free, effects)
-        gain = before - _compute_fit_misfit(observation, tried, tried) - sums.gained_by_chance(share * step)
+        gain = (
+            before - _compute_fit_misfit(observation, tried, tried) - sums.compute_chance_gain(share * step)
+        )
         if gain > 0.0:
             return tried, gain, abs(promised - gain)
     return fit, 0.0, promised
@@ -176,6 +178,6 @@ class _Sums(NamedTuple):
         """Where everything fits best to first order."""
         return np.asarray(invert_curvature(self.curvature, evidence.raw)[0] @ self.score)
 
-    def gained_by_chance(self, step: Array) -> float:
+    def compute_chance_gain(self, step: Array) -> float:
         """What a step takes off the squares that noise alone makes."""
         return float(2.0 * step @ self.stray_score - step @ self.stray_curvature @ step)

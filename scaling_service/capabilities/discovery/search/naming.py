@@ -137,7 +137,7 @@ def find_separating_movement(effect: Estimate, others: Sequence[Candidate], fit:
     best = (settings.separating_square, "")
     every = [replace(c, trials=()) for c in (own, *columns)]
     for movement in MOVEMENTS:
-        item = observation.performed(fit, movement)
+        item = observation.perform(fit, movement)
         if item is not None:
             shown = observation.gather([item], [], every, settings.separating_block_s, together=True)
             left = _compute_left(effect.size, shown)

@@ -179,7 +179,7 @@ def _list_companions(
     while left and len(found) <= settings.companions:
         known = np.concatenate([free, *(columns[n.key] for n in found)])
         rest = [o.candidate for o in left.values()]
-        again = score_gathered(evidence.arranged(known, [columns[c.key] for c in rest]), rest)
+        again = score_gathered(evidence.arrange(known, [columns[c.key] for c in rest]), rest)
         still = [
             left[o.candidate.key]
             for o in again

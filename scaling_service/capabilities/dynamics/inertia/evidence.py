@@ -36,7 +36,7 @@ class ForceRecording:
     @property
     def used(self) -> NDArray[np.bool_]:
         """Which frames count, (n,); TrialUnusable where none does."""
-        return self.dynamics.used(self.frames)
+        return self.dynamics.find_used(self.frames)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

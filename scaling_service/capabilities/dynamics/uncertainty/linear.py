@@ -82,7 +82,7 @@ def compute_wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterato
 def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
     """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n + 2 HALO)."""
     body, step = reference.body, reference.step_s
-    y, moved = body.moved(poses), compute_vector_jacobian(body, poses, reference.varied)
+    y, moved = body.move(poses), compute_vector_jacobian(body, poses, reference.varied)
     n = y.shape[-1] - 2 * HALO
     inner = slice(HALO, HALO + n)
     signed = y * body.signs.ravel()[:, None, None]
@@ -119,7 +119,7 @@ def _sum_cross(y: Array, other: Array) -> Array:
 
 def compute_vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> Array:
     """Derivatives of the vectors y with respect to coordinates, shape (n_varied, 4 n_massive, 3, n)."""
-    y = body.moved(poses)
+    y = body.move(poses)
     pull = np.zeros((len(body.masses), 4))
     pull[:, 0] = np.sqrt(body.masses)  # the first vector is a place, the others are directions
     return _differentiate_vectors(body, poses, varied, y, pull.ravel(), np.repeat(body.links, 4))

@@ -114,7 +114,7 @@ def _perturb(reference: Reference, seed: int, largest: float, number: int) -> Ar
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
     noise = rng.standard_normal((len(reference.varied), reference.n_frames))
-    error, residual = reference.residual(reference.perturbed(noise, size))
+    error, residual = reference.residual(reference.perturb(noise, size))
     return np.concatenate([[size, error], reference.indicator(residual)])
 
 
@@ -129,7 +129,7 @@ def _find_largest(reference: Reference, seed: int, error: float, reach: float) -
         reached = []
         for number in range(_PILOTS):
             noise = stream(seed, "uncertainty", reference.trial, "pilot", number).standard_normal(shape)
-            reached.append(reference.residual(reference.perturbed(noise, size))[0])
+            reached.append(reference.residual(reference.perturb(noise, size))[0])
         size *= float(np.sqrt((reach**2 - 1.0) / ((np.mean(reached) / error) ** 2 - 1.0)))
     return size
 

@@ -110,7 +110,7 @@ class PointBody:
         """Where all segments are, of coordinates (n_coordinates, n)."""
         return pose_links(self.tree, q, self.p)
 
-    def moved(self, poses: Poses) -> Array:
+    def move(self, poses: Poses) -> Array:
         """The vectors y of a motion, shape (4 n_massive, 3, n), kg^0.5 m."""
         n = poses.frames.shape[-1]
         y = np.empty((len(self.masses), 4, 3, n))
@@ -259,7 +259,7 @@ class Reference:
         """How many frames there are."""
         return int(self.q.shape[1])
 
-    def perturbed(self, noise: Array, size: float) -> Array:
+    def perturb(self, noise: Array, size: float) -> Array:
         """The reference motion with filtered noise added, white (len(varied), n) times its size, rad and m.
 
         The filter is linear, so noise is filtered alone.
@@ -281,7 +281,7 @@ class Reference:
             inner = slice(rows.start + HALO, rows.stop - HALO)
             poses = self.body.poses(np.ascontiguousarray(q[:, rows]))
             root = poses.frames[poses.plan.link_node[0], 3]
-            needed = self.body.wrench(self.body.moved(poses), root, self.step_s)
+            needed = self.body.wrench(self.body.move(poses), root, self.step_s)
             residual[:, inner] = needed - move_moment(self.external[:, inner], root[:, HALO:-HALO])
             away = place_tree_markers(self.body.tree, poses)[:, :, HALO:-HALO] - self.measured[:, :, inner]
             seen = self.seen[:, inner]

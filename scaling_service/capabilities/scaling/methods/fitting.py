@@ -53,9 +53,7 @@ def choose_calibration_frames(
 
     Raises TrialUnusable: there is no frame to calibrate on.
     """
-    measured = np.concatenate(
-        [np.zeros((0, len(markers), 3)), *(t.selected(markers).markers for t in trials)]
-    )
+    measured = np.concatenate([np.zeros((0, len(markers), 3)), *(t.select(markers).markers for t in trials)])
     usable = np.flatnonzero(find_seen(measured).any(axis=1))
     if not len(usable):
         raise TrialUnusable(
@@ -166,7 +164,7 @@ def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | No
     cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
     while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
-        p = solve(fit.problem.holding_motion(), q, fit.p0, start=p).p
+        p = solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
         before, cost = cost, compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:

@@ -54,7 +54,7 @@ class Cluster:
 
         Soderkvist & Wedin 1993, J Biomech 26:1473-1477.
         """
-        measured = trial.selected(self.labels).markers
+        measured = trial.select(self.labels).markers
         rotation, position = fit_rigid(self.local, measured)
         gaps = np.einsum("nij,mj->nmi", rotation, self.local) + position[:, None] - measured
         squared = np.where(find_seen(gaps), (gaps**2).sum(axis=2), 0.0).sum(axis=1)
@@ -62,7 +62,7 @@ class Cluster:
         rotation[foreign], position[foreign] = np.nan, np.nan
         return Poses(rotation, position)
 
-    def shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
+    def list_shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
         """Those of its labels that at least one of the trials shows."""
         found = {label for trial in trials for label in trial.shown_labels}
         return tuple(label for label in self.labels if label in found)
@@ -96,10 +96,10 @@ class Posture:
                 carriers.setdefault(segment, []).append(label)
         labels = [label for own in carriers.values() for label in own]
         if static is not None:
-            places = static.selected(labels).markers
+            places = static.select(labels).markers
         else:
             nowhere = np.full((1, len(labels), 3), np.nan)
-            places = np.concatenate([nowhere, *(t.selected(labels).markers for t in trials)])
+            places = np.concatenate([nowhere, *(t.select(labels).markers for t in trials)])
             fullest = int(np.argmax(find_seen(places).sum(axis=1)))
             places = places[fullest : fullest + 1]
         shown = find_shown(places)
@@ -225,7 +225,7 @@ def _select_moving(
 
 
 def _require_enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
-    shown = cluster.shown(trials)
+    shown = cluster.list_shown(trials)
     if len(shown) < MIN_POINTS:
         names = f" ({', '.join(shown)})" if shown else ""
         raise _NotFound(

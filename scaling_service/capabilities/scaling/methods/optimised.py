@@ -258,7 +258,7 @@ class Optimised:
         """Whether segment lengths are free."""
         return self.freedom.lengths
 
-    def _kept_knees(self, model: BodyModel) -> list[str]:
+    def _note_kept_knees(self, model: BodyModel) -> list[str]:
         """A word on knees whose axes the image gave and no movement turns."""
         kept = [s.joint_name for s in _list_shanks(model) if len(_list_turning_coordinates(s)) >= 3]
         if not kept or not self.needs_images:
@@ -294,7 +294,7 @@ class Optimised:
         doubt = estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
         estimated = _list_parameters(freed, solution.p, doubt)
         values = {p.name: p.value for p in estimated}
-        warnings = [*start.warnings, *self._kept_knees(start.model)]
+        warnings = [*start.warnings, *self._note_kept_knees(start.model)]
         warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
         return Calibration(
             self.name,

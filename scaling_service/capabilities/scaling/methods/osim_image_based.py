@@ -282,7 +282,7 @@ def _register_shank(
     found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
     joints = [j for s in list_chain(found.model, femur, tibia) for j in s.joints]
     turn, origin = place(angle)
-    found.poses[tibia] = thigh.carrying((turn, origin))
+    found.poses[tibia] = thigh.carry((turn, origin))
 
 
 def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
@@ -319,7 +319,7 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
     before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
-    pose = found.poses[tibia].carrying(before)
+    pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
     bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))

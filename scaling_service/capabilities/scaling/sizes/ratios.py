@@ -49,7 +49,7 @@ class Ratios:
     logs: Array
     covariance: Array
 
-    def averaged(self) -> Ratios:
+    def average(self) -> Ratios:
         """One ratio for each measurement, the plain mean of its distances' (Puchaud 2019, 2.2.2)."""
         each = tuple(dict.fromkeys(self.measurements))
         member = np.array([[m is one for m in self.measurements] for one in each], dtype=float)
@@ -78,7 +78,7 @@ def measure_ratios(
             done.update(pairs)
             if done and not besides:
                 break
-    errors = {id(person): _Propagated.through(person) for _, _, person in taken}
+    errors = {id(person): _Propagated.propagate(person) for _, _, person in taken}
     inputs = sorted({key for found in errors.values() for key in found.inputs})
     column = {key: k for k, key in enumerate(inputs)}
     logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs)))
@@ -100,7 +100,7 @@ def measure_ratios(
 
 def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:
     """Standard deviation of each joint centre along x, y, z of the pelvis (else of ground), (3,), m."""
-    propagated = _Propagated.through(person)
+    propagated = _Propagated.propagate(person)
     return {
         name: np.sqrt((propagated.of_point(name) ** 2).sum(axis=0))
         for name in person.centres
@@ -117,7 +117,7 @@ class _Propagated:
     axes: Array
 
     @classmethod
-    def through(cls, person: PersonPoints) -> _Propagated:
+    def propagate(cls, person: PersonPoints) -> _Propagated:
         still = _choose_posture(person)
         pelvis = read_pelvis({name: at[None] for name, at in still.items()})
         axes = np.eye(3) if pelvis is None else pelvis.frame.rotation[0]

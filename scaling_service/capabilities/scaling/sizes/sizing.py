@@ -129,7 +129,7 @@ def estimate_sizes(
     if not names:
         return {}
     expected = prior.select(names)
-    ratios = ratios if weighted else ratios.averaged()
+    ratios = ratios if weighted else ratios.average()
     mean = expected.mean - _measure_own_dimensions(model, names)
     measured = {model.bone_of(name): dimension for name, dimension in dimensions.items()}
     rows = [next(measured[s] for s in m.segments if s in measured) for m in ratios.measurements]

@@ -178,7 +178,7 @@ def free_marker(
         Parameter(parameter, 0.0, "m", -bound, bound, group="marker", target=name, prior_sd=prior_sd)
         for parameter in chosen.values()
     )
-    return _with(_map_joint(model, lambda joint: joint, marker), *added)
+    return _with(_map_model(model, lambda joint: joint, marker), *added)
 
 
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:
@@ -200,11 +200,11 @@ def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyMod
         x, y, z = map(law, item.laws)
         return replace(item, laws=(x, y, z))
 
-    folded = _map_joint(model, lambda joint: replace(joint, law=law(joint.law)), marker)
+    folded = _map_model(model, lambda joint: replace(joint, law=law(joint.law)), marker)
     return replace(folded, parameters=())
 
 
-def _map_joint(
+def _map_model(
     model: BodyModel, joint: Callable[[Joint], Joint], marker: Callable[[Marker], Marker]
 ) -> BodyModel:
     segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)

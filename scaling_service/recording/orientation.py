@@ -108,7 +108,7 @@ def decide(
     clarity, why_forward = 1.0, "given"
     if forward_vector is None:
         facing, why_forward = _find_facing(positions, where, up_vector)
-        kept = _normalise(0 if up_vector[0] == 0 else 1, 1.0)
+        kept = _make_axis(0 if up_vector[0] == 0 else 1, 1.0)
         forward_vector = kept if facing is None else _snap_to_axis(facing)
         clarity = 0.0 if facing is None else _share(facing)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
@@ -181,7 +181,7 @@ def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Arr
         if near.sum() == 1
         else "a long extent of the body, standing on a floor"
     )
-    return _normalise(axis, sign), reason
+    return _make_axis(axis, sign), reason
 
 
 def _measure_floor_misfit(lowest: Array) -> Array:
@@ -235,7 +235,7 @@ def _measure_displacement(positions: Array) -> Array | None:
 def _snap_to_axis(vector: Array) -> Array:
     """The lab axis, with sign, nearest to a vector."""
     axis = int(np.argmax(np.abs(vector)))
-    return _normalise(axis, float(np.sign(vector[axis])))
+    return _make_axis(axis, float(np.sign(vector[axis])))
 
 
 def _describe_off_axis(vector: Array) -> str:
@@ -270,10 +270,10 @@ def _to_axis(text: str, field: str) -> Array:
             field=field,
             remedy="Give x, y or z with an optional sign, such as +z or -x",
         )
-    return _normalise(_AXES.index(name), 1.0 if sign == "+" else -1.0)
+    return _make_axis(_AXES.index(name), 1.0 if sign == "+" else -1.0)
 
 
-def _normalise(axis: int, sign: float) -> Array:
+def _make_axis(axis: int, sign: float) -> Array:
     vector = np.zeros(3)
     vector[axis] = sign
     return vector

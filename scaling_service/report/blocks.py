@@ -39,7 +39,7 @@ class Text:
 
     def html(self) -> str:
         """One ``p``."""
-        return f"<p{_name_file('quiet' if self.quiet else '')}>{escape(self.text)}</p>"
+        return f"<p{_write_class('quiet' if self.quiet else '')}>{escape(self.text)}</p>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Cell:
 
     def html(self, tag: str = "td", attributes: str = "") -> str:
         """One cell."""
-        named = _name_file("" if self.tone == "plain" else f"tone {self.tone}")
+        named = _write_class("" if self.tone == "plain" else f"tone {self.tone}")
         style = "" if self.shade is None else f' style="--shade:{min(max(self.shade, 0.0), 1.0):.2f}"'
         chip = "" if self.colour is None else f'<i class="chip" style="background:{escape(self.colour)}"></i>'
         return f"<{tag}{attributes}{named}{style}>{chip}{escape(self.text)}</{tag}>"
@@ -141,7 +141,7 @@ class Table:
         kinds = ["table", *(["words"] if self.words else []), *(["long"] if self.long else [])]
         return (
             f'<figure class="tabular"><figcaption class="caption">{escape(self.caption)}</figcaption>'
-            f'<div{_name_file(" ".join(kinds))} role="region" tabindex="0" '
+            f'<div{_write_class(" ".join(kinds))} role="region" tabindex="0" '
             f'aria-label="{escape(self.caption)}">'
             f'<table aria-label="{escape(self.caption)}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody>'
             f"</table></div>{note}</figure>"
@@ -198,7 +198,7 @@ class Legend:
         return f'<ul class="legend">{items}</ul>'
 
 
-def _name_file(classes: str) -> str:
+def _write_class(classes: str) -> str:
     return f' class="{classes}"' if classes else ""
 
 

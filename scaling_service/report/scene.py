@@ -82,7 +82,7 @@ class Scene:
 
     def _controls(self, middle: int) -> str:
         methods = "".join(
-            f'<label><input type="checkbox" data-method="{escape(body.name)}"{_require_finite(body.shown)}>'
+            f'<label><input type="checkbox" data-method="{escape(body.name)}"{_mark_checked(body.shown)}>'
             f'<i class="chip" style="background:{escape(body.colour)}"></i>{escape(body.name)}</label>'
             for body in self.bodies
         )
@@ -90,7 +90,7 @@ class Scene:
         if self.surfaces:
             kinds.insert(0, ("bones", "bones", True))
         parts = "".join(
-            f'<label><input type="checkbox" data-kind="{kind}"{_require_finite(on)}>{name}</label>'
+            f'<label><input type="checkbox" data-kind="{kind}"{_mark_checked(on)}>{name}</label>'
             for kind, name, on in kinds
         )
         views = "".join(
@@ -201,7 +201,7 @@ def _choose_ticks(low: float, high: float) -> list[float]:
     return [step * k for k in range(first, last + 1)]
 
 
-def _require_finite(on: bool) -> str:
+def _mark_checked(on: bool) -> str:
     return " checked" if on else ""
 
 

@@ -300,12 +300,12 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     bones = {find_body(model, name) or name: Bone(*shape) for name, shape in shapes.items()}
     evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
     said = (
-        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_refuse_trial(bone))
+        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_list_refused(bone))
     )
     return evidence, (*said, *notes)
 
 
-def _refuse_trial(bone: BoneLandmarks) -> Iterator[str]:
+def _list_refused(bone: BoneLandmarks) -> Iterator[str]:
     return (f"{point} was not taken: {why}" for point, why in bone.refused.items())
 
 

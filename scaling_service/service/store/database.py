@@ -52,13 +52,13 @@ class NowUs(FunctionElement[int]):
 
 
 @compiles(NowUs, "sqlite")
-def _open_sqlite(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+def _compile_for_sqlite(_element: NowUs, _compiler: Any, **_options: Any) -> str:
     # 2440587.5: the Julian day of 1970-01-01 (Meeus 1998, Astronomical Algorithms, chapter 7).
     return "CAST(ROUND((julianday('now') - 2440587.5) * 86400000.0) AS INTEGER) * 1000"
 
 
 @compiles(NowUs, "postgresql")
-def _open_postgresql(_element: NowUs, _compiler: Any, **_options: Any) -> str:
+def _compile_for_postgresql(_element: NowUs, _compiler: Any, **_options: Any) -> str:
     return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) * 1000000 AS BIGINT)"
 
 

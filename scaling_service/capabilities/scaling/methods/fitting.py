@@ -145,7 +145,7 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
-        report = None if progress is None else partial(_ignore_progress, progress, steps)
+        report = None if progress is None else partial(_report_later, progress, steps)
         solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
         before, variance = variance, weighed.noise(solution.q, solution.p)
@@ -154,7 +154,7 @@ def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) ->
     return Fitted(fit.with_prior(variance), replace(solution, steps=steps), variance)
 
 
-def _ignore_progress(progress: Progress, steps: int, step: int, cost: float) -> None:
+def _report_later(progress: Progress, steps: int, step: int, cost: float) -> None:
     progress(steps + step, cost)
 
 

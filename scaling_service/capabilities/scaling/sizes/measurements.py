@@ -60,7 +60,7 @@ _TRUNK_HEIGHT_SHAPE = 0.008
 six children are broader than long against an adult, by 6 to 28 %."""
 
 
-def _measure_side(side: str) -> tuple[SegmentMeasurement, ...]:
+def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
     s = side.upper()
     hip, knee = (f"hip_{side}",), (f"knee_{side}",)
     between, lateral_ankle = (f"ankle_{side}_middle",), (f"ankle_{side}_chord",)
@@ -108,7 +108,7 @@ _PELVIS = SegmentMeasurement(
     _PELVIS_SHAPE,
     ((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
 )
-_LIMBS = (*_measure_side("r"), *_measure_side("l"))
+_LIMBS = (*_list_side("r"), *_list_side("l"))
 
 _TRUNK = ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax")
 _BREADTH: Pair = (("RSHO",), ("LSHO",))

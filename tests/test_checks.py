@@ -17,6 +17,9 @@ LONGEST = 400
 CHANGING = ("add", "append", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update")
 """Methods that change a list, a set or a mapping."""
 
+PARTICIPLES = ("resolved", "smoothed")
+"""Public methods that keep their names."""
+
 CHECKS = {
     "lint": ["ruff", "check", "--no-cache", "."],
     "format": ["ruff", "format", "--check", "--no-cache", "."],
@@ -41,6 +44,18 @@ def test_files_are_short() -> None:
         if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST
     }
     assert long == {}
+
+
+def test_functions_are_verbs() -> None:
+    """Of what is no verb, participles can be told by their ends: what is ``scaled`` is a value."""
+    found = {
+        function.name: f"{path}:{function.lineno}"
+        for path in (ROOT / "scaling_service").rglob("*.py")
+        for function in ast.walk(ast.parse(path.read_bytes()))
+        if isinstance(function, ast.FunctionDef) and not function.decorator_list
+        if function.name.strip("_").partition("_")[0].endswith("ed")
+    }
+    assert {name: place for name, place in found.items() if name not in PARTICIPLES} == {}
 
 
 def test_no_module_holds_state_that_changes() -> None:

@@ -64,12 +64,12 @@ def fit_sphere(points: Array, weights: Array | None = None, *, start: Array | No
     centre = _guess_centre(points, w) if start is None else np.asarray(start, dtype=float)
     x = np.append(centre, w @ np.linalg.norm(points - centre, axis=1))
 
-    def linearised(x: Array) -> tuple[Array, Array]:
+    def linearise(x: Array) -> tuple[Array, Array]:
         offset = points - x[:3]
         distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
         return distance - x[3], np.column_stack([-offset / distance[:, None], -np.ones(len(points))])
 
-    x, rms, converged = _minimise(linearised, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
+    x, rms, converged = _minimise(linearise, lambda x, step: x + step, x, w, size=lambda x: abs(x[3]))
     return SphereFit(centre=x[:3], radius=float(x[3]), rms=rms, converged=bool(converged and x[3] > 0))
 
 
@@ -101,7 +101,7 @@ def fit_sphere_pair(
     weights = np.append(counts, 1.0 / alike**2)
     n = len(p)
 
-    def linearised(x: Array) -> tuple[Array, Array]:
+    def linearise(x: Array) -> tuple[Array, Array]:
         jacobian = np.zeros((len(weights), 8))
         residual = np.empty(len(weights))
         for rows, points, k in ((slice(0, n), p, 0), (slice(n, -1), q, 4)):
@@ -116,9 +116,9 @@ def fit_sphere_pair(
 
     x = np.concatenate([np.append(fit.centre, fit.radius) for fit in starts])
     x, _, converged = _minimise(
-        linearised, lambda x, step: x + step, x, weights, size=lambda x: min(abs(x[3]), abs(x[7]))
+        linearise, lambda x, step: x + step, x, weights, size=lambda x: min(abs(x[3]), abs(x[7]))
     )
-    gaps = linearised(x)[0]
+    gaps = linearise(x)[0]
     rms = float(np.sqrt(w @ gaps[:n] ** 2)), float(np.sqrt(v @ gaps[n:-1] ** 2))
     good = bool(converged and min(x[3], x[7]) > 0)
     return (
@@ -144,7 +144,7 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
     radial = _span_plane_of(points - point, a)
     x = np.concatenate([point, a, [w @ np.linalg.norm(radial, axis=1)]]).astype(float)
 
-    def linearised(x: Array) -> tuple[Array, Array]:
+    def linearise(x: Array) -> tuple[Array, Array]:
         a = x[3:6]
         first, second = span_plane(a)
         offset = points - x[:3]
@@ -154,14 +154,14 @@ def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array |
         u1, u2 = radial @ first / distance, radial @ second / distance
         return distance - x[6], np.column_stack([-u1, -u2, -along * u1, -along * u2, -np.ones(len(points))])
 
-    def moved(x: Array, step: Array) -> Array:
+    def move(x: Array, step: Array) -> Array:
         first, second = span_plane(x[3:6])
         point = x[:3] + step[0] * first + step[1] * second
         a = _normalise(x[3:6] + step[2] * first + step[3] * second)
         # Turning about a far point would couple direction and position: the point stays near the data.
         return np.concatenate([point + a * ((centroid - point) @ a), a, [x[6] + step[4]]])
 
-    x, rms, converged = _minimise(linearised, moved, moved(x, np.zeros(5)), w, size=lambda x: abs(x[6]))
+    x, rms, converged = _minimise(linearise, move, move(x, np.zeros(5)), w, size=lambda x: abs(x[6]))
     return CylinderFit(
         point=x[:3], direction=x[3:6], radius=float(x[6]), rms=rms, converged=bool(converged and x[6] > 0)
     )

@@ -43,10 +43,10 @@ def free_scale(
     """
     share = {f"scale.{segment}": 1.0}
 
-    def resized(item: Joint) -> tuple[Joint, ...]:
+    def resize(item: Joint) -> tuple[Joint, ...]:
         return (replace(item, law=_multiply_law(item.law, share)),)
 
-    return _resize_segment(model, segment, resized, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
+    return _resize_segment(model, segment, resize, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
 
 
 def free_scale_axes(
@@ -63,14 +63,14 @@ def free_scale_axes(
     mean = {name: 1.0 / len(names) for name in names.values()}
     shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in _LETTERS}
 
-    def resized(item: Joint) -> tuple[Joint, ...]:
+    def resize(item: Joint) -> tuple[Joint, ...]:
         return tuple(
             replace(item, axis=unit, law=_multiply_law(item.law.scale(part), shares[letter]))
             for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
             if part
         )
 
-    return _resize_segment(model, segment, resized, shares, relative_bound, prior_sd)
+    return _resize_segment(model, segment, resize, shares, relative_bound, prior_sd)
 
 
 def _resize_segment(

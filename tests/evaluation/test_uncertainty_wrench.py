@@ -15,7 +15,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import (
     Reference,
     difference_twice,
 )
-from scaling_service.capabilities.kinetics.inverse_dynamics import evaluate_residuals, inverse_dynamics
+from scaling_service.capabilities.kinetics.inverse_dynamics import evaluate_residuals, solve_inverse_dynamics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment, Tensor
@@ -28,7 +28,7 @@ def test_the_residual_of_a_recording_is_that_of_inverse_dynamics() -> None:
     given = recording()
     reference = Reference.of(given)
     error, residual = reference.residual(reference.q)
-    dynamics = inverse_dynamics(given.model, given.motion, given.loads)
+    dynamics = solve_inverse_dynamics(given.model, given.motion, given.loads)
     weight = dynamics.mass * -GRAVITY[1]
     apart = residual[:, reference.used] - dynamics.residual[reference.used].T
     # the finite difference and the splines differ by this much in accelerations that were smoothed at 5 Hz
@@ -47,7 +47,7 @@ def test_perturbed_motions_have_the_residual_of_inverse_dynamics() -> None:
     q = reference.perturb(noise, 0.1)
     shaken = given.motion.q.copy()
     shaken[:, reference.varied] += 0.1 * noise.T
-    dynamics = inverse_dynamics(given.model, replace(given.motion, q=shaken), given.loads)
+    dynamics = solve_inverse_dynamics(given.model, replace(given.motion, q=shaken), given.loads)
     np.testing.assert_allclose(q.T, dynamics.motion.q, atol=1e-6)
     expected = evaluate_residuals(dynamics, given.height_m, frames=reference.used).dr
     np.testing.assert_allclose(reference.indicator(reference.residual(q)[1]), expected, rtol=3e-3)

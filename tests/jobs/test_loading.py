@@ -10,7 +10,7 @@ import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import agree_on_axes, load, read_model
-from scaling_service.capabilities.subject.reading import blamed_on, load_subject
+from scaling_service.capabilities.subject.reading import blame_file, load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc
 from scaling_service.numerics.multibody.rigid import rotate_about
@@ -102,7 +102,7 @@ def test_a_mapped_label_may_be_in_the_static_trial_only(tmp_path: Path) -> None:
 )
 def test_wrong_names_are_named(tmp_path: Path, changes: dict[str, object], field: str, remedy: str) -> None:
     file = laboratory(tmp_path, **changes)
-    with pytest.raises(InputError) as caught, blamed_on(file):
+    with pytest.raises(InputError) as caught, blame_file(file):
         load(load_subject(file))
     assert caught.value.file is not None
     assert caught.value.field == field
@@ -135,7 +135,7 @@ def test_a_damaged_recording_is_named(tmp_path: Path) -> None:
 def test_trials_named_by_their_stem_become_paths(tmp_path: Path) -> None:
     path = tmp_path / "walk.trc"
     for named, shown in (("walk", str(path)), (None, "subject.yaml"), ("other.c3d", "other.c3d")):
-        with pytest.raises(InputError) as caught, blamed_on(Path("subject.yaml"), [path]):
+        with pytest.raises(InputError) as caught, blame_file(Path("subject.yaml"), [path]):
             raise SubjectInvalid("wrong", file=named)
         assert caught.value.file == shown
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, differentiate_motion
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
@@ -38,7 +38,7 @@ def test_a_minute_moves_every_joint_and_bearing_feet_stand_still() -> None:
 def test_true_forces_leave_nothing_of_the_true_motion() -> None:
     person = make_excited_person(3, SHORT, ("in_order",))
     performance = person.performances["in_order"]
-    rated = rated_motion(person.truth, performance.times, performance.q, cutoff_hz=None)
+    rated = differentiate_motion(person.truth, performance.times, performance.q, cutoff_hz=None)
     residual = compute_dynamics(person.truth, rated, performance.loads).residual
     np.testing.assert_allclose(residual, 0.0, atol=1e-8)
     vertical = performance.loads.force[..., 1]

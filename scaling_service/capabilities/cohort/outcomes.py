@@ -132,7 +132,7 @@ def _run_member(member: Member, methods: Sequence[str] | None, settings: Setting
     """How one member ends, whatever happens to it; runs in a worker."""
     clock = time.perf_counter()
 
-    def outcome(status: Status, reason: str = "", done: Done | None = None) -> Outcome:
+    def make_outcome(status: Status, reason: str = "", done: Done | None = None) -> Outcome:
         summary, kept = (None, False) if done is None else (done.summary, done.kept)
         name = member.name if summary is None else summary.subject
         wall_s = time.perf_counter() - clock
@@ -141,9 +141,9 @@ def _run_member(member: Member, methods: Sequence[str] | None, settings: Setting
     try:
         done = member.work(methods, settings, partial(report_stage, member.name))
     except NothingPossible as error:
-        return outcome("skipped", error.problem)
+        return make_outcome("skipped", error.problem)
     except InputError as error:
-        return outcome("failed", str(error))
+        return make_outcome("failed", str(error))
     except Exception as error:  # noqa: BLE001 (a defect met by one subject must not cost the others)
-        return outcome("failed", f"a defect of the program: {type(error).__name__}: {error}")
-    return outcome("done", "unchanged since an earlier run" if done.kept else "", done)
+        return make_outcome("failed", f"a defect of the program: {type(error).__name__}: {error}")
+    return make_outcome("done", "unchanged since an earlier run" if done.kept else "", done)

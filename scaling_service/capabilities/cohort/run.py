@@ -142,7 +142,7 @@ def batch(
     if watcher is not None:
         watcher.start(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
-    with _made(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
+    with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
         outcomes = run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
     return replace(result, files=save_cohort(result.document, outcomes, folder))
@@ -215,7 +215,7 @@ def _make_member(row: Listed, found: Subject | InputError, folder: Path, force: 
 
 
 @contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def _make_folder(folder: Path) -> Iterator[None]:
     """The folder made before workers want to make it at the same time, and gone if nothing came into it."""
     folder.mkdir(parents=True, exist_ok=True)
     try:

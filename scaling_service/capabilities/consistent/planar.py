@@ -14,7 +14,7 @@ from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
-from scaling_service.capabilities.subject.reading import blamed_on
+from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
@@ -202,10 +202,10 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     trials = {t.name: t for t in loaded.session.dynamic}
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in gather_movement_forces(subject, loaded.plates).items():
-        with blamed_on(path, [path]):
+        with blame_file(path, [path]):
             trial = join_sides(_rename_labels(trials[path.stem]))
             plane = find_sagittal_plane(trial)
-        with blamed_on(source, [source]):
+        with blame_file(source, [source]):
             forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
         # all plates together; unknown where one of them is not known
         loads = SegmentLoads(forces.times, forces.plates, forces.force, forces.moment)

@@ -21,7 +21,7 @@ from scaling_service.capabilities.consistent.problem import (
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
 from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import GROUND, BodyModel, Segment
@@ -226,7 +226,7 @@ def estimate_classical_motion(
         known = np.isfinite(values)
         if known.any():
             q[:, column] = np.interp(motion.times, motion.times[known], values[known])
-    return rated_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
+    return differentiate_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
 
 
 def pose_problem(

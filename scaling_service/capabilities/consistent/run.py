@@ -19,7 +19,7 @@ from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     find_judged_frames,
-    inverse_dynamics,
+    solve_inverse_dynamics,
 )
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -80,7 +80,7 @@ def consistent(
     clock = time.perf_counter()
     report = progress or show_nothing
     loaded = open_subject(subject, settings)
-    with loaded.blamed():
+    with loaded.blame_files():
         ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
         result = identify(
             ready.prepared.model,
@@ -132,7 +132,7 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
 
 def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
     motion, forces = prepared.motions[name], prepared.forces[name]
-    dynamics = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
+    dynamics = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
     weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
     assert weight is not None  # it has one recording
     weight.check()

@@ -118,12 +118,12 @@ def _fetch_all(
 def _report_received(progress: Progress | None, what: str, before: int, total: int) -> Received:
     """What a file's download reports to, counted over all files."""
 
-    def received(size: int) -> None:
+    def report(size: int) -> None:
         if progress is not None:
             there = before + size
             progress(f"{what}, {there / _MB:.1f} of {total / _MB:.1f} MB)", there / total)
 
-    return received
+    return report
 
 
 def _write_texts(name: str, dataset: Dataset) -> dict[str, str]:

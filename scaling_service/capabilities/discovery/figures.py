@@ -80,10 +80,10 @@ def _choose_recordings(results: DiscoverResults) -> list[tuple[TrackedTrial, Tra
     """A few recordings, at least one of each role, in the order in which they were given."""
     given = list(zip(results.before.tracked, results.after.tracked, strict=True))
 
-    def typical(pair: tuple[TrackedTrial, TrackedTrial]) -> float:
+    def take_typical(pair: tuple[TrackedTrial, TrackedTrial]) -> float:
         return float(np.nanmean((pair[0].residuals / pair[0].floor[:, None]) ** 2))
 
-    pairs = sorted(given, key=typical, reverse=True)
+    pairs = sorted(given, key=take_typical, reverse=True)
     chosen = pairs[:_MOST_TRIALS]
     for role in ("fit", "held_out"):
         of_role = [pair for pair in pairs if pair[0].role == role]
@@ -114,14 +114,16 @@ def _bin_rows(
     edges = np.linspace(0, len(times), min(_COLUMNS, len(times)) + 1).round().astype(np.intp)
     middles = np.array([times[a:b].mean() for a, b in pairwise(edges)])
 
-    def rms(values: Array) -> Array:
+    def compute_rms(values: Array) -> Array:
         known = np.isfinite(values)
         square = np.add.reduceat(np.where(known, values, 0.0) ** 2, edges[:-1], axis=0)
         count = np.add.reduceat(known.astype(float), edges[:-1], axis=0)
         mean = np.divide(square, count, out=np.full_like(square, np.nan), where=count > 0)
         return np.asarray(np.sqrt(mean).T)
 
-    return HeatMap(item.name, item.role == "held_out", unit, places, middles, rms(before), rms(after))
+    return HeatMap(
+        item.name, item.role == "held_out", unit, places, middles, compute_rms(before), compute_rms(after)
+    )
 
 
 def draw_heat_maps(maps: Sequence[HeatMap], which: Which) -> Iterator[Figure]:

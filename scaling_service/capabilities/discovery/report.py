@@ -206,7 +206,7 @@ def _build_alike(effect: EffectDocument) -> Iterator[Block]:
     if not effect.confusable_with:
         return
 
-    def said(other: PlacedEffect) -> str:
+    def describe(other: PlacedEffect) -> str:
         return (
             describe_place(other)
             if other.kind == effect.kind
@@ -214,7 +214,7 @@ def _build_alike(effect: EffectDocument) -> Iterator[Block]:
         )
 
     yield Text("These recordings do not tell it from:")
-    yield Bullets([said(other) for other in effect.confusable_with[:_MOST_ALIKE]])
+    yield Bullets([describe(other) for other in effect.confusable_with[:_MOST_ALIKE]])
     more = len(effect.confusable_with) - _MOST_ALIKE
     if more > 0:
         yield Text(f"and from {more} more, which are in discovery.json.", quiet=True)

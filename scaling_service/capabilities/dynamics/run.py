@@ -41,7 +41,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     evaluate_residuals,
     find_judged_frames,
     find_trembling,
-    inverse_dynamics,
+    solve_inverse_dynamics,
 )
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import open_subject
@@ -156,7 +156,7 @@ def dynamics(
     prepared = prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
     trials: dict[str, TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}
-    with loaded.blamed():
+    with loaded.blame_files():
         for k, name in enumerate(prepared.motions):
             part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
             part(0.0)
@@ -225,7 +225,7 @@ def compute_trial_dynamics(
 ) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
-    found = inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
+    found = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
     unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
     frames = find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
     weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None

@@ -61,7 +61,7 @@ def prepare(
 ) -> Prepared:
     """Give the forces of a subject's recordings to its feet, scale its model, and track the markers."""
     session, known = loaded.session, loaded.session.subject
-    with loaded.blamed():
+    with loaded.blame_files():
         read = gather_movement_forces(known, loaded.plates)
         if known.height_m is None:
             raise SubjectInvalid(

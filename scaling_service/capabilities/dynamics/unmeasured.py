@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
-from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, inverse_dynamics
+from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, solve_inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
@@ -124,7 +124,7 @@ def describe_unmeasured(
     model: BodyModel, trial: Trial, loads: SegmentLoads, contacts: FootContacts, cutoff_hz: float
 ) -> tuple[str, ...]:
     """The same in sentences, of a recording that was not tracked yet; the model has mass."""
-    dynamics = inverse_dynamics(model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz)
+    dynamics = solve_inverse_dynamics(model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz)
     return tuple(f"{trial.name} {one.sentence}" for one in find_unmeasured(dynamics, contacts, model))
 
 
@@ -166,8 +166,10 @@ def _measure_pelvis_height(dynamics: InverseDynamics, model: BodyModel) -> Array
     """Height of the root above the lowest joint, over that in the default pose, (n,)."""
     mechanism, p = compile_mechanism(model), list_parameter_values(model)
 
-    def height(q: Array) -> Array:
+    def measure_height(q: Array) -> Array:
         up = pose_links(mechanism.tree, q, p).origins[:, 1]
         return np.asarray(up[0] - up.min(axis=0))
 
-    return np.asarray(height(dynamics.motion.rates.q) / height(repeat_default_pose(model, 1).T))
+    return np.asarray(
+        measure_height(dynamics.motion.rates.q) / measure_height(repeat_default_pose(model, 1).T)
+    )

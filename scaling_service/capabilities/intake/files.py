@@ -183,11 +183,11 @@ def _read_table(file: Path) -> InputFile:
 
 
 def _read_mesh(file: Path) -> InputFile:
-    def unit() -> str:
+    def read_unit() -> str:
         extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
         return "mm" if extent >= _LONGEST_M else "m"
 
-    return _try_reading(InputFile(file.name, "mesh", "a surface, by its suffix"), file, unit)
+    return _try_reading(InputFile(file.name, "mesh", "a surface, by its suffix"), file, read_unit)
 
 
 def _read_csv(file: Path) -> InputFile:
@@ -245,16 +245,16 @@ def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) ->
     ``change``: from the place where it stands, such as ``trials.calibration.0``, and the name.
     """
 
-    def mapped(place: str, value: Any) -> Any:
+    def map_value(place: str, value: Any) -> Any:
         if isinstance(value, list):
-            return [mapped(f"{place}.{k}", item) for k, item in enumerate(value)]
+            return [map_value(f"{place}.{k}", item) for k, item in enumerate(value)]
         if isinstance(value, dict):
-            return {key: mapped(f"{place}.{key}", item) for key, item in value.items()}
+            return {key: map_value(f"{place}.{key}", item) for key, item in value.items()}
         return change(place, value) if isinstance(value, str) and place != "bones.units" else value
 
     is_file = str(document.get("model")).lower().endswith(MODEL_SUFFIXES)
     named = [key for key in _PLACES if key in document and (key != "model" or is_file)]
-    return {**document, **{key: mapped(key, document[key]) for key in named}}
+    return {**document, **{key: map_value(key, document[key]) for key in named}}
 
 
 def _read_beginning(file: Path) -> str:

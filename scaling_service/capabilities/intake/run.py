@@ -162,7 +162,7 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     look = _Look(folder, document, found, settings)
     known, trials = look.known, look.trials
-    sizes = check_sizes(known, look.stated_sizes())
+    sizes = check_sizes(known, look.list_stated_sizes())
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
@@ -265,7 +265,7 @@ class _Look:
                 remedy="Put their files beside the others if they belong to this person",
             )
 
-    def stated_sizes(self) -> dict[str, MeasuredSizes]:
+    def list_stated_sizes(self) -> dict[str, MeasuredSizes]:
         """File to what it states of the person: recordings, then the scale set-up."""
         sizes = {item.file: item.trial.sizes for item in self.seen}
         for file, (role, _) in self.roles.items():

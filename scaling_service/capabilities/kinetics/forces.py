@@ -58,11 +58,11 @@ def read_trial_forces(
     None where the recording has no plates and no file is named.
     """
     if named is not None:
-        with _blamed_on(named):
+        with _blame_file(named):
             return named, _check_moments(read_forces(named))
     if plates is None:
         return None
-    with _blamed_on(recording):
+    with _blame_file(recording):
         return recording, compute_ground_forces(plates)
 
 
@@ -80,7 +80,7 @@ def prepare_forces(
     ``forces`` as read; ``trial`` in the session's axes; ``feet`` with the markers on each, (n_frames,
     n_markers, 3). Refuses forces and markers that do not belong together.
     """
-    with _blamed_on(source):
+    with _blame_file(source):
         _check_units(source, trial)
         ground = synchronise(turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz)
         if not ground.in_contact().any():
@@ -97,7 +97,7 @@ def prepare_forces(
 
 
 @contextmanager
-def _blamed_on(file: Path) -> Iterator[None]:
+def _blame_file(file: Path) -> Iterator[None]:
     """Let errors name the whole path of the file, also where they name it by its bare name."""
     try:
         yield

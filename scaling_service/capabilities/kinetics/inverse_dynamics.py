@@ -111,7 +111,7 @@ def check_clock(loads: SegmentLoads, times: Array, trial: str) -> None:
         )
 
 
-def rated_motion(
+def differentiate_motion(
     model: BodyModel,
     times: ArrayLike,
     q: ArrayLike,
@@ -139,7 +139,7 @@ def rated_motion(
     return RatedMotion(clock, values, qdot, qddot)
 
 
-def inverse_dynamics(
+def solve_inverse_dynamics(
     model: BodyModel,
     motion: Motion,
     loads: SegmentLoads | None = None,
@@ -152,7 +152,9 @@ def inverse_dynamics(
     The model has mass and its parameters are at their values. Loads are at the motion's times; without any,
     nothing touches the body. Refuses loads on another clock or on a segment that the model does not have.
     """
-    rated = rated_motion(model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order)
+    rated = differentiate_motion(
+        model, motion.times, in_model_order(model, motion), cutoff_hz=cutoff_hz, order=order
+    )
     return compute_dynamics(model, rated, loads, trial=motion.trial)
 
 

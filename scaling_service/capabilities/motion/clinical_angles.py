@@ -261,21 +261,23 @@ def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ..
     carrier = model.with_markers(tuple(placed.values()))
     tree, p = compile_model(carrier, names), list_parameter_values(carrier)
 
-    def angles(where: Array) -> dict[tuple[Side, str], Array]:
+    def compute_angles(where: Array) -> dict[tuple[Side, str], Array]:
         points = {name: where[k].T for k, name in enumerate(names)}
         return {(s, a): v for s in SIDES for a, v in compute_conventional_angles(points, s).items()}
 
-    def rates(q: Array) -> Array:
+    def compute_rates(q: Array) -> Array:
         n, count = q.shape
         poses = pose_links(tree, np.ascontiguousarray(q.T), p)
         where = place_tree_markers(tree, poses)
         change = _STEP * compute_jacobian(tree, poses, where, np.arange(count))
         moved = where[None, None] + np.stack([change, -change])  # (2, n_coordinates, n_landmarks, 3, n)
-        ends = np.stack(list(angles(np.moveaxis(moved, (2, 3), (0, 1)).reshape(len(names), 3, -1)).values()))
+        ends = np.stack(
+            list(compute_angles(np.moveaxis(moved, (2, 3), (0, 1)).reshape(len(names), 3, -1)).values())
+        )
         rise = np.subtract(*ends.reshape(-1, 2, count, n).swapaxes(0, 1))
         return np.asarray((np.arctan2(np.sin(rise), np.cos(rise)) / (2.0 * _STEP)).transpose(2, 0, 1))
 
-    return tuple(angles(np.zeros((len(names), 3, 0)))), rates
+    return tuple(compute_angles(np.zeros((len(names), 3, 0)))), compute_rates
 
 
 def cut_clinical_cycles(

@@ -32,7 +32,7 @@ from scaling_service.capabilities.motion.uncertainty import (
 )
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
-from scaling_service.capabilities.subject.reading import blamed_on
+from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.tables import ResultTable
@@ -185,7 +185,7 @@ def ik(
     report("reading the recordings", 0.0)
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
-    with _without_subject_file(), blamed_on(None, files):
+    with _without_subject_file(), blame_file(None, files):
         loaded = replace(load(places, settings), file=subject_file)
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):

@@ -151,14 +151,14 @@ def follow_person(scene: Scene) -> Scene:
     )
     shift = centre * [1.0, 0.0, 1.0]
 
-    def moved(bones: Mapping[str, Array]) -> dict[str, Array]:
+    def move(bones: Mapping[str, Array]) -> dict[str, Array]:
         still = np.zeros((len(shift), 9))
         return {name: pose - np.concatenate([still, shift], axis=1) for name, pose in bones.items()}
 
     return replace(
         scene,
         measured=scene.measured - shift[:, None],
-        bodies=[replace(b, points=b.points - shift[:, None], bones=moved(b.bones)) for b in scene.bodies],
+        bodies=[replace(b, points=b.points - shift[:, None], bones=move(b.bones)) for b in scene.bodies],
     )
 
 

@@ -147,7 +147,7 @@ def run(
     report = progress or show_nothing
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
-    with loaded.blamed():
+    with loaded.blame_files():
         if session.scale_setup is None and session.images is None:
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
@@ -163,7 +163,7 @@ def run(
                 scalings[method] = _put_on_surfaces(scalings[method], session)
     results = Results(loaded, settings, scalings, subject_file=loaded.file, options=options)
     if options.muscles:
-        with loaded.blamed():
+        with loaded.blame_files():
             results = _with_muscles(results, report_part(report, 1.0 - _MUSCLES, _MUSCLES))
     report("done", 1.0)
     doubtful = list_doubts(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scaling_service.capabilities.subject.reading import blamed_on
+from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.text import list_few, suggest_name
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
@@ -97,7 +97,7 @@ def with_model_names(
 ) -> tuple[Trial, Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
-    with blamed_on(path):
+    with blame_file(path):
         found = match_labels(trial.labels, wanted, explicit)
         _refuse_rivals(found, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.

@@ -15,7 +15,7 @@ from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, f
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.reading import (
-    blamed_on,
+    blame_file,
     hash_input_files,
     list_recordings,
     load_subject,
@@ -61,9 +61,9 @@ class Loaded:
     file: Path | None = None  # the subject file, where there is one
 
     @contextmanager
-    def blamed(self) -> Iterator[None]:
+    def blame_files(self) -> Iterator[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with blamed_on(self.file), blamed_on(None, list_recordings(self.session.subject)):
+        with blame_file(self.file), blame_file(None, list_recordings(self.session.subject)):
             yield
 
 
@@ -72,7 +72,7 @@ def open_subject(subject: Subject | str | Path, settings: Settings = Settings())
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(subject)
-    with blamed_on(file):
+    with blame_file(file):
         return replace(load(known, settings), file=file)
 
 
@@ -102,7 +102,7 @@ def load(
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
-        with blamed_on(path, [path]):
+        with blame_file(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
@@ -146,7 +146,7 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     """
     read = {}
     for path in list_recordings(subject):
-        with blamed_on(path, [path]):
+        with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
             read[path] = relabel(found, subject.corrections.get(path.name, ()))
     return read
@@ -179,10 +179,10 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
-        with blamed_on(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             return _free_root(read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set)))
     if str(name_or_path).lower().endswith(SUFFIX):
-        with blamed_on(Path(name_or_path)):
+        with blame_file(Path(name_or_path)):
             return read_model_json(name_or_path)
     return load_builtin(str(name_or_path))
 
@@ -236,7 +236,7 @@ def _scale_setup(
     of_setup: tuple[str, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
-        with blamed_on(None, [standing]):
+        with blame_file(None, [standing]):
             of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
         return setup, of_setup
@@ -256,7 +256,7 @@ def _decide_axes(
     for path, (trial, _) in named.items():
         roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         up = next(iter(decided.values())).up if decided else settings.up
-        with blamed_on(path, [path]):
+        with blame_file(path, [path]):
             decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
     return agree_on_axes(decided, static)
 

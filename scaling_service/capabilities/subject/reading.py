@@ -156,7 +156,7 @@ def list_recordings(subject: Subject) -> tuple[Path, ...]:
 
 
 @contextmanager
-def blamed_on(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
     """Let errors raised inside name a file.
 
     ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.

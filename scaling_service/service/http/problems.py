@@ -142,17 +142,17 @@ def describe_refusals(*statuses: int) -> Responses:
 def install(app: FastAPI) -> None:
     """Let every error leave as a problem document."""
 
-    async def refused(_request: Request, error: Exception) -> JSONResponse:
+    async def answer_refused(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, InputError)
         return answer_problem(error)
 
-    async def invalid(_request: Request, error: Exception) -> JSONResponse:
+    async def answer_invalid(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)
         first = error.errors()[0]
         where, said = ".".join(str(part) for part in first["loc"][1:]), str(first["msg"])
         return answer_problem(RequestInvalid(said, field=where, remedy="Correct it; /docs shows examples"))
 
-    async def no_route(request: Request, error: Exception) -> JSONResponse:
+    async def answer_no_route(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
         phrase = HTTPStatus(error.status_code).phrase
         answer = answer_problem(
@@ -162,9 +162,9 @@ def install(app: FastAPI) -> None:
             answer.headers["Allow"] = ", ".join(sorted(list_allowed_methods(request.app, request.scope)))
         return answer
 
-    app.add_exception_handler(InputError, refused)
-    app.add_exception_handler(RequestValidationError, invalid)
-    app.add_exception_handler(HTTPException, no_route)
+    app.add_exception_handler(InputError, answer_refused)
+    app.add_exception_handler(RequestValidationError, answer_invalid)
+    app.add_exception_handler(HTTPException, answer_no_route)
 
 
 def list_allowed_methods(app: FastAPI, scope: Scope) -> set[str]:

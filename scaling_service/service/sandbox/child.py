@@ -72,10 +72,10 @@ class Child:
             if number in _HINDRANCES:
                 return {"hindered": os.strerror(number or 0)}
             if number == errno.EFBIG:
-                return self._failure_message(self.limits.exceeded("limit_file_mb"))
+                return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
             out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
             if number == errno.ENOMEM or out_of_memory:
-                return self._failure_message(self.limits.exceeded("limit_memory_mb"))
+                return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
         if isinstance(error, InputError):
             return self._failure_message(error)
         unexpected = Failure(

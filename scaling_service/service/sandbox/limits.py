@@ -34,7 +34,7 @@ class Limits:
         _set(resource.RLIMIT_CPU, cpu, cpu + GRACE_CPU_S)
         _set(resource.RLIMIT_FSIZE, self.file_bytes, self.file_bytes)
 
-    def exceeded(self, setting: str) -> LimitExceeded:
+    def report_exceeded(self, setting: str) -> LimitExceeded:
         """The error for a bound that was reached, by the name of its setting."""
         limit, what = {
             "limit_memory_mb": (f"{self.memory_bytes / 1e9:.3g} GB", "memory"),

@@ -76,11 +76,11 @@ def _await_answer(
         if stop():
             return Stopped()
         if now - begun > child.limits.wall_s:
-            return Failed.of(child.limits.exceeded("limit_wall_s"))
+            return Failed.of(child.limits.report_exceeded("limit_wall_s"))
         if now - looked > _LOOK_AT_DISK_S:
             looked = now
             if _count_bytes(child.folder) > child.limits.output_bytes:
-                return Failed.of(child.limits.exceeded("limit_output_mb"))
+                return Failed.of(child.limits.report_exceeded("limit_output_mb"))
 
 
 class _Lines:
@@ -124,7 +124,7 @@ def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
         if "hindered" in answer:
             return Lost(_make_printable(answer["hindered"])[:200])
         if _count_bytes(child.folder) > child.limits.output_bytes:
-            return Failed.of(child.limits.exceeded("limit_output_mb"))
+            return Failed.of(child.limits.report_exceeded("limit_output_mb"))
         return Finished(_read_result(child.folder / RESULT), _list_files(child.folder / "outputs"))
     except StoreUnavailable as error:
         return Lost(error.problem)
@@ -175,7 +175,7 @@ def _count_bytes(folder: Path) -> int:
 def _classify_exit(code: int | None, limits: Limits) -> Outcome:
     """What the exit of a child that gave no answer means."""
     if code == -signal.SIGXCPU:
-        return Failed.of(limits.exceeded("limit_cpu_s"))
+        return Failed.of(limits.report_exceeded("limit_cpu_s"))
     if code is not None and -code in _CRASHES:
         return Failed(
             Failure(

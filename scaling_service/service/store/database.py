@@ -148,7 +148,7 @@ class SqliteFile:
             isolation_level=None,  # transactions are begun by the caller
         )
 
-    def connected(self, raw: Any, record: Any) -> None:
+    def remember_connection(self, raw: Any, record: Any) -> None:
         """Remember which file it is, and how it is used."""
         record.info["file"] = self._identity()
         for pragma in _PRAGMAS:
@@ -186,7 +186,7 @@ def _make_engine(url: URL) -> Engine:
     if url.get_backend_name() == "sqlite":
         file = SqliteFile(Path(url.database or ""))
         engine = create_engine(url, creator=file.connect)
-        event.listen(engine, "connect", file.connected)
+        event.listen(engine, "connect", file.remember_connection)
         event.listen(engine, "checkout", file.check)
         event.listen(engine, "begin", _begin_sqlite)
         return engine

@@ -72,10 +72,10 @@ def _lower(study: FutamureDocument) -> Answer:
         f"classical {_describe_errors(classical.mean(axis=0))}, {_describe_errors(ratio)} times as large; "
         f"p {_describe_errors(p, 3)}"
     )
-    return _tested(figures, p, bool((ratio >= 2.0).all()))
+    return _compare_tested(figures, p, bool((ratio >= 2.0).all()))
 
 
-def _tested(figures: str, p: Sequence[float], holds: bool = True) -> Answer:
+def _compare_tested(figures: str, p: Sequence[float], holds: bool = True) -> Answer:
     if np.isnan(p).any():
         return Answer(None, f"{figures} (too few persons for a test)")
     return Answer(holds and max(p) < LEVEL, figures)
@@ -88,7 +88,7 @@ def _markers(study: FutamureDocument) -> Answer:
         for way in ("classical", "consistent")
     )
     p = assess_less(classical, ours)
-    return _tested(
+    return _compare_tested(
         f"classical {classical.mean():.1f}, consistent {ours.mean():.1f} mm over all markers; p {p:.3f}", [p]
     )
 
@@ -121,7 +121,7 @@ def _angles(study: FutamureDocument) -> Answer:
         f"nearer in {(ours < classical).sum()} of {len(ours)}; "
         f"held out {held[0].mean():.2f} and {held[1].mean():.2f} deg; p {_describe_errors(p, 3)}"
     )
-    return _tested(figures, p)
+    return _compare_tested(figures, p)
 
 
 @_claim("abstract", "Inertial parameters are nearer the truth than the table's", "no truth was known")
@@ -135,7 +135,7 @@ def _inertia(study: FutamureDocument) -> Answer:
         for k, name in enumerate(("masses", "centres of mass", "moments of inertia"))
     )
     figures = f"{whole[0].mean():.2f} to {whole[1].mean():.2f} SD of the tables, p {p:.3f}: {parts}"
-    return _tested(figures, [p])
+    return _compare_tested(figures, [p])
 
 
 @_claim("beyond", "A held-out recording is followed as well as the fitted one", "not asked")
@@ -159,7 +159,7 @@ def _predicted(study: FutamureDocument) -> Answer:
         f"with the table, "
         f"p {_describe_errors(p, 3)}; {_describe_errors(ratio, 2)} of fitted"
     )
-    return _tested(figures, p, bool((ratio <= WITHIN).all()))
+    return _compare_tested(figures, p, bool((ratio <= WITHIN).all()))
 
 
 @_claim("beyond", "A person takes at most 20 s", "not told")

@@ -170,14 +170,14 @@ def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
 
 
 def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
-    def moved(marker: Marker) -> Marker:
+    def move(marker: Marker) -> Marker:
         sd = faults * PLACEMENT_M.get(marker.name, PLACEMENT_ELSE_M)
         x, y = np.array(marker.nominal)[:2] + sd * stream(seed, "placement", marker.name).normal(size=2)
         return replace(
             Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)), anatomical=marker.anatomical
         )
 
-    return model.with_markers(tuple(map(moved, model.markers)))
+    return model.with_markers(tuple(map(move, model.markers)))
 
 
 def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:

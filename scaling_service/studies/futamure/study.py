@@ -291,7 +291,7 @@ def _study_real(file: Path) -> RealEntry:
     subject = loaded.session.subject
     given = subject.model.lower().endswith(".osim") and subject.static is None
     chosen = DynamicsSettings(start=AS_IT_IS if given else None)
-    with loaded.blamed():
+    with loaded.blame_files():
         ready = read(loaded, chosen, UNSMOOTHED, progress=show_nothing)
         whole = ready.fitted[0]
         cut = int(FITTED_SHARE * len(whole.trial.times))

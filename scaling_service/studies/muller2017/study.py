@@ -35,8 +35,8 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     compute_dynamics,
     compute_residual_indicator,
-    inverse_dynamics,
-    rated_motion,
+    differentiate_motion,
+    solve_inverse_dynamics,
 )
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
@@ -304,13 +304,13 @@ def _compute_true_errors(person: ExcitedPerson, performance: Performance) -> tup
 
 def _compute_true_residual(model: BodyModel, performance: Performance) -> Array:
     """What a model's inertia leaves of the true motion and the true forces, (n, 6)."""
-    rated = rated_motion(model, performance.times, performance.q, cutoff_hz=None)
+    rated = differentiate_motion(model, performance.times, performance.q, cutoff_hz=None)
     return compute_dynamics(model, rated, performance.loads).residual
 
 
 def _measure_dynamics(model: BodyModel, performance: Performance) -> InverseDynamics:
     recording = performance.recording
-    return inverse_dynamics(model, recording.motion, recording.loads)
+    return solve_inverse_dynamics(model, recording.motion, recording.loads)
 
 
 def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:

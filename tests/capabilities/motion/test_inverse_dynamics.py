@@ -15,8 +15,8 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     RatedMotion,
     compute_dynamics,
-    inverse_dynamics,
-    rated_motion,
+    differentiate_motion,
+    solve_inverse_dynamics,
 )
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
@@ -62,7 +62,7 @@ def bearing(share: float = 0.5) -> SegmentLoads:
 
 
 def test_a_true_motion_with_true_loads_leaves_no_residual() -> None:
-    rated = rated_motion(BODY, TIMES, swaying()[0], cutoff_hz=None)
+    rated = differentiate_motion(BODY, TIMES, swaying()[0], cutoff_hz=None)
     inner = slice(15, -15)  # the natural spline settles within some samples of the ends
     np.testing.assert_allclose(rated.qddot[inner], swaying()[2][inner], rtol=0, atol=1e-4)
     found = compute_dynamics(BODY, rated, bearing())
@@ -72,11 +72,11 @@ def test_a_true_motion_with_true_loads_leaves_no_residual() -> None:
 
 def test_order_of_the_coordinates_and_whole_turns_do_not_matter() -> None:
     q = swaying()[0]
-    plain = inverse_dynamics(BODY, motion_of(q), bearing())
+    plain = solve_inverse_dynamics(BODY, motion_of(q), bearing())
     names = BODY.coordinate_names
     turned = q.copy()
     turned[100:, names.index("pelvis_rotation")] += 2 * np.pi
-    other = inverse_dynamics(BODY, motion_of(turned[:, ::-1], names[::-1]), bearing())
+    other = solve_inverse_dynamics(BODY, motion_of(turned[:, ::-1], names[::-1]), bearing())
     np.testing.assert_allclose(other.residual, plain.residual, atol=1e-8)
     np.testing.assert_allclose(other.forces, plain.forces, atol=1e-8)
 
@@ -86,13 +86,13 @@ def test_one_missing_frame_spoils_one_frame() -> None:
     q[150, 4] = np.nan
     force = loads.force.copy()
     force[40, 1, 0] = np.nan
-    found = inverse_dynamics(BODY, motion_of(q), replace(loads, force=force))
+    found = solve_inverse_dynamics(BODY, motion_of(q), replace(loads, force=force))
     assert np.flatnonzero(~found.known).tolist() == [40, 150]
 
 
 def test_the_centre_of_mass_is_the_weighted_mean() -> None:
     still = np.tile([c.default for c in BODY.coordinates], (200, 1))
-    found = inverse_dynamics(BODY, motion_of(still))
+    found = solve_inverse_dynamics(BODY, motion_of(still))
     assert 0.53 < found.centre_of_mass[0, 1] / 1.762 < 0.59  # of the stature; Winter 2009: about .56
     weight = found.mass * 9.80665
     np.testing.assert_allclose(found.residual[:, 1], weight, rtol=1e-9)
@@ -103,16 +103,16 @@ def test_the_centre_of_mass_is_the_weighted_mean() -> None:
 def test_what_cannot_be_is_refused() -> None:
     q, loads = swaying()[0], bearing()
     with pytest.raises(TrialUnusable, match="the motion has no coordinate 'pelvis_tx'"):
-        inverse_dynamics(BODY, motion_of(q[:, 1:], BODY.coordinate_names[1:]), loads)
+        solve_inverse_dynamics(BODY, motion_of(q[:, 1:], BODY.coordinate_names[1:]), loads)
     with pytest.raises(TrialUnusable, match="not on one clock"):
-        inverse_dynamics(BODY, motion_of(q), replace(loads, times=TIMES + 0.004))
+        solve_inverse_dynamics(BODY, motion_of(q), replace(loads, times=TIMES + 0.004))
     with pytest.raises(InputError, match="acts on 'paw', which is no segment"):
-        inverse_dynamics(BODY, motion_of(q), replace(loads, segments=("paw", "calcn_l")))
+        solve_inverse_dynamics(BODY, motion_of(q), replace(loads, segments=("paw", "calcn_l")))
     with pytest.raises(InputError, match="does not suit 100 frames per second"):
-        inverse_dynamics(BODY, motion_of(q), loads, cutoff_hz=60.0)
+        solve_inverse_dynamics(BODY, motion_of(q), loads, cutoff_hz=60.0)
     weightless = replace(BODY, segments=tuple(replace(s, mass=0.0) for s in BODY.segments))
     with pytest.raises(ModelRefused, match="no segment of model 'full_body_35dof' has mass"):
-        inverse_dynamics(weightless, motion_of(q), loads)
+        solve_inverse_dynamics(weightless, motion_of(q), loads)
 
 
 # --- real recordings, beside OpenSim --------------------------------------------------------------
@@ -150,7 +150,7 @@ def recorded(data: Path, name: str) -> tuple[Path, BodyModel, InverseDynamics, S
     forces = synchronise(read_forces(folder / grf), motion.times, cutoff_hz=6.0)
     loads = assign_foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
     times = np.linspace(motion.times[0], motion.times[-1], len(motion.times))
-    q = rated_motion(model, motion.times, motion.q, cutoff_hz=6.0).q
+    q = differentiate_motion(model, motion.times, motion.q, cutoff_hz=6.0).q
     rated = RatedMotion(times, q, *differentiate_spline(times, q))
     loads = replace(loads, times=times)
     return folder / file, model, compute_dynamics(model, rated, loads, trial=name), loads

@@ -17,7 +17,7 @@ from scaling_service.capabilities.dynamics.unmeasured import (
     find_unmeasured,
     find_unmeasured_frames,
 )
-from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, differentiate_motion
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto, write_sto
 from scaling_service.model.builtin import load_builtin
@@ -50,7 +50,7 @@ def found_of(
     bears: tuple[bool, bool] = (True, True),
 ) -> tuple[Unmeasured, ...]:
     """What is told of a motion (n, n_coordinates) of whose wrench the plates measure a share (n,)."""
-    rated = rated_motion(MODEL, TIMES, q, cutoff_hz=None)
+    rated = differentiate_motion(MODEL, TIMES, q, cutoff_hz=None)
     wrench = (
         compute_root_wrench(compile_mechanism(MODEL), rated.rates, list_parameter_values(MODEL))[0].T
         * share[:, None]

@@ -74,15 +74,15 @@ def find_disturbance(fit: Fit, scored: ScoredCandidates) -> Disturbance | None:
     rivals = [o for o in scored.best if any(map(o.candidate.holds_in, fitting))]
     above = {o.name: o.above_noise(fit) for o in OBSERVATIONS}
 
-    def needed(seen_in: Seen, flexible: bool) -> float:
+    def find_needed(seen_in: Seen, flexible: bool) -> float:
         effects = [o for o in rivals if o.candidate.seen_in == seen_in]
         return _compute_needed_share(effects, above[seen_in], flexible, settings)
 
-    least = {o.name: needed(o.name, flexible=False) for o in OBSERVATIONS}
+    least = {o.name: find_needed(o.name, flexible=False) for o in OBSERVATIONS}
     sure = [
         law for law in _judge_laws(fit, least) if max(law.p * scored.count, law.held_out) <= settings.level
     ]
-    clear = [law for law in sure if law.expected > needed(law.seen_in, law.flexible)]
+    clear = [law for law in sure if law.expected > find_needed(law.seen_in, law.flexible)]
     return max(clear, key=lambda law: law.expected, default=None)
 
 

@@ -57,7 +57,7 @@ def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
     away, (velocity, _) = places - places.mean(axis=(0, 1)), differentiate_places(places, item.step)
     shown = item.seen / item.floor
 
-    def gain(rows: slice) -> float:
+    def compute_gain(rows: slice) -> float:
         way, along = away[rows], velocity[rows]
         strains = np.einsum("nmk,ab->nmbka", way, np.eye(3)).reshape(*way.shape, 9)
         delays = np.einsum("nmk,nmb->nmbk", way, along)
@@ -73,7 +73,7 @@ def _fit_trial(item: TrackedTrial) -> tuple[float, float]:
 
     stride = -(-len(gaps) // _ENOUGH)
     every, length = slice(None, None, stride), stride * _CHUNK
-    own = sum(map_parallel(gain, [slice(k, k + length, stride) for k in range(0, len(gaps), length)]))
+    own = sum(map_parallel(compute_gain, [slice(k, k + length, stride) for k in range(0, len(gaps), length)]))
     numbers = float(_NUMBERS * len(gaps[every]))
     left = float(np.square(gaps[every]).sum()) - own
     others = left / max(float(freedom[every].sum()) - numbers, 1.0) * numbers

@@ -79,7 +79,7 @@ def make_nearest_bone_test(model: BodyModel) -> Callable[[str], Callable[[Array]
         segment, (R, origin) = model.segment(name), frames[name]
         beside = [bones[s] for s in (segment.parent, *(c.name for c in model.children(name))) if s in bones]
 
-        def near(size: Array) -> bool:
+        def is_near(size: Array) -> bool:
             if not is_within_reach(size) or not size[0]:
                 return False
             place = origin + R @ (size[1:] / size[0])
@@ -87,7 +87,7 @@ def make_nearest_bone_test(model: BodyModel) -> Callable[[str], Callable[[Array]
                 (_measure_distance(place, b) for b in beside), default=np.inf
             )
 
-        return near
+        return is_near
 
     return of
 

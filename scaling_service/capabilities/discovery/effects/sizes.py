@@ -49,7 +49,7 @@ def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str
     own = next((s.mass for s in model.segments if s.name == where[0]), 0.0)
     units = {"sizes": 1.0, "of_body": sum_mass(model), "of_segment": own}
 
-    def usual(name: str) -> Range | None:
+    def look_up(name: str) -> Range | None:
         for table, unit in units.items():
             ranges = of_kind.get(table, {})
             found = ranges.get(name, ranges.get(name.partition("_")[2]))
@@ -57,7 +57,7 @@ def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str
                 return Range(unit * found[0], unit * found[1])
         return None
 
-    return usual
+    return look_up
 
 
 def cite_source_of_sizes(kind: str) -> str:

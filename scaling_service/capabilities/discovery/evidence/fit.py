@@ -117,10 +117,10 @@ def fit_recordings(
     starts = {item.name: item for item in near.tracked} if near else {}
     both = (*free, *effects)
 
-    def tracked(recording: Recording) -> TrackedTrial:
+    def track_again(recording: Recording) -> TrackedTrial:
         return _track(context.model, recording, both, starts.get(recording.trial.name))
 
-    found = tuple(map_parallel(tracked, context.recordings))
+    found = tuple(map_parallel(track_again, context.recordings))
     context.advance()
     return fit_wrenches(Fit(context, tuple(free), tuple(effects), found, near.wrenches if near else ()))
 

@@ -204,14 +204,14 @@ def _compute_gains_and_squares(
     count, rows = evidence.nuisances, evidence.groups[index]
     along, size = found.along, found.size
 
-    def gain(s: Block) -> tuple[float, float]:
+    def compute_gain(s: Block) -> tuple[float, float]:
         beside = s.own[:count, rows]
         predicted = s.own[:count, :count] @ along + beside @ size  # the nuisances' scores
         square = float(along @ predicted + size @ (along @ beside + s.own[rows, rows] @ size))
         slope = along @ s.scores[:count] + size @ s.scores[rows] - predicted @ found.step
         return float(2.0 * slope) - square, square
 
-    both = np.array([gain(s) for s in blocks]).reshape(-1, 2)
+    both = np.array([compute_gain(s) for s in blocks]).reshape(-1, 2)
     return both[:, 0], both[:, 1]
 
 

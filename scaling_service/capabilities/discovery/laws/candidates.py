@@ -67,13 +67,13 @@ class Column:
     def at(self, frequency_hz: float, damping: float) -> Column:
         """The same with what oscillates at another frequency and damping."""
 
-        def tuned(source: Any) -> Any:
+        def tune(source: Any) -> Any:
             if isinstance(source, Oscillation | Wobbling):
                 return replace(source, frequency_hz=frequency_hz, damping=damping)
             return source
 
-        parts = tuple(replace(part, profile=tuned(part.profile)) for part in self.parts)
-        return replace(self, parts=parts, load=tuned(self.load))
+        parts = tuple(replace(part, profile=tune(part.profile)) for part in self.parts)
+        return replace(self, parts=parts, load=tune(self.load))
 
 
 @dataclass(frozen=True, slots=True)

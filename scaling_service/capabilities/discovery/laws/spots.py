@@ -144,11 +144,11 @@ def find_turning_joints(segment: Segment) -> tuple[int, int] | None:
 def put_joint(model: BodyModel, segment: str, at: At, joint: Joint) -> BodyModel:
     """The model with a joint in the chain that carries a segment; a ValueError where that does not turn."""
 
-    def longer(item: Segment) -> Segment:
+    def lengthen(item: Segment) -> Segment:
         place = _find_index(item, at)
         return replace(item, joints=(*item.joints[:place], joint, *item.joints[place:]))
 
-    return replace(model, segments=tuple(longer(s) if s.name == segment else s for s in model.segments))
+    return replace(model, segments=tuple(lengthen(s) if s.name == segment else s for s in model.segments))
 
 
 def _find_index(segment: Segment, at: At) -> int:

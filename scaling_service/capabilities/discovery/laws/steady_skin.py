@@ -167,12 +167,12 @@ class Carried:
         ``close``: share of it that may be left.
         """
 
-        def moved_by(whole: Array) -> Array:
+        def move(whole: Array) -> Array:
             given_way = (self.follows @ whole.reshape(len(moved), -1, 1)).reshape(moved.shape)
             return whole + self.springs.move(given_way).ravel()
 
         square = (moved.size, moved.size)
-        system = LinearOperator(square, moved_by, dtype=float)
+        system = LinearOperator(square, move, dtype=float)
         nearly = LinearOperator(square, self._endless, dtype=float)
         found, _ = gmres(system, moved.ravel(), rtol=close, restart=_TURNS, maxiter=1, M=nearly)
         return np.asarray(found.reshape(moved.shape))

@@ -9,7 +9,7 @@ from threading import Lock
 
 import numpy as np
 
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, rated_motion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
@@ -34,7 +34,7 @@ class InertialLoads:
     @cached_property
     def rated(self) -> RatedMotion:
         """The motion with its rates, filtered."""
-        return rated_motion(self.model, self.times, self.q, cutoff_hz=self.cutoff_hz)
+        return differentiate_motion(self.model, self.times, self.q, cutoff_hz=self.cutoff_hz)
 
     @cached_property
     def root(self) -> Array:

@@ -246,12 +246,12 @@ def is_sufficient(before: Fit, after: Fit) -> bool:
     """Whether the effects that lie between two fits explain the forces, as far as that can be told."""
     floors, settings = measure_noise_floors(after, before.scene.moving), after.settings
 
-    def excess(observation: Observation[Any], fit: Fit, role: Role) -> float:
+    def compute_excess(observation: Observation[Any], fit: Fit, role: Role) -> float:
         return _compute_excess(observation.tally(fit, role, floors[observation.name].noise))
 
-    if any(excess(MARKERS, after, role) > settings.tracked_excess for role in ROLES):
+    if any(compute_excess(MARKERS, after, role) > settings.tracked_excess for role in ROLES):
         return True
-    left = [(excess(WRENCH, before, role), excess(WRENCH, after, role)) for role in ROLES]
+    left = [(compute_excess(WRENCH, before, role), compute_excess(WRENCH, after, role)) for role in ROLES]
     return all(now <= max(settings.wrench_slight, settings.wrench_left * was) for was, now in left)
 
 

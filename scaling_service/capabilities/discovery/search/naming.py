@@ -112,13 +112,13 @@ def find_smallest_nameable(
         return {}
     needed = scipy.stats.f.isf(level, k, fitted.freedom)
 
-    def missed(strength: float) -> float:
+    def compute_missed(strength: float) -> float:
         return float(scipy.stats.ncf.sf(needed, k, fitted.freedom, strength)) - power
 
     top = 10.0
-    while missed(top) < 0.0 and top < 1e9:
+    while compute_missed(top) < 0.0 and top < 1e9:
         top *= 4.0
-    strength = scipy.optimize.brentq(missed, 1e-9, top) if missed(top) > 0.0 else float("inf")
+    strength = scipy.optimize.brentq(compute_missed, 1e-9, top) if compute_missed(top) > 0.0 else float("inf")
     found: Array = effect.size
     own = float(found @ np.linalg.pinv(fitted.covariance) @ found)
     share = np.sqrt(strength / own) if own > 0.0 else float("inf")

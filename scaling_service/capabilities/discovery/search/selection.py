@@ -48,15 +48,15 @@ def score_all(fit: Fit, before: ScoredCandidates | None = None) -> ScoredCandida
     taken = {s.candidate.key for s in fit.estimates}
     every = [c for c in propose_candidates(fit.scene) if c.key not in taken]
 
-    def scored(observation: Observation[Any]) -> tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]]:
+    def score(observation: Observation[Any]) -> tuple[Sequence[ScoredCandidate], Sequence[ScoredCandidate]]:
         choice = [c for c in every if observation.shows(c)]
         found = search_effects(fit, observation.name)
         return score_candidates(fit, choice, fit.settings.shortlist), list(found)
 
     if before is not None and before.tracked is fit.tracked:
-        of_markers, of_wrench = before.of_markers, scored(WRENCH)
+        of_markers, of_wrench = before.of_markers, score(WRENCH)
     else:
-        of_markers, of_wrench = map_parallel(scored, OBSERVATIONS)
+        of_markers, of_wrench = map_parallel(score, OBSERVATIONS)
     found = [*of_markers[1], *of_wrench[1]]
     new = [o for o in found if o.candidate.key not in taken]
     best = sorted((*of_markers[0], *of_wrench[0], *new), key=lambda o: o.fitted.rank)
@@ -216,17 +216,17 @@ def keep_widest(
     for scored in passing:
         scopes.setdefault(_name_thing(scored), {})[_list_scope(scored, every)] = scored.fitted.expected
 
-    def covered(scored: ScoredCandidate) -> bool:
+    def is_covered(scored: ScoredCandidate) -> bool:
         own, all_scopes = _list_scope(scored, every), scopes[_name_thing(scored)]
         wider = [other & known for other in all_scopes if own < other]
         return any(fits and own & known in (frozenset(), fits) for fits in wider)
 
-    def reversed_later(scored: ScoredCandidate) -> bool:
+    def is_reversed_later(scored: ScoredCandidate) -> bool:
         own = _list_scope(scored, every)
         others = scopes[_name_thing(scored)].get(every - own, 0.0)
         return trials[0] in own and others > settings.reversed_share * scored.fitted.expected
 
-    return [scored for scored in passing if not covered(scored) and not reversed_later(scored)]
+    return [scored for scored in passing if not is_covered(scored) and not is_reversed_later(scored)]
 
 
 def _list_scope(scored: ScoredCandidate, every: frozenset[str]) -> frozenset[str]:

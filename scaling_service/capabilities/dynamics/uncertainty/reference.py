@@ -14,8 +14,8 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     CUTOFF_HZ,
     ORDER,
     check_clock,
+    differentiate_motion,
     in_model_order,
-    rated_motion,
     report_no_frame,
     scale_indicator,
 )
@@ -224,7 +224,9 @@ class Reference:
         check_clock(recording.loads, motion.times, motion.trial)
         scale = scale_indicator(sum_mass(model), recording.height_m)
         raw = in_model_order(model, motion)
-        rated = rated_motion(model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order)
+        rated = differentiate_motion(
+            model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order
+        )
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
         spans = tuple((a, b) for a, b in find_runs(known).tolist() if b - a > 2 * HALO)
         inner = np.zeros(len(known), dtype=bool)

@@ -264,12 +264,14 @@ def _register_shank(
     def place(angle: float) -> Frame:
         return follow(joints, {**values, coordinate: angle})
 
-    def gap(angle: float) -> float:
+    def measure_gap(angle: float) -> float:
         turn, origin = place(angle)
         return float(np.linalg.norm(origin + turn @ ankle_at - target))
 
     angle = float(
-        minimize_scalar(gap, bounds=(-MOST_BENT, MOST_BENT), method="bounded", options={"xatol": 1e-9}).x
+        minimize_scalar(
+            measure_gap, bounds=(-MOST_BENT, MOST_BENT), method="bounded", options={"xatol": 1e-9}
+        ).x
     )
     if abs(angle) > 0.99 * MOST_BENT:
         raise SubjectInvalid(

@@ -207,7 +207,7 @@ def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
-    def solved(start: Array, bounds: tuple[Array, Array]) -> MotionSolution:
+    def solve(start: Array, bounds: tuple[Array, Array]) -> MotionSolution:
         return solve_motion(
             task.tree,
             measured,
@@ -220,7 +220,7 @@ def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement
             settings=_EXACT,
         )
 
-    found = solved(solved(np.clip(starts, *natural), natural).q, task.bounds)
+    found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]
 
 

@@ -11,7 +11,7 @@ from scaling_service.capabilities.kinetics.forces import TrialForces, assign_for
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     CUTOFF_HZ,
     find_judged_frames,
-    inverse_dynamics,
+    solve_inverse_dynamics,
 )
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
@@ -142,7 +142,7 @@ def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | N
     order = [motion.coordinates.index(name) for name in model.coordinate_names]
     moments: dict[str, Array] = {}
     if forces is not None:
-        dynamics = inverse_dynamics(model, motion, forces.loads)
+        dynamics = solve_inverse_dynamics(model, motion, forces.loads)
         judged = find_judged_frames(dynamics, forces.contacts, CUTOFF_HZ)
         values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
         moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}

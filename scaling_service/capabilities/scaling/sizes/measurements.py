@@ -194,15 +194,15 @@ def open_axes(
     """
     opened, notes = dict(factors), list[str]()
 
-    def measured(measure: Callable[[Points, Points], float | None]) -> float | None:
+    def measure_first(measure: Callable[[Points, Points], float | None]) -> float | None:
         """On the first recording on which it can be."""
         return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
     if "pelvis" in factors:
         found = {
-            "depth": measured(partial(compute_ratio, _DEPTH)),
-            "width": measured(partial(compute_ratio, _WIDTH)),
-            "height": measured(_compute_hip_depth_ratio),
+            "depth": measure_first(partial(compute_ratio, _DEPTH)),
+            "width": measure_first(partial(compute_ratio, _WIDTH)),
+            "height": measure_first(_compute_hip_depth_ratio),
         }
         missing = [name for name, value in found.items() if value is None]
         if missing:
@@ -214,7 +214,7 @@ def open_axes(
             if segment in factors:
                 lateral, medial = (f"{side.upper()}{name}" for name in ends)
                 across = SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth")
-                length, breadth = factors[segment][1], measured(partial(compute_ratio, across))
+                length, breadth = factors[segment][1], measure_first(partial(compute_ratio, across))
                 if breadth is None:
                     notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")
                 else:

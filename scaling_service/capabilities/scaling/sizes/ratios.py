@@ -129,25 +129,25 @@ class _Propagated:
         row = {key: 2 * k for k, key in enumerate(inputs)}
         n = 2 * len(inputs)
 
-        def moved(name: str, sds: Sequence[float], turned: Array) -> Array:
+        def move(name: str, sds: Sequence[float], turned: Array) -> Array:
             shift = np.zeros((n, 3))
             for axis, sd in enumerate(sds):
                 shift[row[name, axis]] += sd * turned[:, axis]
                 shift[row[name, axis] + 1] -= sd * turned[:, axis]
             return shift
 
-        def sized(name: str, value: Size, sd: float) -> Array:
+        def resize(name: str, value: Size, sd: float) -> Array:
             sizes_of = np.full(n, value)
             sizes_of[row[name, 0]] += sd
             sizes_of[row[name, 0] + 1] -= sd
             return sizes_of
 
         landmarks = {
-            name: at + moved(name, [person.scale * sd for sd in look_up_landmark_sd(name)], axes)
+            name: at + move(name, [person.scale * sd for sd in look_up_landmark_sd(name)], axes)
             for name, at in still.items()
         }
-        errors = {name: moved(name, centre.sd, np.eye(3)) for name, centre in person.centres.items()}
-        widths = {k: (sized(f"{k} width", value, sd), sd) for k, (value, sd) in sizes.widths.items()}
+        errors = {name: move(name, centre.sd, np.eye(3)) for name, centre in person.centres.items()}
+        widths = {k: (resize(f"{k} width", value, sd), sd) for k, (value, sd) in sizes.widths.items()}
         centres = construct_centres(
             landmarks,
             replace(sizes, widths=widths),

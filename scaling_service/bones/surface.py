@@ -27,7 +27,7 @@ so that stairs and noise do not turn normals, and far below the radius of a cond
 COARSE_M = 3e-3  # median edge above which edges are halved: chosen, so that patches of 8 mm hold vertices
 
 OPEN_SHARE = 1e-3
-"""Boundary edges above this share of all are called open; chosen, a pinhole is not worth a word."""
+"""Boundary edges above this share of all are called open; chosen, a pinhole is not worth a warning."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ _HEAD_IN_SOCKET = (0.65, 1.05)
 """Chosen: radius of a head over its socket's; 0.85 and 0.91 on two persons. Outside, they do not fit."""
 _KNEE_GAP = (1.1, 2.0, 3.5)
 """Chosen: from the middle of the condyles to that of the plateaus over the condyles' radius, 1.55 to 1.6 on
-three persons: below the first or above the second there is a word, above the third they are no knee."""
+three persons: below the first or above the second there is a warning, above the third they are no knee."""
 _PLATEAU_TO_FEMUR = (0.78, 1.15)
 """Chosen: width of the plateau over that between the epicondyles, 0.91 to 0.98 on three persons.
 Outside, tibia and femur are of persons of different size."""
@@ -165,7 +165,7 @@ def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
 
 
 def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
-    """A word where the head does not sit in its socket, or is not of its size."""
+    """A warning where the head does not sit in its socket, or is not of its size."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     if pelvis is None or femur is None or "hip_centre" not in femur.points:
         return
@@ -208,7 +208,7 @@ def _measure_knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[fl
 
 
 def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[str]:
-    """A word where a plateau is too wide or too narrow for the epicondyles."""
+    """A warning where a plateau is too wide or too narrow for the epicondyles."""
     ends = {
         "tibia": ("plateau_medial", "plateau_lateral"),
         "femur": ("epicondyle_medial", "epicondyle_lateral"),
@@ -230,7 +230,7 @@ def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[s
 def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     """Whether bones meet in their joints, as they do in one image of one person.
 
-    ``found``: bone to its landmarks. Returns a word on each knee whose gap or whose bones' widths do not
+    ``found``: bone to its landmarks. Returns a warning for each knee whose gap or whose bones' widths do not
     fit. Raises MeshRefused: a femur's head is nowhere near its socket, or a tibia nowhere near its femur.
     """
     notes: list[str] = []

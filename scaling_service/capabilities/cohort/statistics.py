@@ -269,7 +269,7 @@ def _make_curve_test(test: CurveTest) -> CurveTestEntry:
 
 
 def _explain_undecidable(test: WaveformComparison) -> str:
-    """A word where too few subjects make significance impossible."""
+    """A note where too few subjects make significance impossible."""
     n = len(test.subjects)
     if not test.anova.can_decide:
         return f"{n} subjects are too few for any difference to be significant"

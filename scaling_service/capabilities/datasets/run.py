@@ -239,5 +239,5 @@ def write_source_note(name: str, dataset: Dataset) -> str:
 
 
 def describe_terms(dataset: Dataset) -> str:
-    """The licence in one line, with a word on commercial use where it is excluded."""
+    """The licence in one line, with a note on commercial use where it is excluded."""
     return dataset.licence.name + (" (NON-COMMERCIAL USE ONLY)" if dataset.licence.non_commercial else "")

@@ -228,7 +228,7 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
 
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The methods that bones and recordings allow, and a word on those that trials are missing for."""
+    """The methods that bones and recordings allow, and a note on those that trials are missing for."""
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()

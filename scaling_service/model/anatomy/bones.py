@@ -24,7 +24,7 @@ _ONE_FOOT_M = 0.07  # chosen: the subtalar joint lies 20 to 45 mm from the ankle
 
 
 def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, tuple[str, ...]]:
-    """The model with its bones stated where its segments' names do not say them, and a word on each of these.
+    """The model with its bones stated where its segments' names do not say them, and a note on each of these.
 
     ``said``: bone to the segment that a person names for it. Without that, names count; where they leave out
     a femur, the tree of the joints is looked at.

@@ -131,7 +131,7 @@ class DiscoverySettings:
     # Summary
 
     unexplained_level: float = 0.05  # family-wise, over all places
-    # RMS over floor from which what is left is worth a word (chosen: a third of its squares is predicted)
+    # RMS over floor from which what is left is reported (chosen: a third of its squares is predicted)
     unexplained_ratio: float = 1.25
     law_terms: int = 3  # of a description of what is left (chosen: a law of more is no longer simple)
     # of the variance: what a further term must explain, on the half that did not fit it (chosen)

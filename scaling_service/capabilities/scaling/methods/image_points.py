@@ -70,12 +70,12 @@ def measure_marked_length(name: str, side: str, hip: Vector, standing: Trial | N
 
 
 _DOUBTFUL, _IMPOSSIBLE = 0.15, 0.30
-"""Chosen: how far a bone may be from its length by markers, before there is a word, and a refusal. Femurs by
+"""Chosen: how far a bone may be from its length by markers before it is warned of, and refused. Femurs by
 markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019, section 3.1), hips by up to 10 %."""
 
 
 def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[str]) -> list[str]:
-    """A word on every bone whose length does not fit the markers.
+    """A warning for every bone whose length does not fit the markers.
 
     ``imaged``: segments whose bones were imaged. Raises SubjectInvalid: a length is out by so much that bones
     and recordings cannot be of one person, or the unit of either is wrong.

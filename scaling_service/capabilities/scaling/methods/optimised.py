@@ -259,7 +259,7 @@ class Optimised:
         return self.freedom.lengths
 
     def _note_kept_knees(self, model: BodyModel) -> list[str]:
-        """A word on knees whose axes the image gave and no movement turns."""
+        """A note on knees whose axes the image gave and no movement turns."""
         kept = [s.joint_name for s in _list_shanks(model) if len(_list_turning_coordinates(s)) >= 3]
         if not kept or not self.needs_images:
             return []

@@ -5,7 +5,8 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,29 @@ def test_functions_are_verbs() -> None:
         if function.name.strip("_").partition("_")[0].endswith("ed")
     }
     assert {name: place for name, place in found.items() if name not in PARTICIPLES} == {}
+
+
+def test_no_imports_run_in_circles() -> None:
+    """Neither those at the top of a module, nor those within functions or for types alone."""
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in (ROOT / "scaling_service").rglob("*.py")
+    }
+    imported = {
+        name: set(imports(ast.parse(path.read_bytes()))) & files.keys() for name, path in files.items()
+    }
+    TopologicalSorter(imported).prepare()  # raises CycleError
+
+
+def imports(module: ast.Module) -> Iterator[str]:
+    """What a module imports, and what that might be a module in."""
+    for node in ast.walk(module):
+        if isinstance(node, ast.ImportFrom):
+            inside = [f"{node.module}.{alias.name}" for alias in node.names]
+            yield from inside
+            yield str(node.module)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
 
 
 def test_no_module_holds_state_that_changes() -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from scaling_service.core.text import name_version
 from scaling_service.core.threads import use_one_thread
 
-__all__ = ["main", "version"]
+__all__ = ["main"]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,16 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given == ["--version"]:  # answered before anything is loaded
-        print(version())  # noqa: T201 (the command line's own output)
+        print(name_version())  # noqa: T201 (the command line's own output)
         return 0
     use_one_thread()  # before anything imports numpy
     from scaling_service.cli.app import run
 
     return run(given)
-
-
-def version() -> str:
-    """The program and its version."""
-    from importlib.metadata import version
-
-    return f"scaling-service {version('scaling-service')}"

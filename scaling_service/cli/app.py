@@ -16,6 +16,7 @@ from scaling_service.capabilities import import_modules_named
 from scaling_service.capabilities.cohort.command import Interrupted
 from scaling_service.cli import demo, guide, service
 from scaling_service.core.errors import InputError
+from scaling_service.core.text import name_version
 from scaling_service.studies import command as studies
 
 EXIT_INPUT = 2
@@ -66,9 +67,7 @@ app = _build_program()
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from scaling_service.cli import version
-
-        typer.echo(version())
+        typer.echo(name_version())
         raise typer.Exit
 
 

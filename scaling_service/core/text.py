@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 
 _SHOWN = 6  # chosen: as many names as fit one line
@@ -28,6 +27,8 @@ def suggest_name(name: str, known: Iterable[str], *, cutoff: float = 0.6) -> str
     >>> suggest_name("full_bdoy", ["full_body", "squat"])
     "Did you mean 'full_body'? "
     """
+    import difflib
+
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"Did you mean '{close[0]}'? " if close else ""
 
@@ -41,3 +42,10 @@ def format_p(p: float) -> str:
     ('< 0.001', '0.032')
     """
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def name_version() -> str:
+    """The program and its version."""
+    from importlib.metadata import version
+
+    return f"scaling-service {version('scaling-service')}"

@@ -1,4 +1,4 @@
-"""The built-in example: a virtual person with something hidden in recordings, and its files.
+"""Virtual persons to try everything on: as sessions, with something hidden in recordings, and as files.
 
 A search that does not know what was hidden is to find it.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,21 +17,23 @@ import numpy as np
 import trimesh
 from trimesh.exchange.stl import export_stl
 
+from scaling_service.core.progress import show_nothing
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Bone, Trial
+from scaling_service.model.trial import Bone, ImageEvidence, Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
-from scaling_service.virtual.image import make_virtual_image
+from scaling_service.virtual.image import make_virtual_image, read_image_evidence
 from scaling_service.virtual.subject import (
     VirtualSettings,
     VirtualSubject,
     make_session,
     make_virtual_subject,
+    process_recording,
 )
 
 RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
@@ -63,6 +65,30 @@ SLIDING = Hidden(
 
 SWAPPED = Hidden("marker_swap", ("LLM", "LMM"), {"start_s": 2.0, "end_s": 2.6}, trial="knee_l")
 """The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
+
+
+def make_demo_session(
+    seed: int,
+    settings: VirtualSettings | None = None,
+    *,
+    images: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Session, VirtualSubject]:
+    """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
+
+    ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
+    seconds. ``progress``: called with what is done, where bones are made.
+    """
+    person = make_virtual_subject(seed, settings or VirtualSettings())
+    trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
+    session = make_session(person, person.generic, trials)
+    return replace(session, images=_read_image(person, progress) if images else None), person
+
+
+def _read_image(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
+    report = progress or show_nothing
+    image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
+    return read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
 
 
 def make_hidden_session(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
 from scaling_service.model.body import BodyModel, Vector, to_vector
@@ -18,7 +17,7 @@ from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
-from scaling_service.model.trial import ImageEvidence, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.orientation import Orientation
@@ -192,24 +191,6 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     )
 
 
-def make_demo_session(
-    seed: int,
-    settings: VirtualSettings = VirtualSettings(),
-    *,
-    images: bool = False,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Session, VirtualSubject]:
-    """A virtual subject as a session, recordings processed: functional movements fit, gait is held out.
-
-    ``images``: whether the person's bones were imaged too; making them and reading their landmarks takes
-    seconds. ``progress``: called with what is done, where bones are made.
-    """
-    person = make_virtual_subject(seed, settings)
-    trials = {name: process_recording(trial, person.generic) for name, trial in person.trials.items()}
-    session = make_session(person, person.generic, trials)
-    return replace(session, images=_read_image(person, progress) if images else None), person
-
-
 def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
     """A person's trials as a session: functional movements fit, walking is held out."""
     name = f"virtual_{person.seed}"
@@ -221,15 +202,6 @@ def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, 
         calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
         evaluation=tuple(t for name, t in trials.items() if name.startswith("gait")),
     )
-
-
-def _read_image(person: VirtualSubject, progress: Callable[[str], None] | None) -> ImageEvidence:
-    # Bones are built around a virtual subject, so their module imports this one.
-    from scaling_service.virtual.image import make_virtual_image, read_image_evidence
-
-    report = progress or show_nothing
-    image = make_virtual_image(person, progress=lambda bone: report(f"making the {bone}"))
-    return read_image_evidence(image, progress=lambda bone: report(f"landmarks of the {bone}"))
 
 
 def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:

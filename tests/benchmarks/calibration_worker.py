@@ -7,7 +7,7 @@ from typing import Any
 
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import PAPER
-from scaling_service.virtual.subject import make_demo_session
+from scaling_service.virtual.example import make_demo_session
 from tests.peers.worker import serve
 
 

@@ -8,7 +8,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.model.results import Calibration
-from scaling_service.virtual.subject import make_demo_session
+from scaling_service.virtual.example import make_demo_session
 from tests.calibration.people import person
 from tests.calibration.test_optimised import TILTS, start_at
 

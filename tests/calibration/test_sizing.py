@@ -20,7 +20,7 @@ from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.results import SegmentSize
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.virtual.subject import make_demo_session
+from scaling_service.virtual.example import make_demo_session
 from tests.calibration.conventional import patient
 from tests.calibration.people import person
 

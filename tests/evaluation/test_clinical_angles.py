@@ -26,7 +26,8 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 from tests.capabilities.recorded import recorded
 
 SAME = {

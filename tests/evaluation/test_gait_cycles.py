@@ -17,8 +17,9 @@ from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import decide
 from scaling_service.recording.pipeline import process
+from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.motion import draw_style
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 
 SEEDS = range(6)
 LONG = VirtualSettings(strides=6.0, functional_s=4.0, gait_trials=1)

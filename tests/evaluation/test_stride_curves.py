@@ -13,7 +13,8 @@ from scaling_service.capabilities.scaling.comparison.geometry import place_centr
 from scaling_service.model.anatomy.lengths import find_joint_centres
 from scaling_service.model.results import Motion
 from scaling_service.model.scaling import scale_model
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 
 
 @pytest.fixture(scope="module")

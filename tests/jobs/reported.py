@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from scaling_service.capabilities.scaling.clinical_gait import describe_clinical_gait
-from scaling_service.capabilities.scaling.comparison.evidence import gather_evidence
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.report.page import report_page
-from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.result import Results, gather_evidence
 from scaling_service.capabilities.scaling.saving import make_comparison_document, make_method_document
 from scaling_service.documents.results import ComparisonDocument, TruthDocument
 from tests.report.reading import Node, read

@@ -13,12 +13,11 @@ import yaml
 
 from scaling_service.capabilities.cohort import subject as subject_item
 from scaling_service.capabilities.cohort.document import CohortDocument
-from scaling_service.capabilities.cohort.job import BatchRequest
+from scaling_service.capabilities.cohort.job import BatchRequest, summarise
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.run import BatchResult, batch
 from scaling_service.capabilities.cohort.saving import TABLES
 from scaling_service.capabilities.cohort.subject import read_record
-from scaling_service.capabilities.cohort.work import summarise
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
@@ -55,13 +54,13 @@ class Watched:
         self.stages: list[str] = []
         self.outcomes: dict[str, Outcome] = {}
 
-    def started(self, count: int, workers: int) -> None:
+    def start(self, count: int, workers: int) -> None:
         self.size = (count, workers)
 
     def stage(self, name: str, *_: object) -> None:
         self.stages.append(name)
 
-    def finished(self, outcome: Outcome) -> None:
+    def finish(self, outcome: Outcome) -> None:
         self.outcomes[outcome.name] = outcome
 
 

@@ -16,7 +16,8 @@ from scaling_service.capabilities.scaling.clinical_gait import (
     write_clinical,
 )
 from scaling_service.model.results import Motion
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.scaling.comparison.evidence import gather_evidence
 from scaling_service.capabilities.scaling.comparison.geometry import estimate_usual_lengths
-from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.result import Results, gather_evidence
 from scaling_service.model.trial import ImageEvidence
 
 

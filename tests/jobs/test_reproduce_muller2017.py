@@ -11,9 +11,10 @@ from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintyS
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import save_study
 from scaling_service.studies.muller2017.claims import CLAIMS
+from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
 from scaling_service.studies.muller2017.report import build_page as study_page
-from scaling_service.studies.muller2017.study import Muller2017Document, reproduce_muller2017
+from scaling_service.studies.muller2017.study import reproduce_muller2017
 from tests.report.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)

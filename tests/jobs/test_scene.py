@@ -24,7 +24,8 @@ from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles, sample_at
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.poses import pose_neutral_frames, pose_segments
 from scaling_service.model.trial import Array
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 from tests.jobs.hidden_case import found
 
 TOLERANCE_MM = 0.005  # float32 of some metres, local coordinates to the micrometre

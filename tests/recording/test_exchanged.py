@@ -12,7 +12,7 @@ from scaling_service.files.recording import READERS, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording.exchanged import find_exchanged_sides
-from scaling_service.virtual.subject import make_demo_session
+from scaling_service.virtual.example import make_demo_session
 
 RATE_HZ = 100.0
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "RLFE", "RMFE", "LLFE", "LMFE", "RLM", "RMM", "LLM", "LMM")

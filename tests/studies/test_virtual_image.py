@@ -15,6 +15,7 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.trial import Bone
+from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.image import (
     MARKER_MM,
     SURFACE_MM,
@@ -22,7 +23,7 @@ from scaling_service.virtual.image import (
     make_virtual_image,
     read_image_evidence,
 )
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session, make_virtual_subject
+from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged
 
 CENTRE_MM = {"hip": 0.05, "knee": 0.1, "ankle": 0.4}

@@ -17,13 +17,8 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual import motion
 from scaling_service.virtual.artefact import Artefact, draw_artefact, draw_residual, with_artefact
-from scaling_service.virtual.subject import (
-    CAMERA_MM,
-    VirtualSettings,
-    VirtualSubject,
-    make_demo_session,
-    make_virtual_subject,
-)
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import CAMERA_MM, VirtualSettings, VirtualSubject, make_virtual_subject
 
 CLEAN = VirtualSettings(placement=0.0, artefact=0.0, noise=0.0, gaps=0.0)
 SHORT = VirtualSettings(functional_s=1.0, static_s=0.1, gait_trials=0)

@@ -11,6 +11,9 @@ from scaling_service.documents.base import Part, Rounded
 COHORT_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
 
+RECORD = "batch.json"
+"""What a member keeps for the statistics, in its folder."""
+
 
 class SubjectEntry(Part):
     """How one subject ended."""

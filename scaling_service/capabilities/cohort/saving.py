@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.capabilities.cohort.document import CohortDocument
-from scaling_service.capabilities.cohort.job import RECORD
+from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.report import build_cohort_page
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from scaling_service.capabilities.cohort.job import RECORD as RECORD
+from scaling_service.capabilities.cohort.document import RECORD
 from scaling_service.capabilities.cohort.outcomes import Done, NothingPossible, select_possible_methods
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import compare

@@ -23,8 +23,8 @@ from scaling_service.capabilities.motion.bones import (
     is_revealed,
     learn_skin_sizes,
 )
-from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
 from scaling_service.model.anatomy.secondary import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.body import BodyModel, Expectation, Law

@@ -31,7 +31,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.inverse_kinematics import Task
+    from scaling_service.capabilities.motion.task import Task
 
 _NOISE_M = 1e-3  # chosen: cameras and a marker's own wobble, beside what skin does
 _MOST_STEPS = 20

@@ -8,22 +8,18 @@ coarse motion, so that two or three steps are left for each.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion.start import guess_start
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
-from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
-    compile_model,
-    free_coordinates,
-    list_coordinate_bounds,
     list_coordinate_ranges,
-    list_parameter_values,
     repeat_default_pose,
 )
 from scaling_service.model.results import Motion
@@ -38,7 +34,7 @@ from scaling_service.numerics.multibody.sweep import (
     is_articulated,
     solve_motion,
 )
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -53,74 +49,6 @@ _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes i
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
 _BETTER = 0.5  # chosen: a neighbour is worth starting from where it costs at most this share
 _TINY = 1e-12  # m2: noise-free frames differ by more than any factor
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Task:
-    """What inverse kinematics solves: a compiled model, the markers to follow and how."""
-
-    model: BodyModel
-    tree: Tree
-    markers: tuple[str, ...]
-    measured: Array
-    weights: Array
-    free: NDArray[np.bool_]
-    bounds: tuple[Array, Array]
-    p: Array
-    loss: Loss = SQUARED
-
-    @classmethod
-    def of(
-        cls,
-        model: BodyModel,
-        trial: Trial,
-        *,
-        weights: Mapping[str, float] | None = None,
-        loss: Loss = SQUARED,
-        bounded: bool = True,
-    ) -> Task:
-        """Pair the model's markers with the trial's labels.
-
-        Markers of weight zero and markers that the trial never shows are left out.
-
-        Raises TrialUnusable: no marker of the model is seen in the trial.
-        """
-        chosen = _list_usable(model, trial, weights or {})
-        if not chosen:
-            raise TrialUnusable(
-                f"none of the markers of model '{model.name}' is seen in trial '{trial.name}'",
-                file=trial.name,
-                field="markers",
-                remedy="Map the labels under `markers:` in the subject file",
-            )
-        names = tuple(chosen)
-        count = len(model.coordinates)
-        open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
-        return cls(
-            model,
-            compile_model(model, names),
-            names,
-            trial.select(names).markers,
-            np.array([chosen[name] for name in names]),
-            free_coordinates(model),
-            list_coordinate_bounds(model) if bounded else open_ended,
-            list_parameter_values(model),
-            loss,
-        )
-
-    def at(self, p: Array) -> Task:
-        """The same task at other parameter values, shape (n_parameters,)."""
-        return replace(self, p=p)
-
-    def in_frames(self, rows: NDArray[np.intp]) -> Task:
-        """The same task in some frames."""
-        return replace(self, measured=self.measured[rows])
-
-
-def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
-    shown = trial.shown_labels
-    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in shown}
-    return {name: weight for name, weight in found.items() if weight > 0.0}
 
 
 def inverse_kinematics(

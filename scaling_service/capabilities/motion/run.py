@@ -22,9 +22,10 @@ from scaling_service.capabilities.motion.clinical_angles import (
     compute_clinical_angles,
     compute_clinical_rates,
 )
-from scaling_service.capabilities.motion.inverse_kinematics import Task, make_motion, solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import (
     CoordinateSd,
     estimate_coordinate_sd,

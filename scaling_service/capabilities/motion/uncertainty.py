@@ -37,7 +37,7 @@ from scaling_service.numerics.multibody.tree import (
 )
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.inverse_kinematics import Task
+    from scaling_service.capabilities.motion.task import Task
 
 
 _PIN = "pin"

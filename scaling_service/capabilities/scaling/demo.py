@@ -17,7 +17,8 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
-from scaling_service.virtual.subject import VirtualSubject, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSubject
 
 _BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
 _STEPS = 10  # of five bones: making them, finding their landmarks

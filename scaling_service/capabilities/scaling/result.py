@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import Geometry
+from scaling_service.capabilities.scaling.comparison.evidence import (
+    Evidence,
+    MethodEvidence,
+    Verdict,
+    average_errors,
+)
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    Geometry,
+    estimate_usual_lengths,
+    list_joint_angles,
+)
+from scaling_service.capabilities.scaling.comparison.verdict import judge
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
 from scaling_service.capabilities.scaling.muscles.surface import MovedAttachments
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
@@ -18,9 +32,6 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Session
-
-if TYPE_CHECKING:
-    from scaling_service.capabilities.scaling.comparison.evidence import Verdict
 
 _MM = 1e3
 
@@ -165,9 +176,6 @@ class Results:
     @property
     def verdict(self) -> Verdict:
         """Which model to use for this person, why, and how far to trust it."""
-        from scaling_service.capabilities.scaling.comparison.evidence import gather_evidence
-        from scaling_service.capabilities.scaling.comparison.verdict import judge
-
         return judge(gather_evidence(self))
 
     def __repr__(self) -> str:
@@ -176,3 +184,83 @@ class Results:
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(repr(self))}</p>{self.errors._repr_html_()}{self.lengths._repr_html_()}"
+
+
+def gather_evidence(results: Results) -> Evidence:
+    """What a verdict on the methods computed rests on."""
+    session = results.session
+    fitted = [trial.name for trial in session.calibration]
+    names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
+    return Evidence(
+        tuple(
+            _gather_method_evidence(scaling, fitted, results.held_out)
+            for scaling in results.scalings.values()
+        ),
+        frozenset() if session.images is None else frozenset(session.images.centres),
+        estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        find_angles_apart(results.scalings, results.held_out or fitted),
+    )
+
+
+def _gather_method_evidence(
+    scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
+) -> MethodEvidence:
+    calibration, shape = scaling.calibration, scaling.geometry
+    method, parameters = METHODS[calibration.method], calibration.parameters
+    return MethodEvidence(
+        calibration.method,
+        start=method.needs,
+        from_images=method.needs_images,
+        fits_lengths=method.fits_lengths,
+        fitted=average_errors(scaling.errors, fitted),
+        held_out=average_errors(scaling.errors, held_out),
+        parameters=len(parameters),
+        undetermined=sum(not p.identifiable for p in parameters),
+        at_bounds=sum(p.at_bound for p in parameters),
+        lengths=shape.lengths,
+        hip_centres={
+            name: at for name, (_, at) in shape.joint_centres.items() if name.partition("_")[0] == "hip"
+        },
+        knee_axes=shape.knee_axes,
+        length_sds={
+            size.dimension: size.sd * shape.lengths[size.dimension]
+            for size in calibration.sizes.values()
+            if size.dimension in shape.lengths
+        },
+        inferred=tuple(name for name, size in calibration.sizes.items() if not size.own),
+    )
+
+
+def find_angles_apart(
+    scalings: Mapping[str, Scaling], trials: Sequence[str]
+) -> dict[tuple[str, str], tuple[str, float]]:
+    """For every two methods the joint angle in which they differ most, and its RMS difference, rad.
+
+    Over the frames of ``trials`` in which both methods know the angle.
+    """
+    found = {}
+    for first, second in combinations(scalings, 2):
+        gaps = _compute_gaps(scalings[first], scalings[second], trials)
+        if gaps:
+            worst = max(gaps, key=lambda name: gaps[name])
+            found[first, second] = (worst, gaps[worst])
+    return found
+
+
+def _compute_gaps(first: Scaling, second: Scaling, trials: Sequence[str]) -> dict[str, float]:
+    """Joint angle to the RMS difference of two methods, rad."""
+    both = [
+        (first.motions[t], second.motions[t]) for t in trials if t in first.motions and t in second.motions
+    ]
+    gaps = {}
+    for name in list_joint_angles(first.calibration.model):
+        squares = [
+            (a.column(name) - b.column(name)) ** 2
+            for a, b in both
+            if name in a.estimated and name in b.estimated
+        ]
+        known = np.concatenate(squares) if squares else np.empty(0)
+        known = known[np.isfinite(known)]
+        if known.size:
+            gaps[name] = float(np.sqrt(known.mean()))
+    return gaps

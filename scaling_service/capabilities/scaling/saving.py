@@ -27,13 +27,13 @@ from scaling_service.capabilities.scaling.clinical_gait import (
     make_clinical_document,
     write_clinical,
 )
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors, gather_evidence
+from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.muscles.writing import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
-from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.subject.loading import read_stated_sizes, record_provenance
 from scaling_service.core.errors import DependencyMissing

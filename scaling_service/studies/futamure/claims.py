@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
 
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import Answer, Claim, claim
-
-if TYPE_CHECKING:
-    from scaling_service.studies.futamure.study import FutamureDocument, WayEntry
+from scaling_service.studies.futamure.document import FutamureDocument, WayEntry
 
 LEVEL = 0.05
 """Of the tests (chosen: the usual one)."""

@@ -14,7 +14,8 @@ from scaling_service.report.methods import FAINT
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.futamure.claims import PAPER
-from scaling_service.studies.futamure.study import WAYS, FutamureDocument, SquatterEntry, WayEntry
+from scaling_service.studies.futamure.document import FutamureDocument, SquatterEntry, WayEntry
+from scaling_service.studies.futamure.study import WAYS
 
 _COLOURS = dict(zip(WAYS, ("#0072B2", "#D55E00", "#009E73"), strict=True))  # Okabe & Ito 2008
 _WRENCH = ("fx, N", "fy, N", "mz, N m")

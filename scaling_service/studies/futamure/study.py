@@ -6,10 +6,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pydantic import Field
 
 from scaling_service.capabilities.consistent.estimate import ConsistentResult, estimate_consistent
 from scaling_service.capabilities.consistent.planar import (
@@ -29,7 +27,6 @@ from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.progress import show_nothing
-from scaling_service.documents.base import Part, Rounded
 from scaling_service.documents.writing import code_version
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
@@ -39,8 +36,15 @@ from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
-from scaling_service.studies.claims import PersonDone, PersonPart, StudyDocument, answer_claims, study_persons
+from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
 from scaling_service.studies.futamure.claims import CLAIMS
+from scaling_service.studies.futamure.document import (
+    FutamureDocument,
+    RealEntry,
+    RecordingEntry,
+    SquatterEntry,
+    WayEntry,
+)
 from scaling_service.studies.futamure.squatters import (
     COM_SD,
     MASS_SD,
@@ -85,66 +89,6 @@ _MM = 1e3
 WAYS = ("classical", "consistent", "predicted")
 """Of explaining a recording. Predicted: the classical two steps with the model found, so that forces of the
 recording played no part."""
-
-Three = tuple[Rounded, Rounded, Rounded]
-
-
-class WayEntry(Part):
-    """One way of explaining one recording."""
-
-    wrench_rmse: Three = Field(description="fx, N; fy, N; mz, N m, about the ankle or the feet's middle.")
-    marker_rms_mm: float
-    angle_rmse_deg: list[Rounded] = Field(
-        description="Ankle, knee, hip, shoulder; empty where no truth is known."
-    )
-
-
-class RecordingEntry(Part):
-    """One recording in three ways."""
-
-    classical: WayEntry
-    consistent: WayEntry
-    predicted: WayEntry
-
-
-class SquatterEntry(PersonPart):
-    """One virtual person."""
-
-    fitted: RecordingEntry
-    held_out: RecordingEntry
-    inertia_distance: tuple[Three, Three] = Field(
-        description="Masses, centres of mass, moments of inertia, in SDs of tables; before, after."
-    )
-    length_error_mm: tuple[Three, Three] = Field(description="Shank, thigh, trunk; before, after.")
-    marker_rms_mm: dict[str, tuple[float, float]] = Field(description="Classical, consistent.")
-    loops: int
-    converged: bool
-    seconds: float
-
-
-class RealEntry(Part):
-    """A real recording: its first part fitted, the rest held out."""
-
-    name: str
-    model: str
-    start: str
-    fitted: RecordingEntry
-    held_out: RecordingEntry
-    loops: int
-    seconds: float
-
-
-class FutamureDocument(StudyDocument):
-    """``study.json``."""
-
-    study: Literal["futamure"] = "futamure"
-    persons: list[SquatterEntry]
-    recordings: list[RealEntry] = Field(description="Real ones, if given; claims leave them out.")
-
-    @property
-    def size(self) -> int:
-        """How many virtual persons there are."""
-        return len(self.persons)
 
 
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:

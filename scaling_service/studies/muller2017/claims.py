@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -14,9 +13,7 @@ from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE,
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import Answer, Claim, claim
-
-if TYPE_CHECKING:
-    from scaling_service.studies.muller2017.study import Muller2017Document
+from scaling_service.studies.muller2017.document import Muller2017Document
 
 NOMINAL = 0.95
 """Rate at which a frame's interval by the markers' errors should hold the true error."""

@@ -13,7 +13,7 @@ from scaling_service.report.figures import Figure, draw_grouped_bars, make_chart
 from scaling_service.report.methods import FAINT, INK
 from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import build_study_page
-from scaling_service.studies.muller2017.study import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
 
 _BLUE, _ORANGE = "#0072B2", "#D55E00"  # Okabe & Ito 2008
 

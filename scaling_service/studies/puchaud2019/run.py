@@ -40,7 +40,8 @@ from scaling_service.studies.puchaud2019.paper import (
     compare_marker_shifts,
     read_paper,
 )
-from scaling_service.virtual.subject import VirtualSettings, make_demo_session
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSettings
 
 SUBJECTS = 26
 """Puchaud 2019, section 2.1."""

@@ -1,19 +1,15 @@
-"""What a verdict on scaled models rests on, gathered from results, and what it says."""
+"""What a verdict on scaled models rests on, and what it says."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.scaling.comparison.geometry import estimate_usual_lengths, list_joint_angles
-from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.documents.results import TrustNote
 from scaling_service.model.body import Vector
 
@@ -177,51 +173,6 @@ class Verdict:
     findings: tuple[Finding, ...]
 
 
-def gather_evidence(results: Results) -> Evidence:
-    """What a verdict on the methods computed rests on."""
-    session = results.session
-    fitted = [trial.name for trial in session.calibration]
-    names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
-    return Evidence(
-        tuple(
-            _gather_method_evidence(scaling, fitted, results.held_out)
-            for scaling in results.scalings.values()
-        ),
-        frozenset() if session.images is None else frozenset(session.images.centres),
-        estimate_usual_lengths(session.subject.height_m, sorted(names)),
-        find_angles_apart(results.scalings, results.held_out or fitted),
-    )
-
-
-def _gather_method_evidence(
-    scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
-) -> MethodEvidence:
-    calibration, shape = scaling.calibration, scaling.geometry
-    method, parameters = METHODS[calibration.method], calibration.parameters
-    return MethodEvidence(
-        calibration.method,
-        start=method.needs,
-        from_images=method.needs_images,
-        fits_lengths=method.fits_lengths,
-        fitted=average_errors(scaling.errors, fitted),
-        held_out=average_errors(scaling.errors, held_out),
-        parameters=len(parameters),
-        undetermined=sum(not p.identifiable for p in parameters),
-        at_bounds=sum(p.at_bound for p in parameters),
-        lengths=shape.lengths,
-        hip_centres={
-            name: at for name, (_, at) in shape.joint_centres.items() if name.partition("_")[0] == "hip"
-        },
-        knee_axes=shape.knee_axes,
-        length_sds={
-            size.dimension: size.sd * shape.lengths[size.dimension]
-            for size in calibration.sizes.values()
-            if size.dimension in shape.lengths
-        },
-        inferred=tuple(name for name, size in calibration.sizes.items() if not size.own),
-    )
-
-
 def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:
     """Over trials that show any marker; None if there is none.
 
@@ -240,38 +191,3 @@ def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) 
         max=max(e.max for e in known),
         trials=len(known),
     )
-
-
-def find_angles_apart(
-    scalings: Mapping[str, Scaling], trials: Sequence[str]
-) -> dict[tuple[str, str], tuple[str, float]]:
-    """For every two methods the joint angle in which they differ most, and its RMS difference, rad.
-
-    Over the frames of ``trials`` in which both methods know the angle.
-    """
-    found = {}
-    for first, second in combinations(scalings, 2):
-        gaps = _compute_gaps(scalings[first], scalings[second], trials)
-        if gaps:
-            worst = max(gaps, key=lambda name: gaps[name])
-            found[first, second] = (worst, gaps[worst])
-    return found
-
-
-def _compute_gaps(first: Scaling, second: Scaling, trials: Sequence[str]) -> dict[str, float]:
-    """Joint angle to the RMS difference of two methods, rad."""
-    both = [
-        (first.motions[t], second.motions[t]) for t in trials if t in first.motions and t in second.motions
-    ]
-    gaps = {}
-    for name in list_joint_angles(first.calibration.model):
-        squares = [
-            (a.column(name) - b.column(name)) ** 2
-            for a, b in both
-            if name in a.estimated and name in b.estimated
-        ]
-        known = np.concatenate(squares) if squares else np.empty(0)
-        known = known[np.isfinite(known)]
-        if known.size:
-            gaps[name] = float(np.sqrt(known.mean()))
-    return gaps

@@ -17,7 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import solve_task
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.start import guess_start
+from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector

@@ -8,6 +8,9 @@ from pydantic import Field
 
 from scaling_service.core.options import LARGEST, Options
 
+DYNAMICS_CUTOFF_HZ = 5.0
+"""Of the filter that motion and forces pass before their rates are taken: Muller et al. 2017, sec. 2.1."""
+
 LONGEST_SPLINE_S = 0.15
 """Puchaud et al. 2019, sec. 2.1: spline up to 15 frames at 100 Hz, solidification beyond."""
 

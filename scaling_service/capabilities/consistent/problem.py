@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior
-from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import (
     MarkerShifts,
@@ -36,6 +35,7 @@ from scaling_service.numerics.wrench import (
     move_moment,
     split_blocks,
 )
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 SPREAD = GeometryPrior(0.05, 0.009)
 """5 % of a length, 9 mm of a marker's coordinate: the priors of the other calibrations."""
@@ -47,7 +47,7 @@ class ConsistentSettings:
 
     # of the filter of the classical motion and of the forces (Muller et al. 2017, sec. 2.1; Futamure et al.
     # name none).
-    cutoff_hz: float = CUTOFF_HZ
+    cutoff_hz: float = DYNAMICS_CUTOFF_HZ
     # between knots of the joint angles. Chosen: 0.1 s lets pass up to 5 Hz, the cutoff.
     spacing_s: float = 0.1
     # expected error of a force in body weights. Chosen: 0.4 %, between the accuracy of a plate (AMTI, 0.1 %

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ
 from scaling_service.capabilities.shared.names import Inertia, Start
 from scaling_service.core.options import Flag, Options
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 DEFAULT_TABLE = "dumas2007"
 """For built-in models that were scaled to a person: the table of Muller et al. 2017, sec. 2.3."""
@@ -32,7 +32,10 @@ class ForceSettings(Options):
         "scaled, else the model's own, unless given.",
     )
     cutoff_hz: Annotated[float, Flag(metavar="HZ")] = Field(
-        default=CUTOFF_HZ, gt=0.0, le=1000.0, description="Of the filter that motion and forces pass."
+        default=DYNAMICS_CUTOFF_HZ,
+        gt=0.0,
+        le=1000.0,
+        description="Of the filter that motion and forces pass.",
     )
 
 

@@ -26,9 +26,7 @@ from scaling_service.numerics.signals.filters import filter_butterworth, find_ru
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.plates_feet import FootContacts
-
-CUTOFF_HZ = 5.0
-"""Muller et al. 2017, sec. 2.1."""
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 ORDER = 4
 """Effective order, zero phase; Muller et al. 2017, sec. 2.1."""
@@ -116,7 +114,7 @@ def differentiate_motion(
     times: ArrayLike,
     q: ArrayLike,
     *,
-    cutoff_hz: float | None = CUTOFF_HZ,
+    cutoff_hz: float | None = DYNAMICS_CUTOFF_HZ,
     order: int = ORDER,
 ) -> RatedMotion:
     """Filter coordinates and differentiate them.
@@ -144,7 +142,7 @@ def solve_inverse_dynamics(
     motion: Motion,
     loads: SegmentLoads | None = None,
     *,
-    cutoff_hz: float | None = CUTOFF_HZ,
+    cutoff_hz: float | None = DYNAMICS_CUTOFF_HZ,
     order: int = ORDER,
 ) -> InverseDynamics:
     """Joint forces and residual wrench of a motion that inverse kinematics found.

@@ -21,7 +21,7 @@ from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ, ORDER
+from scaling_service.capabilities.kinetics.inverse_dynamics import ORDER
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
@@ -36,6 +36,7 @@ from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
 from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.document import (
@@ -75,8 +76,8 @@ DIFFERENCES = (
     "literature's scatter, and the analysis starts from another inertial table than they are drawn about.",
     "The classical two steps: the planar model scaled by its standing, all markers put where the standing "
     "person shows them, Winter's inertia with the mass that the plate bears, inverse kinematics with equal "
-    f"weights, a zero-phase Butterworth filter of order {ORDER} at {CUTOFF_HZ:g} Hz on angles and forces, "
-    "derivatives of a quintic spline. The paper names no filter.",
+    f"weights, a zero-phase Butterworth filter of order {ORDER} at {DYNAMICS_CUTOFF_HZ:g} Hz on angles and "
+    "forces, derivatives of a quintic spline. The paper names no filter.",
     "Beyond the paper: the artefact that follows the joints, and what is uncertain about the inertia, are "
     "found together with the motion, and geometry is held by a prior beside the paper's bounds. The paper's "
     "own loop, which has neither, is not done here.",
@@ -166,9 +167,9 @@ def make_recording(model: BodyModel, squats: Squats, plane: SagittalPlane) -> Co
 def _filter_loads(loads: SegmentLoads) -> SegmentLoads:
     def smooth(values: Array) -> Array:
         flat = values.reshape(len(values), -1)
-        return filter_butterworth(flat, rate_hz=RATE_HZ, cutoff_hz=CUTOFF_HZ, order=ORDER).values.reshape(
-            values.shape
-        )
+        return filter_butterworth(
+            flat, rate_hz=RATE_HZ, cutoff_hz=DYNAMICS_CUTOFF_HZ, order=ORDER
+        ).values.reshape(values.shape)
 
     return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
 

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import (
 )
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
 from scaling_service.capabilities.discovery.observations.tracked import DRAWS, Role, TrackedTrial
-from scaling_service.capabilities.kinetics.inverse_dynamics import CUTOFF_HZ, RatedMotion
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import GroundForces
@@ -26,6 +26,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.filters import filter_butterworth
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 FEET = ("calcn", "toes", "foot", "talus")
@@ -58,7 +59,7 @@ class ContactAssignment:
 
     ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`choose_band_hz`
     usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
-    cutoff_hz: float = CUTOFF_HZ  # below which wrenches are compared
+    cutoff_hz: float = DYNAMICS_CUTOFF_HZ  # below which wrenches are compared
     unloaded: NDArray[np.bool_] | None = None  # (n, n_plates): nobody stands on a plate that is read
     # columns of loads in which the motion has no part, as they were asked for
     columns: dict[Load, Array] = field(init=False, default_factory=dict)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    CUTOFF_HZ,
     ORDER,
     check_clock,
     differentiate_motion,
@@ -36,6 +35,7 @@ from scaling_service.numerics.multibody.tree import (
 )
 from scaling_service.numerics.signals.filters import filter_run, find_runs
 from scaling_service.numerics.wrench import GRAVITY, move_moment
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
 """Weights of the central second difference of order 8 at lags 1 to 4, times the squared step (Fornberg 1988,
@@ -190,7 +190,7 @@ class Recording:
     # (n,): those to judge, such as with no foot beside the plates. All known ones by default.
     frames: NDArray[np.bool_] | None = None
     # cutoff_hz, order: of the filter of inverse dynamics
-    cutoff_hz: float = CUTOFF_HZ
+    cutoff_hz: float = DYNAMICS_CUTOFF_HZ
     order: int = ORDER
 
 

@@ -8,11 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    CUTOFF_HZ,
-    find_judged_frames,
-    solve_inverse_dynamics,
-)
+from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
@@ -20,6 +16,7 @@ from scaling_service.documents.results import MuscleDifference, MuscleQuantity
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
+from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 MOST_FRAMES = 2000
 """Of one trial that OpenSim looks at, equally spaced. Chosen: a minute of it for 80 muscles; what is between
@@ -127,7 +124,7 @@ def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, Tri
     try:
         read = read_movement_forces(loaded.session.subject, loaded.plates)
         found, unusable = assign_forces(
-            loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: CUTOFF_HZ
+            loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: DYNAMICS_CUTOFF_HZ
         )
     except InputError as error:
         return {}, (f"joint moments are not compared: {error}",)
@@ -143,7 +140,7 @@ def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | N
     moments: dict[str, Array] = {}
     if forces is not None:
         dynamics = solve_inverse_dynamics(model, motion, forces.loads)
-        judged = find_judged_frames(dynamics, forces.contacts, CUTOFF_HZ)
+        judged = find_judged_frames(dynamics, forces.contacts, DYNAMICS_CUTOFF_HZ)
         values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
         moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}
     return MuscleCourses(

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Container, Iterator
 from graphlib import TopologicalSorter
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,9 @@ LONGEST = 400
 
 CHANGING = ("add", "append", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update")
 """Methods that change a list, a set or a mapping."""
+
+MOST_POSITIONAL = 4
+"""Fields of a dataclass that its constructor takes by their places."""
 
 PARTICIPLES = ("resolved", "smoothed")
 """Public methods that keep their names."""
@@ -57,6 +61,26 @@ def test_functions_are_verbs() -> None:
         if function.name.strip("_").partition("_")[0].endswith("ed")
     }
     assert {name: place for name, place in found.items() if name not in PARTICIPLES} == {}
+
+
+def test_constructors_of_many_fields_take_keywords() -> None:
+    found = [
+        f"{path}:{node.lineno}"
+        for path in (ROOT / "scaling_service").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_bytes()))
+        if isinstance(node, ast.ClassDef) and len(positional_fields(node)) > MOST_POSITIONAL
+    ]
+    assert found == []
+
+
+def positional_fields(node: ast.ClassDef) -> list[str]:
+    """Fields that the constructor of a dataclass takes by their places."""
+    decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
+    if not any(text.startswith("dataclass") and "kw_only=True" not in text for text in decorators):
+        return []
+    fields = [ast.unparse(field) for field in node.body if isinstance(field, ast.AnnAssign)]
+    placed = takewhile(lambda text: "KW_ONLY" not in text, fields)
+    return [text for text in placed if "ClassVar" not in text and "init=False" not in text]
 
 
 def test_no_imports_run_in_circles() -> None:

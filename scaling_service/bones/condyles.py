@@ -52,7 +52,7 @@ _CLOSED = 30  # steps after which they have closed to within a hundredth
 _SETTLED_M = 1e-7
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Frame:
     """Anterior, proximal and right unit vectors, heights above the distal end, width of the condyles."""
 
@@ -63,7 +63,7 @@ class _Frame:
     width: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Knee:
     """What was found at the distal end, in the surface's own frame, m."""
 
@@ -117,18 +117,18 @@ def find_knee(surface: Surface, distal_end: float, rightward: Array | None = Non
     z = np.cross(x, up)
     if abs(ahead) < 3e-3:
         return "the condyles do not stand behind the shaft, so front and back are not clear"
-    found = _fit_both_spheres(surface, _Frame(x, up, z, height, width))
+    found = _fit_both_spheres(surface, _Frame(x=x, y=up, z=z, height=height, width=width))
     if isinstance(found, str):
         return found
     frame, low, high = found
     poor = _doubt_condyles(low, high, width)
     if poor is not None:
         return poor
-    knee = Knee(frame, low, high, None, distal)
+    knee = Knee(frame=frame, low=low, high=high, cylinder=None, distal=distal)
     cylinder = _fit_cylinder(surface, knee)
     if cylinder is not None and abs(float(cylinder.direction @ knee.axis)) < _APART:
         return f"sphere axis and cylinder axis differ by more than {MOST_APART_DEG:.0f} degrees"
-    return Knee(frame, low, high, cylinder, distal)
+    return Knee(frame=frame, low=low, high=high, cylinder=cylinder, distal=distal)
 
 
 def _doubt_condyles(low: SphereOnBone, high: SphereOnBone, width: float) -> str | None:
@@ -171,14 +171,18 @@ def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOn
         if not (pair[0].converged and float(axis @ frame.z) > 0.7):
             return "the condyles' centres do not lie side by side"
         x = np.cross(frame.y, axis)
-        frame = _Frame(x / np.linalg.norm(x), frame.y, axis, frame.height, frame.width)
+        frame = _Frame(x=x / np.linalg.norm(x), y=frame.y, z=axis, height=frame.height, width=frame.width)
         if settled < _SETTLED_M and step > _CLOSED:
             break
     if pair is None:
         return "no sphere fits the back of a condyle"
     balls = [
         SphereOnBone(
-            ball.centre, ball.radius, ball.rms, measure_coverage(surface, ball.centre, weight), weight
+            centre=ball.centre,
+            radius=ball.radius,
+            rms=ball.rms,
+            covered=measure_coverage(surface, ball.centre, weight),
+            support=weight,
         )
         for ball, weight in zip(pair, chosen, strict=True)
     ]

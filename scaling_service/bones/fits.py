@@ -27,7 +27,7 @@ _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SphereOnBone:
     """A sphere with the share of it that the surface covers.
 
@@ -103,10 +103,16 @@ def refine_sphere(
             break
     support = np.zeros(len(surface.points))
     support[about.rows[near]] = weight
-    return SphereOnBone(centre, radius, fit.rms, measure_coverage(surface, centre, support), support)
+    return SphereOnBone(
+        centre=centre,
+        radius=radius,
+        rms=fit.rms,
+        covered=measure_coverage(surface, centre, support),
+        support=support,
+    )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Around:
     """The vertices around a place: a sphere is on a small part of a bone.
 
@@ -126,8 +132,15 @@ class _Around:
         """All vertices nearer than half as far again, so that a centre may move."""
         wide = _ROOM * reach
         rows = np.flatnonzero(((surface.smooth - centre) ** 2).sum(axis=1) < wide**2)
-        parts = (surface.points, surface.smooth, surface.normals, surface.areas)
-        return cls(centre, wide, rows, *(part[rows] for part in parts))
+        return cls(
+            centre=centre,
+            reach=wide,
+            rows=rows,
+            points=surface.points[rows],
+            smooth=surface.smooth[rows],
+            normals=surface.normals[rows],
+            areas=surface.areas[rows],
+        )
 
     def widen(self, surface: Surface, centre: Array, reach: float) -> _Around:
         """The same where it holds all vertices within reach of a centre, else anew."""
@@ -193,7 +206,7 @@ _BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
 _SECTORS = 72  # of 5 degrees, to measure the arc that is covered
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CylinderOnBone:
     """A cylinder in the surface's own frame, m.
 
@@ -254,7 +267,15 @@ def refine_cylinder(
     whole = np.zeros(len(surface.points))
     whole[within] = support
     area = float(chosen.areas[near].sum())
-    return CylinderOnBone(point, direction, radius, fit.rms, len(sectors) / _SECTORS, area, whole)
+    return CylinderOnBone(
+        point=point,
+        direction=direction,
+        radius=radius,
+        rms=fit.rms,
+        covered=len(sectors) / _SECTORS,
+        area=area,
+        support=whole,
+    )
 
 
 BLUNT_M = 1e-3

@@ -44,7 +44,7 @@ MOST_LEAN_DEG = 40.0
 _SIZE_M = (0.15, 0.42)  # largest extent of both hip bones, a child's to a giant's
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Frame:
     """Anterior, up and right unit vectors of the anterior pelvic plane, the middle of the sockets, half."""
 
@@ -159,7 +159,7 @@ def _find_anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone
     if float(x @ flat[spine]) < 0:  # the plane lies in front of the sockets
         x = -x
     forward, up = plane.T @ x, plane.T @ y
-    return _Frame(forward, up, np.cross(forward, up), middle, half)
+    return _Frame(x=forward, y=up, z=np.cross(forward, up), middle=middle, half=half)
 
 
 def _touch_plane(surface: Surface, frame: _Frame) -> _Frame:
@@ -204,7 +204,7 @@ def _turn_forward(frame: _Frame, forward: Array) -> _Frame:
     """The frame turned about the line of the sockets to face forward."""
     forward = forward - float(forward @ frame.z) * frame.z
     forward = forward / np.linalg.norm(forward)
-    return _Frame(forward, np.cross(frame.z, forward), frame.z, frame.middle, frame.half)
+    return _Frame(x=forward, y=np.cross(frame.z, forward), z=frame.z, middle=frame.middle, half=frame.half)
 
 
 def _find_plane_tips(surface: Surface, frame: _Frame, side: str, sign: float) -> dict[str, Array]:

@@ -61,7 +61,7 @@ class Cylinder:
     quality: Quality
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BoneLandmarks:
     """What was found on one bone, and what was refused.
 

@@ -28,7 +28,7 @@ class SphereFit:
     converged: bool
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CylinderFit:
     """An endless cylinder: a ``point`` on its axis, the unit ``direction``, ``radius`` and ``rms``.
 
@@ -121,10 +121,7 @@ def fit_sphere_pair(
     gaps = linearise(x)[0]
     rms = float(np.sqrt(w @ gaps[:n] ** 2)), float(np.sqrt(v @ gaps[n:-1] ** 2))
     good = bool(converged and min(x[3], x[7]) > 0)
-    return (
-        SphereFit(x[:3], float(x[3]), rms[0], good),
-        SphereFit(x[4:7], float(x[7]), rms[1], good),
-    )
+    return (SphereFit(x[:3], float(x[3]), rms[0], good), SphereFit(x[4:7], float(x[7]), rms[1], good))
 
 
 def fit_cylinder(points: Array, direction: Array, point: Array, weights: Array | None = None) -> CylinderFit:

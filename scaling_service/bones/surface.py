@@ -30,7 +30,7 @@ OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a warning."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Surface:
     """A cleaned bone in its own principal frame, m.
 

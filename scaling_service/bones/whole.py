@@ -276,17 +276,17 @@ def collect_evidence(
     themselves.
     """
     return ImageEvidence(
-        dict(_list_centres(found)),
-        {
+        centres=dict(_list_centres(found)),
+        axes={
             f"{joint}_{b.side}": _to_vector(b.axes[joint])
             for b in found.values()
             for joint in ("knee", "ankle", "subtalar")
             if joint in b.axes
         },
-        dict(_list_marker_landmarks(found)),
-        dict(markers),
-        "landmarks of bone meshes",
-        dict(bones),
+        landmarks=dict(_list_marker_landmarks(found)),
+        markers=dict(markers),
+        source="landmarks of bone meshes",
+        bones=dict(bones),
     )
 
 

@@ -34,7 +34,7 @@ _STRIDE = 0.04
 """Share of the way to the next mark that a step takes (chosen: half way after seventeen steps)."""
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Steps:
     """Progress of work of which nobody knows how many steps it takes: nearer to a mark with each, never back.
 

@@ -74,16 +74,18 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     nobodys = tuple(content.labels[k] for k in unlabelled)
     theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
     return Recording(
-        file.stem,
-        times,
-        labels,
-        markers,
-        content.rate_hz,
-        (*repairs, *of_unit, *_note_cut(content), *lost),
-        read_stated_sizes(content.parameters),
-        content.point_unit or NOT_STATED,
-        _read_plates_or_refusal(content),
-        Trial(file.stem, times, nobodys, theirs, content.rate_hz),
+        name=file.stem,
+        times=times,
+        labels=labels,
+        markers=markers,
+        rate_hz=content.rate_hz,
+        repairs=(*repairs, *of_unit, *_note_cut(content), *lost),
+        sizes=read_stated_sizes(content.parameters),
+        unit=content.point_unit or NOT_STATED,
+        plates=_read_plates_or_refusal(content),
+        unlabelled=Trial(
+            name=file.stem, times=times, labels=nobodys, markers=theirs, rate_hz=content.rate_hz
+        ),
     )
 
 
@@ -113,9 +115,13 @@ def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], li
     if results:
         shown = ", ".join(results[:8]) + (", …" if len(results) > 8 else "")
         detail = f"{len(results)} points that are results were left out: {shown}"
-        repairs.append(Repair("computed_points", "POINT", detail))
+        repairs.append(Repair(what="computed_points", where="POINT", detail=detail))
     if nameless := len(others) - len(kept):
-        repairs.append(Repair("unlabelled", "POINT", f"{nameless} points without a label were left out"))
+        repairs.append(
+            Repair(
+                what="unlabelled", where="POINT", detail=f"{nameless} points without a label were left out"
+            )
+        )
     return kept, [k for k in others if content.labels[k] and k not in kept], repairs
 
 
@@ -132,7 +138,7 @@ def _find_unit(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair,
             remedy="Give positions in mm or m",
         )
     said = "no unit is stated; mm was taken, as is usual in C3D files"
-    return METRES["mm"], (Repair("unit", "POINT:UNITS", said),)
+    return METRES["mm"], (Repair(what="unit", where="POINT:UNITS", detail=said),)
 
 
 def _note_cut(content: C3dFile) -> tuple[Repair, ...]:
@@ -140,7 +146,7 @@ def _note_cut(content: C3dFile) -> tuple[Repair, ...]:
     if content.stated_frames is None or content.stated_frames == found:
         return ()
     detail = f"the header says {content.stated_frames}, the file holds {found}: it may be cut off"
-    return (Repair("header", "frames", detail),)
+    return (Repair(what="header", where="frames", detail=detail),)
 
 
 def _read_plates_or_refusal(content: C3dFile) -> PlateRecording | TrialUnusable | None:
@@ -253,7 +259,7 @@ class _Plate:
         if assumed:
             stated = ", ".join(sorted(assumed))
             detail = f"the file states {stated}; N and N times the unit of points were taken"
-            self._repairs.append(Repair("unit", self._name, detail))
+            self._repairs.append(Repair(what="unit", where=self._name, detail=detail))
         return np.array(factors)
 
     def _without_baseline(self, signals: Array) -> Array:
@@ -271,10 +277,10 @@ class _Plate:
             detail = (
                 f"frames {first} to {last} are named as baseline but the plate is loaded in them; not used"
             )
-            self._repairs.append(Repair("baseline_refused", self._name, detail))
+            self._repairs.append(Repair(what="baseline_refused", where=self._name, detail=detail))
             return signals
         detail = f"the mean of frames {first} to {last} was taken off"
-        self._repairs.append(Repair("baseline", self._name, detail))
+        self._repairs.append(Repair(what="baseline", where=self._name, detail=detail))
         mean = np.nanmean(signals[rows], axis=0)
         if self._kind == 1:
             mean[3:5] = 0.0  # a position has no offset

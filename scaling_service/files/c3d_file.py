@@ -41,7 +41,7 @@ _ADVICE = "If you want to ignore"  # what the library tells programmers, not lab
 _WORKER = Path(__file__).with_name("c3d_worker.py")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class C3dFile:
     """What a C3D file holds, in its own units.
 

@@ -17,7 +17,7 @@ from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation,
 from scaling_service.numerics.wrench import GRAVITY
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class DrivenAxis:
     """One turn about, or shift along, an axis."""
 
@@ -82,9 +82,11 @@ def _find_axis(
     if abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading:
         leading.add(coordinate)
         plain = replace(term, gain=1.0)
-        return DrivenAxis(coordinate, joint.kind, axis * term.gain, plain, True, frame)
+        return DrivenAxis(
+            name=coordinate, kind=joint.kind, axis=axis * term.gain, term=plain, leads=True, before=frame
+        )
     name = f"{segment.name}_{joint.kind}_{number}"
-    return DrivenAxis(name, joint.kind, axis, term, False, frame)
+    return DrivenAxis(name=name, kind=joint.kind, axis=axis, term=term, leads=False, before=frame)
 
 
 def displace(joint: Joint, value: float) -> Array:

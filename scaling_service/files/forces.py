@@ -56,14 +56,14 @@ def read_forces_from_table(table: Table, file: str) -> GroundForces:
     ]
     up = np.array([0.0, 1.0, 0.0])
     return GroundForces(
-        table.name,
-        table.times,
-        names,
-        np.stack([force for force, _, _ in parts], axis=1),
-        np.stack([moment for _, moment, _ in parts], axis=1),
-        np.stack([surface for _, _, surface in parts]),
-        np.tile(up, (len(plates), 1)),
-        tuple(repairs),
+        name=table.name,
+        times=table.times,
+        plates=names,
+        force=np.stack([force for force, _, _ in parts], axis=1),
+        moment=np.stack([moment for _, moment, _ in parts], axis=1),
+        surfaces=np.stack([surface for _, _, surface in parts]),
+        normals=np.tile(up, (len(plates), 1)),
+        repairs=tuple(repairs),
     )
 
 
@@ -119,12 +119,16 @@ def _read_plate(
     force, point = (
         np.stack([table.column(c) for c in columns], axis=1) for columns in (plate.force, plate.point)
     )
-    repairs.append(Repair("plate_columns", name, f"columns {plate.identifier}x, …"))
+    repairs.append(Repair(what="plate_columns", where=name, detail=f"columns {plate.identifier}x, …"))
     if plate.moment:
         moment = np.stack([table.column(c) for c in plate.moment], axis=1)
     else:
         moment = np.zeros_like(force)
-        repairs.append(Repair("no_moment", name, "the file holds no moment at the point; zero was taken"))
+        repairs.append(
+            Repair(
+                what="no_moment", where=name, detail="the file holds no moment at the point; zero was taken"
+            )
+        )
     loaded = np.asarray(force[:, 1] > CONTACT_N)
     point = _correct_points(point, force, loaded, name, file, repairs)
     surface = np.nanmedian(point[loaded], axis=0) if loaded.any() else np.zeros(3)
@@ -156,5 +160,5 @@ def _correct_points(
         detail = (
             "the point of application of a force below the threshold was far off; drawn back to the plate"
         )
-        repairs.append(Repair("point_astray", name, detail, counted))
+        repairs.append(Repair(what="point_astray", where=name, detail=detail, frames=counted))
     return result

@@ -46,7 +46,7 @@ class Recording(Trial):
     @property
     def trial(self) -> Trial:
         """The markers alone."""
-        return Trial(*(getattr(self, part.name) for part in fields(Trial)))
+        return Trial(**{part.name: getattr(self, part.name) for part in fields(Trial)})
 
     def with_unlabelled(self) -> Trial:
         """All trajectories, also those that nobody labelled."""
@@ -54,9 +54,7 @@ class Recording(Trial):
             return self.trial
         labels = (*self.labels, *self.unlabelled.labels)
         return replace(
-            self.trial,
-            labels=labels,
-            markers=np.concatenate([self.markers, self.unlabelled.markers], axis=1),
+            self.trial, labels=labels, markers=np.concatenate([self.markers, self.unlabelled.markers], axis=1)
         )
 
 

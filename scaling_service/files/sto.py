@@ -23,7 +23,7 @@ _OWN_KEYS = frozenset({"version", "nrows", "ncolumns", "indegrees", "datatype"})
 """Header keys that the writer sets from the table itself (lower case)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Table:
     """Columns of numbers over time, in the units of the file.
 
@@ -93,12 +93,12 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     degrees, ambiguous = _in_degrees(header)
     counts = _check_counts(header, *data.shape)
     return Table(
-        file.stem,
-        columns,
-        data,
-        degrees,
-        MappingProxyType(header),
-        (*repairs, *ambiguous, *counts, *cut, *row_repairs),
+        name=file.stem,
+        columns=columns,
+        data=data,
+        in_degrees=degrees,
+        header=MappingProxyType(header),
+        repairs=(*repairs, *ambiguous, *counts, *cut, *row_repairs),
     )
 
 
@@ -163,7 +163,11 @@ def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, .
         return word in _TRUE, ()
     said = "is absent" if stated is None else f"says '{stated[:20]}'"
     return None, (
-        Repair("in_degrees", "inDegrees", f"{said}: whether rotations are in degrees is ambiguous"),
+        Repair(
+            what="in_degrees",
+            where="inDegrees",
+            detail=f"{said}: whether rotations are in degrees is ambiguous",
+        ),
     )
 
 
@@ -172,7 +176,11 @@ def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[R
     for key, found in (("nRows", rows), ("nColumns", columns)):
         stated = _look_up(header, key.lower())
         if stated is not None and stated != str(found):
-            repairs.append(Repair("header", key, f"the header says {stated[:20]}, the file holds {found}"))
+            repairs.append(
+                Repair(
+                    what="header", where=key, detail=f"the header says {stated[:20]}, the file holds {found}"
+                )
+            )
     return tuple(repairs)
 
 
@@ -219,8 +227,8 @@ def tabulate_motion(
     data = np.asarray(values, float)
     factors = np.array([180.0 / np.pi if kind == "rotation" else 1.0 for kind in kinds])
     return Table(
-        name,
-        ("time", *coordinates),
-        np.concatenate((np.asarray(times, float)[:, None], data * factors), axis=1),
+        name=name,
+        columns=("time", *coordinates),
+        data=np.concatenate((np.asarray(times, float)[:, None], data * factors), axis=1),
         in_degrees=True,
     )

@@ -62,7 +62,9 @@ def read_text(path: Path, kind: str) -> tuple[str, tuple[Repair, ...]]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")
-        repairs = (Repair("encoding", "file", "bytes that are not UTF-8 were read as Latin-1"),)
+        repairs = (
+            Repair(what="encoding", where="file", detail="bytes that are not UTF-8 were read as Latin-1"),
+        )
     return text.replace("\r\n", "\n").replace("\r", "\n"), repairs
 
 
@@ -183,7 +185,9 @@ _REPAIRS = {
 
 def _describe(tally: Counter[str]) -> tuple[Repair, ...]:
     return tuple(
-        Repair(kind, "rows", detail, tally[need]) for need, (kind, detail) in _REPAIRS.items() if tally[need]
+        Repair(what=kind, where="rows", detail=detail, frames=tally[need])
+        for need, (kind, detail) in _REPAIRS.items()
+        if tally[need]
     )
 
 
@@ -209,10 +213,17 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
     kept, _, _ = last.rpartition("\t")
     if len(split_cells(kept)) < 2 or "\t" not in kept:
         return lines[:-1], (
-            Repair("cut_row", f"line {number}", "the file breaks off here; the row was dropped", 1),
+            Repair(
+                what="cut_row",
+                where=f"line {number}",
+                detail="the file breaks off here; the row was dropped",
+                frames=1,
+            ),
         )
     detail = "the file breaks off here; the last number was not used"
-    return [*lines[:-1], (number, kept)], (Repair("cut_row", f"line {number}", detail, 1),)
+    return [*lines[:-1], (number, kept)], (
+        Repair(what="cut_row", where=f"line {number}", detail=detail, frames=1),
+    )
 
 
 def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:

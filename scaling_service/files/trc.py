@@ -66,17 +66,17 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     positions, lost = tables.clean_positions(positions, labels)
     counts = _check_counts(header, len(data))
     return Recording(
-        file.stem,
-        times,
-        labels,
-        positions,
-        rate,
-        (*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
+        name=file.stem,
+        times=times,
+        labels=labels,
+        markers=positions,
+        rate_hz=rate,
+        repairs=(*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
         unit=header.unit or NOT_STATED,
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Header:
     columns: tuple[str, ...]  # one per three columns of data; empty where it has no label
     first_row: int
@@ -108,14 +108,14 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
     columns, label_repairs = _read_labels(lines[labels_at][1], file)
     first_row, layout = _skip_axes(lines, labels_at + 1)
     return _Header(
-        columns,
-        first_row,
-        _read_positive(stated.get("datarate", "")),
-        METRES[unit],
-        stated.get("units", "")[:20],
-        stated.get("numframes", ""),
-        stated.get("nummarkers", ""),
-        (*unit_repairs, *label_repairs, *layout),
+        columns=columns,
+        first_row=first_row,
+        rate_hz=_read_positive(stated.get("datarate", "")),
+        metres_per_unit=METRES[unit],
+        unit=stated.get("units", "")[:20],
+        stated_frames=stated.get("numframes", ""),
+        stated_markers=stated.get("nummarkers", ""),
+        repairs=(*unit_repairs, *label_repairs, *layout),
     )
 
 
@@ -147,7 +147,9 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
         return unit, ()
     elsewhere = [value.lower() for value in values if value.lower() in METRES]
     if elsewhere:
-        return elsewhere[0], (Repair("header", "Units", f"unit {elsewhere[0]} found out of its column"),)
+        return elsewhere[0], (
+            Repair(what="header", where="Units", detail=f"unit {elsewhere[0]} found out of its column"),
+        )
     if unit and not re.fullmatch(r"[-+.\d]+", unit):
         raise FileUnreadable(
             f"unit '{unit[:20]}' is not known",
@@ -155,7 +157,11 @@ def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[s
             field="Units",
             remedy="Give the positions in mm or m",
         )
-    return "mm", (Repair("unit", "Units", "no unit is stated; mm was taken, as is usual in TRC files"),)
+    return "mm", (
+        Repair(
+            what="unit", where="Units", detail="no unit is stated; mm was taken, as is usual in TRC files"
+        ),
+    )
 
 
 def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
@@ -176,10 +182,18 @@ def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, 
     repairs = []
     if not spread and len(found) > 1:
         repairs.append(
-            Repair("label_layout", "Frame#", "labels do not stand over every third column; taken in order")
+            Repair(
+                what="label_layout",
+                where="Frame#",
+                detail="labels do not stand over every third column; taken in order",
+            )
         )
     if unnamed := columns.count(""):
-        repairs.append(Repair("unlabelled", "Frame#", f"{unnamed} markers without a label were dropped"))
+        repairs.append(
+            Repair(
+                what="unlabelled", where="Frame#", detail=f"{unnamed} markers without a label were dropped"
+            )
+        )
     return tuple(columns), tuple(repairs)
 
 
@@ -195,20 +209,28 @@ def _skip_axes(lines: list[tables.Line], start: int) -> tuple[int, tuple[Repair,
     if axes and all(_AXIS.match(cell) for cell in axes):
         if axes[0].lower() not in ("x1", "x"):
             repairs.append(
-                Repair("header", f"line {k + 1}", f"coordinates are numbered from {axes[0]}, not from X1")
+                Repair(
+                    what="header",
+                    where=f"line {k + 1}",
+                    detail=f"coordinates are numbered from {axes[0]}, not from X1",
+                )
             )
         k += 1
     else:
-        repairs.append(Repair("header", f"line {start + 1}", "the line X1 Y1 Z1 … is missing"))
+        repairs.append(
+            Repair(what="header", where=f"line {start + 1}", detail="the line X1 Y1 Z1 … is missing")
+        )
     if k < len(lines) and lines[k][1].strip():
-        repairs.append(Repair("header", f"line {k + 1}", "the blank line after the header is missing"))
+        repairs.append(
+            Repair(what="header", where=f"line {k + 1}", detail="the blank line after the header is missing")
+        )
     return k, tuple(repairs)
 
 
 def _check_counts(header: _Header, rows: int) -> tuple[Repair, ...]:
     columns = len(header.columns)
     return tuple(
-        Repair("header", field, f"the header says {stated}, the file holds {found}")
+        Repair(what="header", where=field, detail=f"the header says {stated}, the file holds {found}")
         for field, stated, found in (
             ("NumFrames", header.stated_frames, rows),
             ("NumMarkers", header.stated_markers, columns),
@@ -248,10 +270,17 @@ def _restore_clock(
             if not np.isfinite(stated_hz)
             else f"stated {stated_hz:g} Hz contradicts the times"
         )
-        repairs.append(Repair("rate", "DataRate", f"{note}; {rate:g} Hz was taken from them"))
+        repairs.append(
+            Repair(what="rate", where="DataRate", detail=f"{note}; {rate:g} Hz was taken from them")
+        )
     if frame is None:
         repairs.append(
-            Repair("clock", "Time", "frames are unevenly spaced in time; kept as they are", len(times))
+            Repair(
+                what="clock",
+                where="Time",
+                detail="frames are unevenly spaced in time; kept as they are",
+                frames=len(times),
+            )
         )
         return times, positions, rate, tuple(repairs)
     start = float(np.median(times - frame / rate))
@@ -260,11 +289,16 @@ def _restore_clock(
         detail = (
             f"times are rounded; the regular clock of {rate:g} Hz was restored ({1e3 * shift:.2f} ms at most)"
         )
-        repairs.append(Repair("clock", "Time", detail, len(times)))
+        repairs.append(Repair(what="clock", where="Time", detail=detail, frames=len(times)))
     whole = np.arange(frame[-1] + 1)
     if absent := len(whole) - len(frame):
         repairs.append(
-            Repair("absent_frames", "Time", "frames left out of the file were put back as not seen", absent)
+            Repair(
+                what="absent_frames",
+                where="Time",
+                detail="frames left out of the file were put back as not seen",
+                frames=absent,
+            )
         )
         full = np.full((len(whole), *positions.shape[1:]), np.nan)
         full[frame] = positions

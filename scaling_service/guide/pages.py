@@ -196,7 +196,7 @@ class NoSuchPage(InputError):
     """The guide has no page of this name."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
     """A heading of a page and the text under it, which is what a search finds."""
 
@@ -306,7 +306,9 @@ def _split(name: str) -> Iterator[Section]:
     for token in parse(name):
         if token.type == "heading_open":
             if title:
-                yield Section(name, page_title, anchor, title, " ".join(text))
+                yield Section(
+                    page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text)
+                )
             heading, text = True, []
             anchor = "" if token.tag == "h1" else str(token.attrGet("id"))
         elif token.type in ("inline", "fence", "code_block"):
@@ -314,7 +316,7 @@ def _split(name: str) -> Iterator[Section]:
                 title, heading = token.content, False
             else:
                 text.append(_strip_marks(token))
-    yield Section(name, page_title, anchor, title, " ".join(text))
+    yield Section(page=name, page_title=page_title, anchor=anchor, title=title, text=" ".join(text))
 
 
 def _strip_marks(token: Token) -> str:

@@ -121,7 +121,7 @@ class Joint:
         return self.kind == "rotation" and not self.law.is_constant
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
     """A rigid body and the chain of joints that carries it from its parent."""
 
@@ -136,7 +136,7 @@ class Segment:
     """(6,) kg m2, about the centre of mass: xx, yy, zz, xy, xz, yz."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Coordinate:
     """One degree of freedom, estimated in every frame unless locked.
 
@@ -164,7 +164,7 @@ class Coupler:
     law: Law
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Marker:
     """A marker: three translations in its segment's frame."""
 
@@ -183,7 +183,7 @@ class Marker:
     ) -> Marker:
         """A marker at a fixed local position (m)."""
         x, y, z = (Law.constant(float(v)) for v in position)
-        return cls(name, segment, (x, y, z), weight, anatomical)
+        return cls(name=name, segment=segment, laws=(x, y, z), weight=weight, anatomical=anatomical)
 
     @property
     def nominal(self) -> Vector:
@@ -191,7 +191,7 @@ class Marker:
         return to_vector(law.constant_part for law in self.laws)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A number shared by all frames: a scale factor, an axis tilt, a marker shift."""
 
@@ -216,7 +216,7 @@ class Expectation:
     source: str = ""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BodyModel:
     """A body model as one frozen value.
 

@@ -228,8 +228,14 @@ def expand(
             left_coordinates += [replace(c, name=_mirror_name(c.name)) for c in moved]
     for entries, weight in ((written.markers, 1.0), (written.landmarks, 0.0)):
         markers += [marker for entry in entries for marker in _make_markers(entry, weight)]
-    everything = (*segments, *left), (*coordinates, *left_coordinates), tuple(markers)
-    return BodyModel(written.name, *everything, source=written.source), person
+    model = BodyModel(
+        name=written.name,
+        segments=(*segments, *left),
+        coordinates=(*coordinates, *left_coordinates),
+        markers=tuple(markers),
+        source=written.source,
+    )
+    return model, person
 
 
 def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list[Coordinate]]:
@@ -248,9 +254,20 @@ def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list
         kind: Literal["rotation", "translation"] = "rotation" if move.about else "translation"
         lower, upper = (math.pi / 180.0 * limit for limit in move.range_deg)
         joints.append(Joint(kind, axis, Law.of(move.coordinate)))
-        coordinates.append(Coordinate(move.coordinate, kind, move.default_m, lower, upper))
-    inertia = _make_inertia(entry.inertia, person)
-    return Segment(entry.name, entry.parent, entry.joint, tuple(joints), *inertia), coordinates
+        coordinates.append(
+            Coordinate(name=move.coordinate, kind=kind, default=move.default_m, lower=lower, upper=upper)
+        )
+    mass, com, inertia = _make_inertia(entry.inertia, person)
+    segment = Segment(
+        name=entry.name,
+        parent=entry.parent,
+        joint_name=entry.joint,
+        joints=tuple(joints),
+        mass=mass,
+        com=com,
+        inertia=inertia,
+    )
+    return segment, coordinates
 
 
 _AXES: dict[str, Vector] = {

@@ -152,7 +152,15 @@ def _compile_cached(same: _Same, markers: tuple[str, ...] | None) -> Tree:
     local = np.array([m.nominal for m in chosen]).reshape(-1, 3)
     terms = tuple(item for k, m in enumerate(chosen) for item in _list_marker_terms(k, m, index))
     on = np.array([number[m.segment] for m in chosen], dtype=np.intp)
-    return Tree(links, tuple(index.factors), len(model.coordinates), len(model.parameters), on, local, terms)
+    return Tree(
+        links=links,
+        factors=tuple(index.factors),
+        n_coordinates=len(model.coordinates),
+        n_parameters=len(model.parameters),
+        marker_link=on,
+        marker_local=local,
+        marker_terms=terms,
+    )
 
 
 def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:

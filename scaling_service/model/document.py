@@ -36,7 +36,8 @@ def to_document(model: BodyModel) -> dict[str, Any]:
     Examples
     --------
     >>> from scaling_service.model.body import BodyModel, Segment
-    >>> model = BodyModel("ball", (Segment("ball", "ground", "free", (), mass=0.4),), ())
+    >>> ball = Segment(name="ball", parent="ground", joint_name="free", joints=(), mass=0.4)
+    >>> model = BodyModel(name="ball", segments=(ball,), coordinates=())
     >>> to_document(model)["segments"]
     [{'name': 'ball', 'parent': 'ground', 'joint_name': 'free', 'joints': [], 'mass': 0.4}]
     >>> from_document(to_document(model)) == model

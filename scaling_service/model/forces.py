@@ -39,7 +39,7 @@ class PlateRecording:
     repairs: tuple[Repair, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GroundForces:
     """Wrenches of the ground on the body."""
 

@@ -28,7 +28,7 @@ TABLE_NAMES: tuple[str, ...] = ("dumas2007", "dumas_wojtusch2018", "deleva1996",
 """Dumas et al. 2007; Dumas and Wojtusch 2018; de Leva 1996; Winter 2009 (Dempster)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InertiaRow:
     """One segment of one sex."""
 
@@ -46,7 +46,7 @@ class InertiaRow:
     """xy, xz, yz, % of L: the product of inertia is ``sign * mass * (v L)^2``."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InertiaTable:
     """One published table."""
 

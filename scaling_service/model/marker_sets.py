@@ -17,7 +17,7 @@ from scaling_service.model.reference import find_reference_folder, list_marker_s
 Side = Literal["r", "l", ""]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Landmark:
     """A place that can be felt through the skin."""
 
@@ -28,7 +28,7 @@ class Landmark:
     aliases: tuple[str, ...] = ()  # names that belong to no marker set
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SetLabel:
     """One label of a marker set, and what it stands for."""
 
@@ -50,7 +50,7 @@ class SetLabel:
         return (self.label, *self.aliases)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerSet:
     """A marker set."""
 
@@ -71,7 +71,9 @@ def list_landmarks() -> Mapping[str, Landmark]:
     found: dict[str, Landmark] = {}
     for name, side, entry in _list_entries(content):
         aliases = tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ()))
-        found[name] = Landmark(name, entry["segment"], side, entry["at"], aliases)
+        found[name] = Landmark(
+            name=name, segment=entry["segment"], side=side, at=entry["at"], aliases=aliases
+        )
     return MappingProxyType(found)
 
 
@@ -85,13 +87,13 @@ def list_marker_sets() -> Mapping[str, MarkerSet]:
 def _set(name: str, contents: Mapping[str, Any]) -> MarkerSet:
     content = contents[name]
     own = MarkerSet(
-        name,
-        content["title"],
-        content["source"],
-        tuple(_label(*entry) for entry in _list_entries(content)),
-        tuple(tuple(tuple(group) for group in choice) for choice in content.get("one_of", ())),
-        content.get("adds_to_others", False),
-        content.get("key_points", False),
+        name=name,
+        title=content["title"],
+        source=content["source"],
+        labels=tuple(_label(*entry) for entry in _list_entries(content)),
+        one_of=tuple(tuple(tuple(group) for group in choice) for choice in content.get("one_of", ())),
+        adds_to_others=content.get("adds_to_others", False),
+        key_points=content.get("key_points", False),
     )
     if "extends" not in content:
         return own
@@ -103,15 +105,15 @@ def _label(name: str, side: Side, entry: Mapping[str, Any]) -> SetLabel:
     landmark = entry.get("landmark")
     known = None if landmark is None else list_landmarks()[_name_on_side(side, landmark)]
     return SetLabel(
-        name,
-        tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ())),
-        None if known is None else known.name,
-        entry["segment"] if known is None else known.segment,
-        side,
-        entry.get("wand", False),
-        entry.get("plane_of"),
-        entry.get("static_only", False),
-        entry.get("optional", False),
+        label=name,
+        aliases=tuple(_name_on_side(side, alias) for alias in entry.get("aliases", ())),
+        landmark=None if known is None else known.name,
+        segment=entry["segment"] if known is None else known.segment,
+        side=side,
+        wand=entry.get("wand", False),
+        plane_of=entry.get("plane_of"),
+        static_only=entry.get("static_only", False),
+        optional=entry.get("optional", False),
     )
 
 

@@ -98,9 +98,17 @@ def _resize_segment(
         )
         for s in model.segments
     )
-    bounds = (1.0 - relative_bound, 1.0 + relative_bound)
     added = (
-        Parameter(name, 1.0, "1", *bounds, group="length", target=segment, prior_sd=prior_sd)
+        Parameter(
+            name=name,
+            value=1.0,
+            unit="1",
+            lower=1.0 - relative_bound,
+            upper=1.0 + relative_bound,
+            group="length",
+            target=segment,
+            prior_sd=prior_sd,
+        )
         for name in dict.fromkeys(name for share in shares.values() for name in share)
     )
     return _with(replace(model, segments=segments, markers=tuple(map(marker, model.markers))), *added)
@@ -136,7 +144,16 @@ def free_axis(
         )
 
     added = tuple(
-        Parameter(name, 0.0, "rad", -bound, bound, group="axis", target=joint_name, prior_sd=prior_sd)
+        Parameter(
+            name=name,
+            value=0.0,
+            unit="rad",
+            lower=-bound,
+            upper=bound,
+            group="axis",
+            target=joint_name,
+            prior_sd=prior_sd,
+        )
         for name, bound in zip(names, (bound_x, bound_y), strict=True)
     )
     return _with(replace(model, segments=tuple(map(segment, model.segments))), *added)
@@ -175,7 +192,16 @@ def free_marker(
         return replace(item, laws=(x, y, z))
 
     added = tuple(
-        Parameter(parameter, 0.0, "m", -bound, bound, group="marker", target=name, prior_sd=prior_sd)
+        Parameter(
+            name=parameter,
+            value=0.0,
+            unit="m",
+            lower=-bound,
+            upper=bound,
+            group="marker",
+            target=name,
+            prior_sd=prior_sd,
+        )
         for parameter in chosen.values()
     )
     return _with(_map_model(model, lambda joint: joint, marker), *added)
@@ -298,7 +324,7 @@ def _follow_joint(old: Coordinate, added: Mapping[str, str], turns: tuple[str, .
     if old.name in added:
         for turn in turns:
             reach = math.radians(_RANGE_DEG[turn])
-            yield Coordinate(f"knee_{turn}_{added[old.name]}", lower=-reach, upper=reach)
+            yield Coordinate(name=f"knee_{turn}_{added[old.name]}", lower=-reach, upper=reach)
 
 
 Tilt = tuple[float, float]

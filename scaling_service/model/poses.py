@@ -46,7 +46,8 @@ def pose_neutral_frames(model: BodyModel, values: Mapping[str, float] | None = N
     --------
     >>> from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Segment
     >>> lift = Joint("translation", (0.0, 1.0, 0.0), Law.of("height"))
-    >>> model = BodyModel("lift", (Segment("cage", "ground", "shaft", (lift,)),), (Coordinate("height"),))
+    >>> cage = Segment(name="cage", parent="ground", joint_name="shaft", joints=(lift,))
+    >>> model = BodyModel(name="lift", segments=(cage,), coordinates=(Coordinate(name="height"),))
     >>> pose_neutral_frames(model, {"height": 2.0})["cage"][1].tolist()
     [0.0, 2.0, 0.0]
     """

@@ -15,7 +15,7 @@ from scaling_service.model.trial import ImagePose
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Motion:
     """The coordinates of a model over one trial, with what they leave unexplained."""
 
@@ -45,7 +45,7 @@ class Motion:
         return self.q[:, self.coordinates.index(coordinate)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EstimatedParameter:
     """A fitted number with its uncertainty.
 
@@ -63,7 +63,7 @@ class EstimatedParameter:
     target: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentSize:
     """A segment's size over the generic model's, and what it rests on."""
 
@@ -105,7 +105,7 @@ class JointMove:
     """How far that moves the child's origin, m, in the frame that the child had before."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Calibration:
     """A scaled model and how it came about."""
 

@@ -52,8 +52,9 @@ def scale_model(
     Examples
     --------
     >>> from scaling_service.model.body import BodyModel, Marker, Segment
-    >>> body = BodyModel("one", (Segment("a", "ground", "j", (), mass=2.0),), (),
-    ...                  (Marker.at("m", "a", (0.1, 0.2, 0.3)),))
+    >>> segment = Segment(name="a", parent="ground", joint_name="j", joints=(), mass=2.0)
+    >>> marker = Marker.at("m", "a", (0.1, 0.2, 0.3))
+    >>> body = BodyModel(name="one", segments=(segment,), coordinates=(), markers=(marker,))
     >>> scale_model(body, {"a": (2.0, 1.0, 1.0)}).marker("m").nominal
     (0.2, 0.2, 0.3)
     """

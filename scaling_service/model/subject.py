@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -63,6 +63,7 @@ class Subject:
 
     id: str
     model: str
+    _: KW_ONLY
     sex: Literal["F", "M"] | None = None
     height_m: float | None = None
     mass_kg: float | None = None
@@ -94,7 +95,7 @@ class Measurement:
     axes: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerPlacement:
     """OpenSim's marker placer: fit the static pose, then move the markers of tracking kind.
 
@@ -109,7 +110,7 @@ class MarkerPlacement:
     fixed: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScaleSetup:
     """An OpenSim scale set-up, read.
 
@@ -128,7 +129,7 @@ class ScaleSetup:
     height_m: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Session:
     """Everything of one subject in memory: the generic model and the processed recordings.
 

@@ -90,7 +90,7 @@ def is_unlabelled(label: str) -> bool:
     return bool(_UNLABELLED.match(label.rpartition(":")[2].strip()))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Repair:
     """One thing that was changed or decided while reading or processing a recording.
 
@@ -117,10 +117,14 @@ class Relabelling:
 def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, detail: str) -> list[Repair]:
     """One repair for each label that was concerned in any frame: ``flags`` is (n_frames, n_labels)."""
     counts = flags.sum(axis=0).tolist()
-    return [Repair(what, label, detail, n) for label, n in zip(labels, counts, strict=True) if n]
+    return [
+        Repair(what=what, where=label, detail=detail, frames=n)
+        for label, n in zip(labels, counts, strict=True)
+        if n
+    ]
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Trial:
     """Marker trajectories on one clock."""
 
@@ -218,7 +222,7 @@ class ImagePose:
         return (points - self.origin) @ self.rotation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImageEvidence:
     """Points of one image session, all in its frame, m."""
 

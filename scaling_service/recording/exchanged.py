@@ -77,10 +77,7 @@ def find_turned_limbs(
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
         rightwards = _find_rightwards(places, others) if lateral[1:] in _LEGS else None
-        yield (
-            (places[lateral][0], places[medial][0]),
-            _find_wrong(lines[lateral], rightwards, trial.times),
-        )
+        yield ((places[lateral][0], places[medial][0]), _find_wrong(lines[lateral], rightwards, trial.times))
 
 
 def _find_rightward_line(places: _Places, lateral: str, medial: str) -> Array:
@@ -200,7 +197,7 @@ JUMP_M = 0.015
 _EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
     """Labels of one segment that stand for each other for a while.
 
@@ -253,10 +250,12 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
         yield from _join_blocks(
             Exchange(
-                *_find_wrong_labels(names, found[0]),
-                float(trial.times[start]),
-                float(trial.times[stop - 1]),
-                *found[1:],
+                labels=tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
+                true=tuple(b for a, b in zip(names, found[0], strict=True) if a != b),
+                start_s=float(trial.times[start]),
+                end_s=float(trial.times[stop - 1]),
+                difference_m=found[1],
+                left_m=found[2],
             )
             for start, stop in _split_blocks(changed, measured)
             if stop - start >= SHORTEST_S * trial.rate_hz
@@ -304,7 +303,9 @@ def relabel(trial: _Kind, corrections: Iterable[Relabelling]) -> _Kind:
         markers[np.ix_(inside, right)] = trial.markers[np.ix_(inside, wrong)]
         span = f"from {item.start_s:.2f} to {item.end_s:.2f} s"
         said = f"{' and '.join(item.labels)} exchanged {span}, as the subject file says"
-        made = Repair("labels_exchanged", ", ".join(item.labels), said, int(inside.sum()))
+        made = Repair(
+            what="labels_exchanged", where=", ".join(item.labels), detail=said, frames=int(inside.sum())
+        )
         trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
     return trial
 
@@ -324,8 +325,12 @@ def _join_blocks(found: Iterable[Exchange]) -> Iterator[Exchange]:
     for item in found:
         alike = last is not None and (last.labels, last.true) == (item.labels, item.true)
         if last is not None and alike and item.start_s - last.end_s < SHORTEST_S:
-            worst = max(last.difference_m, item.difference_m), max(last.left_m, item.left_m)
-            last = Exchange(last.labels, last.true, last.start_s, item.end_s, *worst)
+            last = replace(
+                last,
+                end_s=item.end_s,
+                difference_m=max(last.difference_m, item.difference_m),
+                left_m=max(last.left_m, item.left_m),
+            )
             continue
         if last is not None:
             yield last
@@ -354,12 +359,6 @@ def _find_better_order(
         return None
     renamed = dict(zip(seen, order, strict=True))
     return tuple(renamed.get(name, name) for name in names), before, misfit[order]
-
-
-def _find_wrong_labels(names: Sequence[str], order: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The labels that are wrong, and what they should be."""
-    wrong = [(a, b) for a, b in zip(names, order, strict=True) if a != b]
-    return tuple(a for a, _ in wrong), tuple(b for _, b in wrong)
 
 
 def _list_orders(names: Sequence[str]) -> Iterator[tuple[str, ...]]:

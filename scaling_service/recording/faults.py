@@ -64,7 +64,9 @@ def separate_merged(trial: _AnyTrial) -> _AnyTrial:
         hidden[:, [one, other]] |= merged[:, None]
         where = f"{trial.labels[one]}{PAIR}{trial.labels[other]}"
         detail = "seen as one point, both taken as not seen there"
-        repairs.append(Repair("merged", where, detail, int(merged.sum()), usual / 2))
+        repairs.append(
+            Repair(what="merged", where=where, detail=detail, frames=int(merged.sum()), off=usual / 2)
+        )
     if not repairs:
         return trial
     markers = np.where(hidden[..., None], np.nan, trial.markers)
@@ -122,7 +124,9 @@ def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     for k, rms in size.items():
         markers[poor[:, k], k] = np.nan
         detail = f"jumps about by some {1e3 * rms:.0f} mm, taken as not seen there"
-        repairs.append(Repair("jitter", trial.labels[k], detail, int(poor[:, k].sum()), rms))
+        repairs.append(
+            Repair(what="jitter", where=trial.labels[k], detail=detail, frames=int(poor[:, k].sum()), off=rms)
+        )
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
 
 
@@ -169,7 +173,13 @@ def note_shaking(trial: _AnyTrial) -> _AnyTrial:
         return trial
     size = float(acceleration[k]) / (2.0 * np.pi * hertz[k]) ** 2
     detail = f"tremble together at {hertz[k]:.1f} Hz by {1e3 * size:.2g} mm: the cameras or the floor shake"
-    note = Repair("shaking", "all markers", detail, trial.n_frames, float(size / np.sqrt(2.0)))
+    note = Repair(
+        what="shaking",
+        where="all markers",
+        detail=detail,
+        frames=trial.n_frames,
+        off=float(size / np.sqrt(2.0)),
+    )
     return replace(trial, repairs=(*trial.repairs, note))
 
 
@@ -238,7 +248,9 @@ def remove_spikes(forces: GroundForces) -> GroundForces:
         size, rms = np.abs(off).max(axis=1), np.sqrt(np.square(off).mean(axis=0))
         detail = f"jumps by up to {size.max():.0f} N for a sample or two, interpolated"
         where = f"{plate} f{'xyz'[int(rms.argmax())]}"
-        repairs.append(Repair("spikes", where, detail, int(bad.sum()), float(rms.max())))
+        repairs.append(
+            Repair(what="spikes", where=where, detail=detail, frames=int(bad.sum()), off=float(rms.max()))
+        )
     return forces.change(*repairs, force=force, moment=moment) if repairs else forces
 
 
@@ -280,11 +292,11 @@ def note_dead_channels(forces: GroundForces) -> GroundForces:
     return forces.change(
         *(
             Repair(
-                "dead_channel",
-                f"{forces.plates[k]} f{'xyz'[axis]}",
-                detail,
-                int(loaded[:, k].sum()),
-                float(usual[axis] * load[k]),
+                what="dead_channel",
+                where=f"{forces.plates[k]} f{'xyz'[axis]}",
+                detail=detail,
+                frames=int(loaded[:, k].sum()),
+                off=float(usual[axis] * load[k]),
             )
             for k, axis in np.argwhere(dead).tolist()
         )
@@ -316,7 +328,12 @@ def note_saturation(forces: GroundForces) -> GroundForces:
     found = [(plate, _limit(load, rate)) for plate, load in zip(forces.plates, pressing.T, strict=True)]
     return forces.change(
         *(
-            Repair("saturated", f"{plate} fy", f"stands at {limit[0]:.0f} N, its limit", limit[1])
+            Repair(
+                what="saturated",
+                where=f"{plate} fy",
+                detail=f"stands at {limit[0]:.0f} N, its limit",
+                frames=limit[1],
+            )
             for plate, limit in found
             if limit is not None
         )

@@ -78,11 +78,7 @@ class Orientation:
 
 
 def decide(
-    trial: Trial,
-    *,
-    roles: Mapping[str, str] | None = None,
-    up: str | None = None,
-    forward: str | None = None,
+    trial: Trial, *, roles: Mapping[str, str] | None = None, up: str | None = None, forward: str | None = None
 ) -> Orientation:
     """Find which axes of the laboratory point up and forward.
 
@@ -114,8 +110,12 @@ def decide(
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
     said = (
-        Repair("up_axis", trial.name, f"up is {up_name} of the laboratory ({why_up})"),
-        Repair("forward_axis", trial.name, f"forward is {forward_name} of the laboratory ({why_forward})"),
+        Repair(what="up_axis", where=trial.name, detail=f"up is {up_name} of the laboratory ({why_up})"),
+        Repair(
+            what="forward_axis",
+            where=trial.name,
+            detail=f"forward is {forward_name} of the laboratory ({why_forward})",
+        ),
     )
     return Orientation(rotation, (*said, *unit_repairs), clarity)
 

@@ -55,7 +55,7 @@ def smooth_by_average(trial: Trial) -> Trial:
     detail = f"central moving average of {WINDOW} frames in {PASSES} passes"
     return trial.with_markers(
         average_moving(trial.markers, window=WINDOW, passes=PASSES),
-        Repair("smoothing", trial.name, detail, trial.n_frames),
+        Repair(what="smoothing", where=trial.name, detail=detail, frames=trial.n_frames),
     )
 
 
@@ -77,7 +77,11 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
-    return trial.with_markers(result.values, Repair("smoothing", trial.name, detail, trial.n_frames), *short)
+    return trial.with_markers(
+        result.values,
+        Repair(what="smoothing", where=trial.name, detail=detail, frames=trial.n_frames),
+        *short,
+    )
 
 
 MIN_COMMON_FRAMES = 10
@@ -90,10 +94,7 @@ _SHAPE_SETTLED_M = 1e-6  # chosen: a hundredth of a camera system's noise
 
 
 def fill(
-    trial: Trial,
-    clusters: Mapping[str, tuple[str, ...]],
-    *,
-    longest_spline_s: float = LONGEST_SPLINE_S,
+    trial: Trial, clusters: Mapping[str, tuple[str, ...]], *, longest_spline_s: float = LONGEST_SPLINE_S
 ) -> Trial:
     """Fill what can be filled and note it; what remains stays NaN.
 
@@ -122,7 +123,12 @@ def fill(
             if new.any():
                 filled[new, part.column] = part.positions[new]
                 repairs.append(
-                    Repair("gap_solidification", trial.labels[part.column], part.detail, int(new.sum()))
+                    Repair(
+                        what="gap_solidification",
+                        where=trial.labels[part.column],
+                        detail=part.detail,
+                        frames=int(new.sum()),
+                    )
                 )
     left = before & ~find_seen(filled)
     repairs += repair_each(left, trial.labels, "gap_left", "not seen and not filled")

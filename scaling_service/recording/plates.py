@@ -39,14 +39,14 @@ def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundFo
     ]
     force, moment, middles, normals = (np.stack(list(x)) for x in zip(*parts, strict=True))
     return GroundForces(
-        recording.name,
-        recording.times,
-        list_plate_names(len(recording.plates)),
-        np.ascontiguousarray(force.swapaxes(0, 1)),
-        np.ascontiguousarray(moment.swapaxes(0, 1)),
-        middles,
-        normals,
-        tuple(repairs),
+        name=recording.name,
+        times=recording.times,
+        plates=list_plate_names(len(recording.plates)),
+        force=np.ascontiguousarray(force.swapaxes(0, 1)),
+        moment=np.ascontiguousarray(moment.swapaxes(0, 1)),
+        surfaces=middles,
+        normals=normals,
+        repairs=tuple(repairs),
     )
 
 
@@ -64,9 +64,9 @@ def _turn_to_laboratory(
             inside = _share_inside(force, moment, size)
             repairs.append(
                 Repair(
-                    "plate_origin",
-                    name,
-                    "ORIGIN was taken with the opposite sign: else pressure is off the plate",
+                    what="plate_origin",
+                    where=name,
+                    detail="ORIGIN was taken with the opposite sign: else pressure is off the plate",
                 )
             )
     if inside < MOSTLY:
@@ -151,7 +151,9 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
     )
     pressing = turned.pressing
     if np.nansum(np.where(np.abs(pressing) > CONTACT_N, pressing, 0.0)) < 0:
-        note = Repair("force_sign", forces.name, "forces pull the body down; they were turned round")
+        note = Repair(
+            what="force_sign", where=forces.name, detail="forces pull the body down; they were turned round"
+        )
         return turned.change(note, force=-force, moment=-moment)
     return turned
 
@@ -163,12 +165,7 @@ or impacts appear on one side of the equation only (van den Bogert & de Koning 1
 ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
 
 
-def synchronise(
-    forces: GroundForces,
-    times: ArrayLike,
-    *,
-    cutoff_hz: float | None = None,
-) -> GroundForces:
+def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | None = None) -> GroundForces:
     """Forces at the times of the markers.
 
     ``times`` (n,), s: the markers' times, strictly increasing. ``cutoff_hz``: half-power frequency of the
@@ -199,7 +196,12 @@ def synchronise(
     outside = int(((wanted < own[0] - 1e-9) | (wanted > own[-1] + 1e-9)).sum())
     if outside:
         repairs.append(
-            Repair("not_recorded", forces.name, "no forces at these frames of the markers", outside)
+            Repair(
+                what="not_recorded",
+                where=forces.name,
+                detail="no forces at these frames of the markers",
+                frames=outside,
+            )
         )
     force, moment, read = sampled[..., :3], sampled[..., 3:6], sampled[..., 6]
     return forces.change(*repairs, times=wanted, force=force, moment=moment, read=read)
@@ -215,7 +217,18 @@ def _regularise_clock(times: Array, values: Array, name: str) -> tuple[Array, Ar
     if np.abs(times - regular).max() <= ROUNDED * step:
         return regular, values, []
     flat = np.stack([_interpolate(times, values[:, k], regular) for k in range(values.shape[1])], axis=1)
-    return regular, flat, [Repair("clock", name, "times are irregular; interpolated onto a regular clock", n)]
+    return (
+        regular,
+        flat,
+        [
+            Repair(
+                what="clock",
+                where=name,
+                detail="times are irregular; interpolated onto a regular clock",
+                frames=n,
+            )
+        ],
+    )
 
 
 def _filter(
@@ -232,7 +245,7 @@ def _filter(
     whole = np.where(np.isfinite(values).all(axis=2, keepdims=True), values, np.nan)
     result = filter_butterworth(whole, rate_hz=rate, cutoff_hz=cutoff_hz, order=ORDER)
     detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
-    notes = [Repair("smoothing", forces.name, detail, len(times))]
+    notes = [Repair(what="smoothing", where=forces.name, detail=detail, frames=len(times))]
     brief = "known too briefly between gaps to be filtered"
     return result.values, notes + repair_each(
         np.any(result.unfiltered, axis=2), forces.plates, "not_smoothed", brief

@@ -50,7 +50,7 @@ TOLERATED = 0.2
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FootContacts:
     """Who stands where.
 
@@ -105,7 +105,9 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     foot[~loaded] = NOBODY
     notes += _find_two_feet(foot, away, on_floor, forces) + _find_two_plates(foot, names)
     supported, more = _find_supported(foot, loaded, on_floor, names, forces)
-    return FootContacts(names, foot, on_floor, supported, (*notes, *more))
+    return FootContacts(
+        feet=names, foot=foot, on_floor=on_floor, supported=supported, repairs=(*notes, *more)
+    )
 
 
 def assign_foot_loads(
@@ -154,7 +156,7 @@ def _find_resting(feet: Sequence[Array], times: Array, name: str) -> tuple[Mask,
     notes = []
     if belt.any():
         detail = f"the floor moves at {np.linalg.norm(belt):.2f} m/s, as on a treadmill"
-        notes.append(Repair("belt", name, detail))
+        notes.append(Repair(what="belt", where=name, detail=detail))
     resting = []
     for height, velocity in zip(heights, velocities, strict=True):
         speed = np.linalg.norm(velocity - belt, axis=2)
@@ -221,20 +223,20 @@ def _describe_contact(
     """What to say about one contact."""
     span, n = f"from {times[0]:.2f} to {times[-1]:.2f} s", len(times)
     if chosen == NOBODY:
-        return [Repair("no_foot", plate, f"loaded {span}, but no foot is near", n)]
-    notes = [Repair("plate_foot", plate, f"bears {names[chosen]} {span}", n)]
+        return [Repair(what="no_foot", where=plate, detail=f"loaded {span}, but no foot is near", frames=n)]
+    notes = [Repair(what="plate_foot", where=plate, detail=f"bears {names[chosen]} {span}", frames=n)]
     off = _take_median(away[chosen])
     if off >= REACH_M:
         detail = (
             f"pressure lies {100 * off:.0f} cm off {names[chosen]}, the only foot that stands free {span}"
         )
-        notes.append(Repair("pressure_astray", plate, detail, n))
+        notes.append(Repair(what="pressure_astray", where=plate, detail=detail, frames=n))
     swinging = ~on_floor[:, chosen]
     if swinging.mean() > TOLERATED:
         detail = (
             f"bears {names[chosen]} {span}, but the markers show it in swing in {swinging.mean():.0%} of it"
         )
-        notes.append(Repair("in_swing", plate, detail, int(swinging.sum())))
+        notes.append(Repair(what="in_swing", where=plate, detail=detail, frames=int(swinging.sum())))
     return notes
 
 
@@ -253,7 +255,7 @@ def _find_two_feet(foot: NDArray[np.intp], away: Array, on_floor: Mask, forces: 
             detail = (
                 "bears two feet at once: pressure lies between them, so their forces cannot be told apart"
             )
-            notes.append(Repair("two_feet", plate, detail, int(shared.sum())))
+            notes.append(Repair(what="two_feet", where=plate, detail=detail, frames=int(shared.sum())))
     return notes
 
 
@@ -262,7 +264,14 @@ def _find_two_plates(foot: NDArray[np.intp], names: tuple[str, ...]) -> list[Rep
     for k, name in enumerate(names):
         count = int(((foot == k).sum(axis=1) > 1).sum())
         if count:
-            notes.append(Repair("two_plates", name, "stands on two plates at once; both loads count", count))
+            notes.append(
+                Repair(
+                    what="two_plates",
+                    where=name,
+                    detail="stands on two plates at once; both loads count",
+                    frames=count,
+                )
+            )
     return notes
 
 
@@ -282,6 +291,6 @@ def _find_supported(
             lasting[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
         if lasting[:, k].any():
             detail = "stands beside the plates; dynamics cannot be told in these frames"
-            notes.append(Repair("no_plate", name, detail, int(lasting[:, k].sum())))
+            notes.append(Repair(what="no_plate", where=name, detail=detail, frames=int(lasting[:, k].sum())))
     stray = (loaded & (foot == NOBODY)).any(axis=1)
     return known & ~stray & ~lasting.any(axis=1), notes

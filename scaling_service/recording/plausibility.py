@@ -47,7 +47,7 @@ def find_unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
                 f"the body would measure {extent:.3g} m; positions said to be in {stated} are in {true}, "
                 f"so they were multiplied by {factor:g}"
             )
-            return factor, (Repair("unit", trial.name, detail, trial.n_frames),)
+            return factor, (Repair(what="unit", where=trial.name, detail=detail, frames=trial.n_frames),)
     if extent == 0 or len(trial.labels) < 2:
         return 1.0, ()
     raise TrialUnusable(
@@ -176,7 +176,7 @@ TOLD_BY = 2
 _FRAMES = 500  # of a recording, evenly: a median needs no more (chosen)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MovedMarker:
     """A marker of a recording that alone contradicts the shape which its segment has in others.
 
@@ -224,10 +224,7 @@ def find_moved_markers(trials: Sequence[Trial], clusters: Clusters) -> Iterator[
 def _thin(trial: Trial, step: int) -> Trial:
     """Every so many frames of a recording."""
     return replace(
-        trial,
-        times=trial.times[::step],
-        markers=trial.markers[::step],
-        rate_hz=trial.rate_hz / step,
+        trial, times=trial.times[::step], markers=trial.markers[::step], rate_hz=trial.rate_hz / step
     )
 
 
@@ -257,4 +254,12 @@ def _compare(
     told_by = sum(size > EXPLAINED * own[worst] for size in own.values())
     alone = own[worst] > MOVED_M and left < EXPLAINED * own[worst] and told_by >= TOLD_BY
     (neighbour,) = {*worst} - {label}
-    return MovedMarker(trial, label, neighbour, here[worst], there[worst], left, other), alone
+    return MovedMarker(
+        trial=trial,
+        label=label,
+        neighbour=neighbour,
+        here_m=here[worst],
+        there_m=there[worst],
+        left_m=left,
+        other=other,
+    ), alone

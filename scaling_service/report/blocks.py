@@ -115,7 +115,7 @@ class Row:
     cells: Sequence[str | Cell] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
     """A table with headers for its columns and rows.
 

@@ -34,12 +34,15 @@ def build_input_blocks(document: Provenance) -> Iterator[Block]:
         named = [Row(marker, [", ".join(labels)]) for marker, labels in used.items()]
         yield Details(
             "Labels taken for the model's markers",
-            [Table("Markers", ["marker", "label in the files"], named, words=True)],
+            [Table(caption="Markers", columns=["marker", "label in the files"], rows=named, words=True)],
         )
     yield Details("Settings", [_tabulate_settings(document)])
     if document.input_hashes:
         hashes = [Row(name, [sha]) for name, sha in document.input_hashes.items()]
-        yield Details("Input files", [Table("SHA-256 of each file", ["file", "SHA-256"], hashes, words=True)])
+        yield Details(
+            "Input files",
+            [Table(caption="SHA-256 of each file", columns=["file", "SHA-256"], rows=hashes, words=True)],
+        )
 
 
 def repair_blocks(document: Provenance) -> Iterator[Block]:
@@ -57,7 +60,14 @@ def repair_blocks(document: Provenance) -> Iterator[Block]:
     ]
     yield Details(
         f"What was repaired or decided while reading ({sum(map(len, found.values()))})",
-        [Table("Repairs and decisions", ["what", "detail", "where", "frames"], rows, words=True)],
+        [
+            Table(
+                caption="Repairs and decisions",
+                columns=["what", "detail", "where", "frames"],
+                rows=rows,
+                words=True,
+            )
+        ],
     )
 
 
@@ -75,9 +85,9 @@ def _describe_frames(places: Sequence[tuple[str, RepairNote]]) -> str:
 def _tabulate_settings(document: Provenance) -> Table:
     rows = [Row(name, [value]) for name, value in _flatten(document.settings)]
     return Table(
-        "Settings as resolved",
-        ["setting", "value"],
-        [*rows, Row("seed", [str(document.seed)]), Row("version", [document.code_version])],
+        caption="Settings as resolved",
+        columns=["setting", "value"],
+        rows=[*rows, Row("seed", [str(document.seed)]), Row("version", [document.code_version])],
         words=True,
     )
 

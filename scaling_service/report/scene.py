@@ -27,7 +27,7 @@ _VIEWS = (("From the right", 0, 1.0), ("From the front", 2, -1.0))
 Pair = tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Body:
     """One model as drawn.
 
@@ -51,7 +51,7 @@ class Body:
     shown: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
     """A block that shows bodies in space; two flat views stand in for it on paper and without WebGL.
 
@@ -230,11 +230,7 @@ def draw_flat_views(scene: Scene, frame: int) -> str:
 def _view(across: int, sign: float, first: float, top: float, offset: float) -> Callable[[Array], Array]:
     """From points in space, (n, 3), m, to places in the drawing, (n, 2), px."""
     return lambda points: np.stack(
-        [
-            offset + _SCALE * (sign * points[:, across] - first),
-            24.0 + _SCALE * (top - points[:, 1]),
-        ],
-        axis=1,
+        [offset + _SCALE * (sign * points[:, across] - first), 24.0 + _SCALE * (top - points[:, 1])], axis=1
     )
 
 

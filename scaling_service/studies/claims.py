@@ -179,5 +179,8 @@ def _tabulate_claims(document: StudyDocument) -> Table:
         word, tone = HOLDS[claim.holds]
         rows.append(Row(claim.where, [claim.claim, Cell(word, tone=tone), claim.paper, claim.ours]))
     return Table(
-        "Claim by claim", ["where", "claim", "here", "in the paper", "here, in figures"], rows, words=True
+        caption="Claim by claim",
+        columns=["where", "claim", "here", "in the paper", "here, in figures"],
+        rows=rows,
+        words=True,
     )

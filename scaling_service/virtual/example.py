@@ -43,7 +43,7 @@ movement are found to be enough, and are searched in seconds."""
 _M_PER_MM, _RAD_PER_DEG = 1e-3, np.pi / 180.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Hidden:
     """One thing that was hidden."""
 
@@ -55,15 +55,17 @@ class Hidden:
 
 
 SLIDING = Hidden(
-    "soft_tissue_artefact",
-    ("RLFE",),
-    {"x_mm_per_deg": 0.12, "y_mm_per_deg": 0.16, "z_mm_per_deg": 0.0},
-    ("knee_angle_r",),
+    kind="soft_tissue_artefact",
+    where=("RLFE",),
+    parameters={"x_mm_per_deg": 0.12, "y_mm_per_deg": 0.16, "z_mm_per_deg": 0.0},
+    driver=("knee_angle_r",),
 )
 """A marker of the thigh that slides with the knee: 0.2 mm/deg in all, the usual size of a knee's share
 (``THIGH_MM_PER_DEG``)."""
 
-SWAPPED = Hidden("marker_swap", ("LLM", "LMM"), {"start_s": 2.0, "end_s": 2.6}, trial="knee_l")
+SWAPPED = Hidden(
+    kind="marker_swap", where=("LLM", "LMM"), parameters={"start_s": 2.0, "end_s": 2.6}, trial="knee_l"
+)
 """The two markers of an ankle exchanged for 0.6 s, as trackers do after one was hidden (chosen)."""
 
 

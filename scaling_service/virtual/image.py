@@ -37,7 +37,7 @@ _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean of |u| for u of SD 1
 _FRAME_M = 0.5  # chosen: SD of the image's origin about the standing person's
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualImage:
     """What was imaged, and beside it the truth; all in the image's frame, m."""
 
@@ -74,18 +74,18 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
     }
     knees = {knee: compute_axis(tilt) for knee, tilt in person.tilts.items()}
     return VirtualImage(
-        bones,
-        _place_markers(person, poses),
-        {
+        bones=bones,
+        markers=_place_markers(person, poses),
+        centres={
             name: to_vector(_place_points(poses[segment], np.array(at)))
             for name, (segment, at) in find_joint_centres(person.model).items()
         },
-        {knee: to_vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
-        {
+        axes={knee: to_vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
+        landmarks={
             name: to_vector(_place_points(poses[segment], at))
             for name, (segment, at) in found.landmarks.items()
         },
-        poses,
+        poses=poses,
     )
 
 

@@ -69,7 +69,9 @@ def record_on_plates(
     feet = [_find_middle(names, markers, side) for side in "RL"]
     plates = _share_wrench(wrench.T, *feet)
     seen = markers + rng.normal(0.0, noise_m, markers.shape)
-    return Recorded(model, Trial(name, times, names, seen, RATE_HZ), q, plates)
+    return Recorded(
+        model, Trial(name=name, times=times, labels=names, markers=seen, rate_hz=RATE_HZ), q, plates
+    )
 
 
 def _find_middle(names: tuple[str, ...], markers: Array, side: str) -> Array:
@@ -98,7 +100,7 @@ def write_forces(path: Path, times: Array, plates: tuple[Array, ...]) -> None:
     labels = [
         f"ground_force_{k + 1}_{what}{axis}" for k in range(len(plates)) for what in "vpm" for axis in "xyz"
     ]
-    write_sto(path, Table(path.stem, ("time", *labels), np.column_stack([times, *plates])))
+    write_sto(path, Table(name=path.stem, columns=("time", *labels), data=np.column_stack([times, *plates])))
 
 
 def write_plates_example(folder: Path) -> dict[str, Any]:

@@ -115,7 +115,7 @@ GAPS_PER_S, GAP_S = 0.02, 0.10
 than the 0.15 s that a spline may bridge."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualSettings:
     """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
 
@@ -141,7 +141,7 @@ class VirtualSettings:
             raise ValueError("sizes of faults are not negative, lengths and rates are positive")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualSubject:
     """A person of whom everything is known."""
 
@@ -187,14 +187,28 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     skin = draw_artefact(seed, model, style.stance, settings.artefact)
     trials = {name: _record_trial(seed, name, model, skin, q, settings) for name, q in motions.items()}
     return VirtualSubject(
-        seed, settings, sex, height, mass, model, generic, factors, tilts, offsets, skin, motions, trials
+        seed=seed,
+        settings=settings,
+        sex=sex,
+        height_m=height,
+        mass_kg=mass,
+        model=model,
+        generic=generic,
+        factors=factors,
+        tilts=tilts,
+        marker_offsets=offsets,
+        artefact=skin,
+        motions=motions,
+        trials=trials,
     )
 
 
 def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
     """A person's trials as a session: functional movements fit, walking is held out."""
     name = f"virtual_{person.seed}"
-    subject = Subject(name, GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg)
+    subject = Subject(
+        id=name, model=GENERIC, sex=person.sex, height_m=person.height_m, mass_kg=person.mass_kg
+    )
     return Session(
         subject=subject,
         model=model,
@@ -284,7 +298,7 @@ def _record_trial(
         for k, label in enumerate(labels):
             markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
             markers[_choose_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
-    return Trial(name, times, labels, markers, settings.rate_hz)
+    return Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)
 
 
 def _choose_hidden(rng: np.random.Generator, times: Array, size: float) -> NDArray[np.bool_]:

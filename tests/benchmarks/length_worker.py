@@ -37,7 +37,7 @@ def _recording(model: BodyModel, n: int) -> tuple[Trial, np.ndarray]:
     q[:, [model.coordinate_names.index(f"knee_angle_{s}") for s in "rl"]] += 0.5
     markers = pose_markers(compile_model(model), q, list_parameter_values(model))
     markers += rng.normal(0.0, 0.001, markers.shape)
-    return Trial("long", t[:, 0], model.marker_names, markers, 100.0), q
+    return Trial(name="long", times=t[:, 0], labels=model.marker_names, markers=markers, rate_hz=100.0), q
 
 
 def _measure(request: dict[str, Any]) -> dict[str, float]:

@@ -96,7 +96,10 @@ def test_a_foot_whose_plate_is_nowhere_in_the_recordings_is_named(tmp_path: Path
     for file, name in document["forces"].items():
         kept = [k for k, column in enumerate(whole[file].columns) if "_2_" not in column]
         columns = tuple(whole[file].columns[k] for k in kept)
-        write_sto(subject.parent / name, Table(name, columns, whole[file].data[:, kept], in_degrees=False))
+        write_sto(
+            subject.parent / name,
+            Table(name=name, columns=columns, data=whole[file].data[:, kept], in_degrees=False),
+        )
     said = run_one([sys.executable, "-m", "scaling_service", "discover"], subject, tmp_path / "out", "none")
     assert said.startswith("done"), (tmp_path / "out" / "failed.txt").read_text(encoding="utf-8")
     result = json.loads((tmp_path / "out" / "discovery.json").read_text(encoding="utf-8"))

@@ -211,9 +211,11 @@ def test_the_force_of_a_foot_without_plate_is_compared_in_the_worst_trial(tmp_pa
     clock = np.linspace(0.0, 1.0, 11)
     for name, wrong in (("one", 5.0), ("two", 49.05)):
         forces = np.column_stack([clock, np.full(11, 200.0)])
-        write_sto(true / f"{name}.sto", Table(name, ("time", "fy"), forces, in_degrees=False))
+        write_sto(
+            true / f"{name}.sto", Table(name=name, columns=("time", "fy"), data=forces, in_degrees=False)
+        )
         inferred = forces[2:-2] + np.array([0.0, wrong])
-        table = Table(name, ("time", "contact_fy"), inferred, in_degrees=False)
+        table = Table(name=name, columns=("time", "contact_fy"), data=inferred, in_degrees=False)
         write_sto(folder / f"{name}_contact.sto", table)
     (found,) = outcomes(tmp_path, tmp_path / "results")
     assert found.withheld == pytest.approx(0.1)

@@ -25,7 +25,13 @@ def test_condyles_stand_on_both_sides_of_the_shaft(
         )
     )
     balls = [
-        SphereOnBone(np.array([0.2 + along, aside, 0.0]), 0.021, 1e-4, 0.5, np.zeros(0))
+        SphereOnBone(
+            centre=np.array([0.2 + along, aside, 0.0]),
+            radius=0.021,
+            rms=1e-4,
+            covered=0.5,
+            support=np.zeros(0),
+        )
         for along, aside in (first, second)
     ]
     assert _are_twins(shaft, *balls) is condyles

@@ -59,13 +59,19 @@ def clustered(seed: int, settings: VirtualSettings, *, smoothed: bool = True) ->
         for k, label in enumerate(labels if name != "static" else ()):
             places[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
         trials[name] = process_recording(
-            Trial(name, times, labels, places, settings.rate_hz), truth, processing
+            Trial(name=name, times=times, labels=labels, markers=places, rate_hz=settings.rate_hz),
+            truth,
+            processing,
         )
     session = Session(
-        Subject(f"virtual_{seed}", who.generic.name, extra_markers={m.name: m.segment for m in clusters()}),
-        who.generic,
-        trials["static"],
-        tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
-        (trials["gait_1"],),
+        subject=Subject(
+            id=f"virtual_{seed}",
+            model=who.generic.name,
+            extra_markers={m.name: m.segment for m in clusters()},
+        ),
+        model=who.generic,
+        static=trials["static"],
+        calibration=tuple(t for name, t in trials.items() if name.startswith(("hip", "knee"))),
+        evaluation=(trials["gait_1"],),
     )
     return Clustered(truth, session)

@@ -70,10 +70,16 @@ def patient(seed: int) -> Patient:
     q = who.motions["static"]
     recorded = _positions(who.model.with_markers(tuple(placed)), q)
     recorded = recorded + 2e-4 * rng.normal(size=recorded.shape)
-    static = Trial("static", np.arange(len(q)) / 100.0, tuple(m.name for m in placed), recorded, 100.0)
+    static = Trial(
+        name="static",
+        times=np.arange(len(q)) / 100.0,
+        labels=tuple(m.name for m in placed),
+        markers=recorded,
+        rate_hz=100.0,
+    )
     subject = Subject(
-        str(seed),
-        "lower_limb_14dof",
+        id=str(seed),
+        model="lower_limb_14dof",
         sex=who.sex,
         height_m=who.height_m,
         mass_kg=who.mass_kg,
@@ -82,7 +88,9 @@ def patient(seed: int) -> Patient:
             f"{s}{n}": f"{b}_{s.lower()}" for s in "RL" for n, b in (("THI", "femur"), ("TIB", "tibia"))
         },
     )
-    session = Session(subject, load_builtin("lower_limb_14dof"), static, (), ())
+    session = Session(
+        subject=subject, model=load_builtin("lower_limb_14dof"), static=static, calibration=(), evaluation=()
+    )
     return Patient(session, who.model, _centres(who.model, q))
 
 

@@ -35,7 +35,9 @@ def trial(model: BodyModel, name: str, q: np.ndarray, noise_m: float, rng: np.ra
     tree = compile_model(model, names)
     markers = pose_markers(tree, q, list_parameter_values(model))
     markers = markers + rng.normal(0.0, noise_m, markers.shape)
-    return Trial(name, np.arange(len(q)) / RATE_HZ, tuple(names), markers, RATE_HZ)
+    return Trial(
+        name=name, times=np.arange(len(q)) / RATE_HZ, labels=tuple(names), markers=markers, rate_hz=RATE_HZ
+    )
 
 
 def movement(model: BodyModel, n_frames: int, rng: np.random.Generator) -> np.ndarray:
@@ -77,7 +79,13 @@ def person(
     standing = trial(truth, "static", repeat_default_pose(truth, 50), noise_m, rng)
     frames = int(seconds * RATE_HZ)
     moving = [trial(truth, n, movement(truth, frames, rng), noise_m, rng) for n in ("hips", "walk")]
-    session = Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
+    session = Session(
+        subject=Subject(id="P", model=generic.name),
+        model=generic,
+        static=standing,
+        calibration=(moving[0],),
+        evaluation=(moving[1],),
+    )
     return Person(truth, session)
 
 
@@ -124,4 +132,4 @@ def imaged(
     }
     if not markers:
         landmarks |= {name: there(placed[name]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")}
-    return ImageEvidence(centres, axes, landmarks, seen, "made")
+    return ImageEvidence(centres=centres, axes=axes, landmarks=landmarks, markers=seen, source="made")

@@ -25,7 +25,9 @@ def differences(shared_data: Path) -> dict[str, dict[str, float]]:
     found = {}
     for child in sorted((shared_data / "clinic").iterdir()):
         static, moving, *_ = sorted(child.glob("*.c3d"))
-        session = load(Subject(child.name, "lower_limb_14dof", static=static, calibration=(moving,))).session
+        session = load(
+            Subject(id=child.name, model="lower_limb_14dof", static=static, calibration=(moving,))
+        ).session
         ours = measure_segment_lengths(scale_linearly(session, CalibrationSettings()).model)
         sizes = next(iter(json.loads((child / "sizes.json").read_text(encoding="utf-8")).values()))
         found[child.name] = {

@@ -71,7 +71,9 @@ def test_feet_are_found_without_noise() -> None:
     factors = {"calcn_r": (1.06,) * 3, "tibia_l": (0.97,) * 3}
     known = person(54, factors=factors, model=FEET)
     ones = dict.fromkeys(known.truth.segment_names, (1.0, 1.0, 1.0))
-    start = Calibration("MB", known.session.model, known.session.model, ones)
+    start = Calibration(
+        method="MB", model=known.session.model, generic=known.session.model, scale_factors=ones
+    )
     found = calibrate(known.session, "MB_lam", known={"MB": start})
     assert found.cost < 1e-14
     size = next(p for p in found.parameters if p.name == "scale.calcn_r")

@@ -159,11 +159,13 @@ def test_a_knee_that_turns_like_a_ball_has_no_axis() -> None:
         for rate, turn in ((1.0, "angle"), (1.7, "adduction"), (2.3, "rotation")):
             q[:, model.coordinate_names.index(f"knee_{turn}_{side}")] = 0.6 * np.sin(rate * times)
     session = Session(
-        Subject("ball", "lower_limb_14dof", extra_markers={m.name: m.segment for m in clusters()}),
-        load_builtin("lower_limb_14dof"),
-        trial(model, "static", repeat_default_pose(model, 5), 0.0, rng),
-        (trial(model, "ball", q, 0.0, rng),),
-        (),
+        subject=Subject(
+            id="ball", model="lower_limb_14dof", extra_markers={m.name: m.segment for m in clusters()}
+        ),
+        model=load_builtin("lower_limb_14dof"),
+        static=trial(model, "static", repeat_default_pose(model, 5), 0.0, rng),
+        calibration=(trial(model, "ball", q, 0.0, rng),),
+        evaluation=(),
     )
     with pytest.raises(TrialUnusable, match="no axis stands out in 'ball'"):
         calibrate(session, "MB", AXIS)

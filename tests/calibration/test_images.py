@@ -46,10 +46,10 @@ def test_where_the_image_lies_changes_nothing() -> None:
         return (float(x), float(y), float(z))
 
     other = ImageEvidence(
-        {k: moved(v) for k, v in evidence.centres.items()},
-        {k: tuple(turn @ np.array(v)) for k, v in evidence.axes.items()},
-        {k: moved(v) for k, v in evidence.landmarks.items()},
-        {k: (s, moved(v)) for k, (s, v) in evidence.markers.items()},
+        centres={k: moved(v) for k, v in evidence.centres.items()},
+        axes={k: tuple(turn @ np.array(v)) for k, v in evidence.axes.items()},
+        landmarks={k: moved(v) for k, v in evidence.landmarks.items()},
+        markers={k: (s, moved(v)) for k, (s, v) in evidence.markers.items()},
     )
     first, second = (calibrate(replace(who.session, images=e), "EB").model for e in (evidence, other))
     for a, b in zip(first.markers, second.markers, strict=True):
@@ -127,7 +127,9 @@ def test_turns_of_an_axis_compose() -> None:
 def test_a_femur_alone_sizes_its_segment_and_tells_of_the_rest(model: str) -> None:
     who = person(47, factors={"femur_r": (1.06,) * 3, "tibia_r": (1.05,) * 3}, seconds=2.0)
     whole = imaged(who, {"knee_r": (0.0,) * 3, "knee_l": (0.0,) * 3}, "r")
-    alone = ImageEvidence({name: whole.centres[name] for name in ("hip_r", "knee_r")}, whole.axes)
+    alone = ImageEvidence(
+        centres={name: whole.centres[name] for name in ("hip_r", "knee_r")}, axes=whole.axes
+    )
     subject = replace(who.session.subject, model=model)
     session = replace(who.session, subject=subject, images=alone)
     markers, found = calibrate(session, "MB"), calibrate(session, "EB")
@@ -142,6 +144,6 @@ def test_a_femur_alone_sizes_its_segment_and_tells_of_the_rest(model: str) -> No
 
 def test_bones_that_show_no_length_are_refused() -> None:
     who = person(48, seconds=1.0)
-    alone = ImageEvidence({"ankle_r": (0.0, 0.0, 0.0)})
+    alone = ImageEvidence(centres={"ankle_r": (0.0, 0.0, 0.0)})
     with pytest.raises(SubjectInvalid, match="nor a length of a bone"):
         calibrate(replace(who.session, images=alone), "EB")

@@ -48,7 +48,13 @@ def loose(seed: int, kind: KneeKind = "spherical", seconds: float = 5.0) -> Sess
         trials[name] = trial(truth, name, q, 0.0, rng)
     standing = trial(truth, "static", repeat_default_pose(truth, 20), 0.0, rng)
     moving = [trials[name] for name in ("hips", "walk")]
-    return Session(Subject("P", generic.name), generic, standing, (moving[0],), (moving[1],))
+    return Session(
+        subject=Subject(id="P", model=generic.name),
+        model=generic,
+        static=standing,
+        calibration=(moving[0],),
+        evaluation=(moving[1],),
+    )
 
 
 @pytest.mark.parametrize("method", sorted(METHODS))

@@ -121,13 +121,13 @@ def test_markers_on_one_spot_cannot_be_measured() -> None:
     markers = session.static.markers.copy()
     markers[:, session.static.index("RLM")] = markers[:, session.static.index("RFH")]
     setup = ScaleSetup(
-        (Measurement("shank", (("RFH", "RLM"),), {"tibia_r": "XYZ"}),),
-        {},
-        ("measurements",),
-        None,
-        True,
-        None,
-        None,
+        measurements=(Measurement("shank", (("RFH", "RLM"),), {"tibia_r": "XYZ"}),),
+        manual={},
+        order=("measurements",),
+        time_range=None,
+        preserve_mass_distribution=True,
+        mass_kg=None,
+        placement=None,
     )
     with pytest.raises(TrialUnusable, match="less than 10 mm apart"):
         compute_setup_factors(session.model, session.static.with_markers(markers), setup)

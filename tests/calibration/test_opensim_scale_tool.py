@@ -72,7 +72,9 @@ def case(setup: Path, model: Path, static: Path, written: Path, marker_set: Path
     fixed = frozenset(m.name for m in body.markers if m.anatomical)  # OpenSim's flag `fixed`
     read = replace(read, placement=replace(read.placement, fixed=fixed))
     subject = Subject(id="person", model=str(model), static=static, scale_setup=setup)
-    session = Session(subject, body, read_trc(static), (), (), scale_setup=read)
+    session = Session(
+        subject=subject, model=body, static=read_trc(static), calibration=(), evaluation=(), scale_setup=read
+    )
     return Case(session, tool, exact, written)
 
 
@@ -194,7 +196,13 @@ def test_a_subject_file_leads_to_the_same_markers(cases: Mapping[str, Case], sha
 
 
 def recording(times: list[float]) -> Trial:
-    return Trial("standing", np.array(times), ("A",), np.zeros((len(times), 1, 3)), 60.0)
+    return Trial(
+        name="standing",
+        times=np.array(times),
+        labels=("A",),
+        markers=np.zeros((len(times), 1, 3)),
+        rate_hz=60.0,
+    )
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,9 @@ TILTS = {"knee_r": (4.0, -6.0, 0.0), "knee_l": (-5.0, 3.0, 0.0)}
 def start_at(known: Person) -> Calibration:
     """The person's true size as a first guess."""
     ones = dict.fromkeys(known.truth.segment_names, (1.0, 1.0, 1.0))
-    return Calibration("MB", known.session.model, known.session.model, ones)
+    return Calibration(
+        method="MB", model=known.session.model, generic=known.session.model, scale_factors=ones
+    )
 
 
 @pytest.mark.parametrize("method", sorted(METHODS))

@@ -202,7 +202,15 @@ def test_identified_inertia_is_written_into_a_model_on_bones(real, tmp_path: Pat
     heavier = replace(shank, mass=shank.mass + 0.5, com=to_vector(np.add(shank.com, (0.0, -0.01, 0.0))))
     segments = tuple(heavier if s.name == shank.name else s for s in found.model.segments)
     model = replace(found.model, segments=segments)
-    prepared = Prepared(Loaded(session), "EB", "model", found.model, {}, {}, found)
+    prepared = Prepared(
+        loaded=Loaded(session=session),
+        start="EB",
+        inertia="model",
+        model=found.model,
+        motions={},
+        forces={},
+        calibration=found,
+    )
     assert write_massive_model(tmp_path, model, prepared, found.scale_factors) == ()
     written = read_osim(tmp_path / "model.osim")
     assert written.segment("tibia_r").mass == pytest.approx(heavier.mass, abs=1e-9)

@@ -93,7 +93,15 @@ def test_a_pelvis_without_hips_keeps_its_mean_height() -> None:
 
 
 def test_a_set_up_says_its_own_axes(broad: Person) -> None:
-    setup = ScaleSetup((), {}, ("measurements",), None, True, None, None)
+    setup = ScaleSetup(
+        measurements=(),
+        manual={},
+        order=("measurements",),
+        time_range=None,
+        preserve_mass_distribution=True,
+        mass_kg=None,
+        placement=None,
+    )
     with pytest.raises(SubjectInvalid, match="scale_setup"):
         scale_linearly(replace(broad.session, scale_setup=setup), OPEN)
 
@@ -102,7 +110,9 @@ def test_the_fit_finds_lengths_and_breadths_without_noise() -> None:
     factors = {"femur_r": (1.02, 1.06, 0.98), "tibia_r": (1.01, 0.97, 1.05), "pelvis": (1.0, 1.04, 1.0)}
     known = person(33, factors=factors)
     ones = dict.fromkeys(known.truth.segment_names, (1.0, 1.0, 1.0))
-    start = Calibration("MB", known.session.model, known.session.model, ones)
+    start = Calibration(
+        method="MB", model=known.session.model, generic=known.session.model, scale_factors=ones
+    )
     found = calibrate(known.session, "MB_lam", OPEN, {"MB": start})
     assert found.cost < 1e-14
     sure = {p.name: p.value for p in found.parameters if p.identifiable and p.group == "length"}

@@ -161,19 +161,19 @@ def without(session: Session, landmarks: set[str], *, static: bool = True) -> Se
 def _jia(data: Path) -> Session:
     folder = data / "jia_mri"
     files = {"static": folder / "Static.c3d", "calibration": (folder / "Walking02.c3d",)}
-    return load(Subject("jia", "lower_limb_14dof", height_m=1.62, mass_kg=63.0, **files)).session
+    return load(Subject(id="jia", model="lower_limb_14dof", height_m=1.62, mass_kg=63.0, **files)).session
 
 
 def _squat(data: Path) -> Session:
     folder = data / "opencap_squat"
     files = {"static": folder / "static1.trc", "calibration": (folder / "walking1.trc",)}
-    return load(Subject("squat", "lower_limb_14dof", height_m=1.68, mass_kg=62.6, **files)).session
+    return load(Subject(id="squat", model="lower_limb_14dof", height_m=1.68, mass_kg=62.6, **files)).session
 
 
 def _functional(data: Path) -> Session:
     folder = data / "functional"
     files = (folder / "right_hip.c3d", folder / "right_knee.c3d")
-    return load(Subject("functional", "lower_limb_14dof", calibration=files)).session
+    return load(Subject(id="functional", model="lower_limb_14dof", calibration=files)).session
 
 
 RECORDED = {"jia_mri": _jia, "opencap_squat": _squat, "functional": _functional}

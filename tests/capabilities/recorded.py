@@ -39,4 +39,6 @@ def recorded(name: str, n_frames: int, seed: int, *, noise_m: float = 2e-3, unev
     placed = pose_markers(compile_model(model, markers), q, list_parameter_values(model))
     noise = noise_m * (np.exp(rng.normal(0.0, 0.8, len(markers))) if uneven else np.ones(len(markers)))
     placed += rng.normal(size=placed.shape) * noise[:, None]
-    return Recorded(model, q, Trial("walk", times, tuple(markers), placed, 100.0), noise)
+    return Recorded(
+        model, q, Trial(name="walk", times=times, labels=tuple(markers), markers=placed, rate_hz=100.0), noise
+    )

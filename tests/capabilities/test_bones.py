@@ -40,15 +40,25 @@ def _leg(side: str = "r", markers: int = 6, pins: bool = True) -> BodyModel:
     rng = np.random.default_rng(4)
     root = [Joint("rotation", AXES[a], Law.of(f"root_{a}")) for a in "zxy"]
     root += [Joint("translation", AXES[a], Law.of(f"root_t{a}")) for a in "xyz"]
-    segments, names = [Segment("pelvis", "ground", "root", tuple(root))], [f"root_{a}" for a in "zxy"]
+    segments, names = (
+        [Segment(name="pelvis", parent="ground", joint_name="root", joints=tuple(root))],
+        [f"root_{a}" for a in "zxy"],
+    )
     for name, parent, joint in (("femur", "pelvis", "hip"), ("tibia", "femur", "knee")):
         down = Joint("translation", AXES["y"], Law.constant(-0.4 if name == "tibia" else -0.1))
         turns = tuple(Joint("rotation", AXES[a], Law.of(f"{joint}_{a}")) for a in "zxy")
         tail = "" if parent == "pelvis" else f"_{side}"
-        segments.append(Segment(f"{name}_{side}", parent + tail, f"{joint}_{side}", (down, *turns)))
+        segments.append(
+            Segment(
+                name=f"{name}_{side}",
+                parent=parent + tail,
+                joint_name=f"{joint}_{side}",
+                joints=(down, *turns),
+            )
+        )
         names += [f"{joint}_{a}" for a in "zxy"]
-    coordinates = [Coordinate(n) for n in names]
-    coordinates += [Coordinate(f"root_t{a}", "translation") for a in "xyz"]
+    coordinates = [Coordinate(name=n) for n in names]
+    coordinates += [Coordinate(name=f"root_t{a}", kind="translation") for a in "xyz"]
     label = "{}_{}_pin" if pins else "{}_{}"
     placed = [
         Marker.at(label.format(s, k) if s != f"femur_{side}" else f"skin_{k}", s, at, weight=1.0)
@@ -57,7 +67,9 @@ def _leg(side: str = "r", markers: int = 6, pins: bool = True) -> BodyModel:
             [(x, middle + y, z) for x, y, z in rng.uniform(-0.1, 0.1, (markers, 3)).tolist()]
         )
     ]
-    return BodyModel("leg", tuple(segments), tuple(coordinates), tuple(placed))
+    return BodyModel(
+        name="leg", segments=tuple(segments), coordinates=tuple(coordinates), markers=tuple(placed)
+    )
 
 
 def _recorded(model: BodyModel, skin: Array | None = None, frames: int = 300) -> tuple[Task, Array]:
@@ -68,7 +80,9 @@ def _recorded(model: BodyModel, skin: Array | None = None, frames: int = 300) ->
         q[:, k] = 0.3 * np.sin(2.0 * np.pi * (0.3 + 0.1 * k) * time)
     markers = pose_markers(compile_model(model, model.marker_names), q, list_parameter_values(model))
     markers += rng.normal(0.0, 2e-4, markers.shape) + (0.0 if skin is None else skin)
-    return Task.of(model, Trial("t", time, model.marker_names, markers, 100.0)), q
+    return Task.of(
+        model, Trial(name="t", times=time, labels=model.marker_names, markers=markers, rate_hz=100.0)
+    ), q
 
 
 def _field(task: Task, sd: float, names: str = "") -> SkinField:
@@ -80,7 +94,13 @@ def test_markers_that_err_alike_and_nothing_expected_give_the_plain_motion() -> 
     model = _leg(pins=False)
     noise = np.random.default_rng(2).normal(0.0, 5e-3, (300, len(model.markers), 3))
     task, _ = _recorded(model, noise)
-    plain = track(model, Trial("t", np.arange(300) / 100.0, task.markers, task.measured, 100.0), skin=False)
+    plain = track(
+        model,
+        Trial(
+            name="t", times=np.arange(300) / 100.0, labels=task.markers, markers=task.measured, rate_hz=100.0
+        ),
+        skin=False,
+    )
     held = np.zeros(plain.motion.q.shape, dtype=bool)
     found = estimate_bones(Posed(task, plain.motion.q + 0.01, held), [_field(task, 0.01)])
     assert np.abs(found.q - plain.motion.q).max() < 1e-4
@@ -90,15 +110,15 @@ def test_an_expectation_counts_by_the_inverse_of_its_variance() -> None:
     """One angle, measured with one deviation and expected with another: the posterior of two Gaussians."""
     joint = Joint("rotation", AXES["z"], Law.of("angle"))
     body = BodyModel(
-        "pointer",
-        (Segment("arm", "ground", "pivot", (joint,)),),
-        (Coordinate("angle"),),
-        (Marker.at("tip", "arm", (1.0, 0.0, 0.0)),),
+        name="pointer",
+        segments=(Segment(name="arm", parent="ground", joint_name="pivot", joints=(joint,)),),
+        coordinates=(Coordinate(name="angle"),),
+        markers=(Marker.at("tip", "arm", (1.0, 0.0, 0.0)),),
         expectations=(Expectation("angle", Law.constant(0.03), 0.02),),
     )
     at, sd = 0.01, float(np.hypot(0.01, 1e-3))  # 1 mm: what cameras add
     tip = np.array([[[np.cos(at), np.sin(at), 0.0]]])
-    task = Task.of(body, Trial("t", np.zeros(1), ("tip",), tip, 100.0))
+    task = Task.of(body, Trial(name="t", times=np.zeros(1), labels=("tip",), markers=tip, rate_hz=100.0))
     found = estimate_bones(Posed(task, np.zeros((1, 1)), np.zeros((1, 1), dtype=bool)), [_field(task, 0.01)])
     weights = np.array([sd**-2, 0.02**-2])
     assert found.q[0, 0] == pytest.approx(weights @ [at, 0.03] / weights.sum(), abs=1e-5)
@@ -147,8 +167,10 @@ def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
     """A marker's offset that cannot be told from skin is believed only where nothing else is left."""
     model = _leg(pins=False)
     task, _ = _recorded(model)
-    trial = Trial("t", np.arange(300) / 100.0, task.markers, task.measured, 100.0)
-    fit = fit_recordings(SearchContext(model, [Recording(trial, "fit")]))
+    trial = Trial(
+        name="t", times=np.arange(300) / 100.0, labels=task.markers, markers=task.measured, rate_hz=100.0
+    )
+    fit = fit_recordings(SearchContext(model=model, recordings=[Recording(trial, "fit")]))
     kinds = ("marker_offset", "soft_tissue_artefact")
     offset, skin = (
         next(c for c in propose_candidates(fit.scene, [k]) if c.where == ("skin_0",) and not c.trials)
@@ -175,7 +197,7 @@ def living(shared_data: Path) -> dict[str, tuple[float, float]]:
         loaded = open_subject(root / name / "subject.yaml", AS_MEASURED)
         made = prepare(loaded, DiscoverSettings(start="none"), AS_MEASURED, 0.5, show_nothing)
         model = made.model
-        known = learn_bones(model, fit_recordings(SearchContext(model, made.recordings)))
+        known = learn_bones(model, fit_recordings(SearchContext(model=model, recordings=made.recordings)))
         before = ik(root / name / "model.osim", [root / name / f"{trial}.trc"])
         measured = before.loaded.session.evaluation[0]
         true = true_rotations(root / name / f"{trial}_bones.csv")

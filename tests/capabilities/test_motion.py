@@ -80,15 +80,20 @@ def _box(*, locked: bool) -> BodyModel:
     )
     corners = {"A": (0.1, 0.0, 0.0), "B": (-0.1, 0.0, 0.0), "C": (0.0, 0.1, 0.0), "D": (0.0, 0.0, 0.1)}
     return BodyModel(
-        "box",
-        (Segment("box", "ground", "slide", joints),),
-        tuple(
+        name="box",
+        segments=(Segment(name="box", parent="ground", joint_name="slide", joints=joints),),
+        coordinates=tuple(
             Coordinate(
-                n, "translation", lower=-0.6, upper=0.6, clamped=n == "tx", locked=locked and n == "tz"
+                name=n,
+                kind="translation",
+                lower=-0.6,
+                upper=0.6,
+                clamped=n == "tx",
+                locked=locked and n == "tz",
             )
             for n in names
         ),
-        tuple(Marker.at(name, "box", place) for name, place in corners.items()),
+        markers=tuple(Marker.at(name, "box", place) for name, place in corners.items()),
     )
 
 
@@ -116,9 +121,12 @@ def test_poses_of_a_chain_in_closed_form() -> None:
     turns = tuple(Joint("rotation", a, Law.of(n)) for a, n in zip(axes, names, strict=True))
     shifted = (Joint("translation", (0.0, 1.0, 0.0), Law.constant(0.4)), *turns)
     model = BodyModel(
-        "chain",
-        (Segment("first", "ground", "root", turns), Segment("second", "first", "next", shifted)),
-        tuple(Coordinate(n) for n in names),
+        name="chain",
+        segments=(
+            Segment(name="first", parent="ground", joint_name="root", joints=turns),
+            Segment(name="second", parent="first", joint_name="next", joints=shifted),
+        ),
+        coordinates=tuple(Coordinate(name=n) for n in names),
     )
     q = np.random.default_rng(0).uniform(-1.2, 1.2, (50, 3))
     origins, angles = _poses(model, _motion(names, q))
@@ -148,4 +156,12 @@ def _poses(model: BodyModel, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _motion(names: tuple[str, ...], q: np.ndarray) -> Motion:
-    return Motion("w", np.arange(len(q)) / 100.0, names, q, (), np.zeros((len(q), 0, 3)), names)
+    return Motion(
+        trial="w",
+        times=np.arange(len(q)) / 100.0,
+        coordinates=names,
+        q=q,
+        markers=(),
+        residuals=np.zeros((len(q), 0, 3)),
+        estimated=names,
+    )

@@ -153,12 +153,12 @@ def test_a_terminal_shows_the_whole_and_every_subject_under_way() -> None:
         assert (whole.completed, whole.total) == (0.75, 3)
         assert "A: MB: fitting" in a.description
         assert "B: reading" in b.description
-        screen.finish(Outcome("A", {}, "done"))
+        screen.finish(Outcome(name="A", groups={}, status="done"))
         screen.stage("A", "done", 1.0)  # late: the subject is over
-        screen.finish(Outcome("C", {}, "done", kept=True))
+        screen.finish(Outcome(name="C", groups={}, status="done", kept=True))
         assert [task.description for task in progress.tasks] == [whole.description, b.description]
         # What was kept took no time and is no measure of the rest.
         assert (progress.tasks[0].completed, progress.tasks[0].total) == (1.25, 2)
         assert screen.ended == 2
-        screen.finish(Outcome("B", {}, "failed", reason="no markers"))
+        screen.finish(Outcome(name="B", groups={}, status="failed", reason="no markers"))
         assert "3 of 3  B failed: no markers" in text.getvalue()

@@ -9,7 +9,7 @@ from scaling_service.core.progress import Steps
 
 def test_steps_come_nearer_to_the_mark_and_never_go_back() -> None:
     reported: list[tuple[str, float]] = []
-    steps = Steps(lambda what, share: reported.append((what, share)))
+    steps = Steps(report=lambda what, share: reported.append((what, share)))
     steps.begin("searching", 0.1, 0.8)
     for _ in range(100):
         steps.advance()

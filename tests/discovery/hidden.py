@@ -53,7 +53,14 @@ def recorded(
             q = np.column_stack([q, np.resize(more, len(q))])
         places = pose_markers(compile_model(truth, trial.labels), q, list_parameter_values(truth))
         places = places + noise_m * rng.normal(size=places.shape)
-        made.append(Recording(Trial(name, trial.times.copy(), trial.labels, places, 100.0), role))  # type: ignore[arg-type]
+        made.append(
+            Recording(
+                Trial(
+                    name=name, times=trial.times.copy(), labels=trial.labels, markers=places, rate_hz=100.0
+                ),
+                role,
+            )
+        )  # type: ignore[arg-type]
     return made
 
 
@@ -63,7 +70,9 @@ def choice(seed: int = 1) -> tuple[Candidate, ...]:
     someone = person(seed)
     return tuple(
         propose_candidates(
-            fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).scene
+            fit_recordings(
+                SearchContext(model=someone.model, recordings=recorded(someone, someone.model))
+            ).scene
         )
     )
 
@@ -95,4 +104,10 @@ def sized(kind: str, *where: str, numbers: Sequence[float], driver: str | None =
 def passed(effect: Estimate) -> NamedEffect:
     """An effect as if it had been named, with no promise of what it explains."""
     spread = np.eye(len(effect.size))
-    return NamedEffect(effect, spread, NOTHING, 0.01, HeldOut(0.1, 0.01, folds=False))
+    return NamedEffect(
+        effect=effect,
+        covariance=spread,
+        fitted=NOTHING,
+        p_family=0.01,
+        held_out=HeldOut(0.1, 0.01, folds=False),
+    )

@@ -114,7 +114,7 @@ def test_an_unloaded_plate_speaks_against_a_bias() -> None:
         Path("made.mot"), ground, feet, assign_foot_loads(ground, feet, {"r": "r", "l": "l"})
     )
     given = replace(recording, contacts=assign_contacts(forces, 5.0))
-    fit = fit_recordings(SearchContext(someone.model, [given]))
+    fit = fit_recordings(SearchContext(model=someone.model, recordings=[given]))
     bias = next(c for c in propose_plate_biases(fit.scene) if len(c.columns) == 3 and not c.trials)
     assert contradict_bias(bias, np.array([0.0, -90.0, 0.0]), fit.wrenches)
     assert not contradict_bias(bias, np.array([0.0, 2.2, 0.0]), fit.wrenches)

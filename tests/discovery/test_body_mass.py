@@ -45,32 +45,47 @@ class Forces:
 def test_a_load_is_the_cause_only_where_the_mass_leaves_something_of_which_it_leaves_clearly_less(
     left_by_mass: float, left: float, is_mass: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heavier = Weight(60.0, 65.0, 0.3, {"walk": 65.0})
+    heavier = Weight(declared_kg=60.0, plates_kg=65.0, sd_kg=0.3, by_trial={"walk": 65.0})
     monkeypatch.setattr(body_mass, "balance_weight", lambda _fit: heavier)
     monkeypatch.setattr(body_mass, "WRENCH", Forces(left_by_mass))
-    load = Candidate("carried_load", ("torso",), (Column("kg", 1.0, load=PlateGain("plate_1")),))
+    load = Candidate(
+        kind="carried_load",
+        where=("torso",),
+        columns=(Column(name="kg", unit=1.0, load=PlateGain("plate_1")),),
+    )
     unseen = HeldOut(0.9, 1e-9, folds=False)
-    other = ScoredCandidate(load, replace(NOTHING, gain=ABOVE - left), np.zeros(3), unseen)
-    found = body_mass.question_mass(Fit(SearchContext(person().model)), [other])
+    other = ScoredCandidate(
+        candidate=load, fitted=replace(NOTHING, gain=ABOVE - left), gains=np.zeros(3), held_out=unseen
+    )
+    found = body_mass.question_mass(Fit(context=SearchContext(model=person().model)), [other])
     assert (found is not None) is is_mass
 
 
 def test_a_cause_that_bears_the_same_weight_as_well_is_the_class_of_the_mass(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    answers = iter([Weight(60.0, 65.0, 0.3, {"walk": 65.0}), Weight(65.0, 65.0, 0.3, {"walk": 65.0})])
+    answers = iter(
+        [
+            Weight(declared_kg=60.0, plates_kg=65.0, sd_kg=0.3, by_trial={"walk": 65.0}),
+            Weight(declared_kg=65.0, plates_kg=65.0, sd_kg=0.3, by_trial={"walk": 65.0}),
+        ]
+    )
     monkeypatch.setattr(body_mass, "balance_weight", lambda _fit: next(answers))
     monkeypatch.setattr(body_mass, "WRENCH", Forces(100.0))
     unseen = HeldOut(0.9, 1e-9, folds=False)
     trunk, arm = (
         ScoredCandidate(
-            Candidate("segment_mass", (name,), (Column("kg", 1.0, load=PlateGain("plate_1")),)),
-            replace(NOTHING, gain=ABOVE - left, size=np.ones(1)),
-            np.zeros(3),
-            unseen,
+            candidate=Candidate(
+                kind="segment_mass",
+                where=(name,),
+                columns=(Column(name="kg", unit=1.0, load=PlateGain("plate_1")),),
+            ),
+            fitted=replace(NOTHING, gain=ABOVE - left, size=np.ones(1)),
+            gains=np.zeros(3),
+            held_out=unseen,
         )
         for name, left in (("torso", 110.0), ("arm", 300.0))
     )
-    found = body_mass.question_mass(Fit(SearchContext(person().model)), [trunk, arm])
+    found = body_mass.question_mass(Fit(context=SearchContext(model=person().model)), [trunk, arm])
     assert found is not None
     assert found.equivalents == (trunk.candidate,)

@@ -15,7 +15,7 @@ def test_what_is_named_itself_is_in_nobodys_class() -> None:
     offset, other = (sized("marker_offset", name, numbers=(6.0, 0.0, 6.0)) for name in ("RFH", "LFH"))
     alike = candidate("marker_offset", "RLFE")
     model = person().model
-    fit = fit_recordings(SearchContext(model, recorded(person(), model)))
+    fit = fit_recordings(SearchContext(model=model, recordings=recorded(person(), model)))
     first = replace(passed(offset), equivalents={other.candidate: 0.5, alike: 0.2})
     assert first.member == pytest.approx(1.0 / (1.0 + 1.0 + 0.25))
     alone, beside = tell_classes([first], fit), tell_classes([first, passed(other)], fit)

@@ -27,7 +27,9 @@ KINDS = (
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_column_is_what_a_small_effect_does(kind: str) -> None:
     someone = person()
-    item = fit_recordings(SearchContext(someone.model, recorded(someone, someone.model)[:1])).tracked[0]
+    item = fit_recordings(
+        SearchContext(model=someone.model, recordings=recorded(someone, someone.model)[:1])
+    ).tracked[0]
     for candidate in [c for c in choice() if c.kind == kind and not c.trials][:4]:
         for k, column in enumerate(candidate.columns):
             step = np.zeros(len(candidate.columns))

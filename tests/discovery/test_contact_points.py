@@ -25,7 +25,9 @@ def sway(tmp_path_factory: pytest.TempPathFactory) -> WrenchFit:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
     prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     found = fit_recordings(
-        SearchContext(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"])
+        SearchContext(
+            model=prepared.model, recordings=[r for r in prepared.recordings if r.trial.name == "sway"]
+        )
     )
     return found.wrenches[0]
 

@@ -133,10 +133,10 @@ def test_only_what_explains_much_of_the_disagreement_ends_the_search(
 ) -> None:
     """Where much is wrong, a law of a few more numbers than the right effect explains more than it."""
     _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
-    now = fit_recordings(SearchContext(person().model, recorded(person(), truth)))
+    now = fit_recordings(SearchContext(model=person().model, recordings=recorded(person(), truth)))
     # White noise of 1 mm adds a square of one for every number that the residuals are.
     above = sum(i.square - i.freedom for i in now.tracked if i.role == "fit")
-    law = Disturbance(("markers",), "any law", share * above, 0.0, 0.0)
+    law = Disturbance(where=("markers",), law="any law", expected=share * above, p=0.0, held_out=0.0)
     monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
     found = disturbance.find_disturbance(now, ScoredCandidates([], 1))
     assert found is (law if reported else None)
@@ -148,11 +148,11 @@ def test_an_effect_yields_to_a_law_that_explains_more(
 ) -> None:
     _, truth = hide("marker_offset", "RFH", numbers=(10.0, 0.0, 10.0))
     without, known = (
-        fit_recordings(SearchContext(person().model, recorded(person(), body)))
+        fit_recordings(SearchContext(model=person().model, recordings=recorded(person(), body)))
         for body in (truth, person().model)
     )
     taken = MARKERS.squares(without) - MARKERS.squares(known)
-    law = Disturbance(("markers",), "any law", share * taken, 0.0, 0.0)
+    law = Disturbance(where=("markers",), law="any law", expected=share * taken, p=0.0, held_out=0.0)
     monkeypatch.setattr(disturbance, "_judge_laws", lambda *_: iter([law]))
     assert disturbance.is_better_than_effects(law, without, known) is yields
 
@@ -162,17 +162,19 @@ def test_a_marker_on_its_own_way_in_a_held_out_recording_is_compared_with_what_l
     there: float, is_free: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = person().model
-    fit = fit_recordings(SearchContext(model, recorded(person(), model)))
+    fit = fit_recordings(SearchContext(model=model, recordings=recorded(person(), model)))
     square = sum(item.square for item in fit.tracked if item.role == "held_out")
-    alone = Candidate(free_marker.KIND, ("RFH",), (), trials=("gait_2",), change=Masked("RFH"))
+    alone = Candidate(
+        kind=free_marker.KIND, where=("RFH",), columns=(), trials=("gait_2",), change=Masked("RFH")
+    )
     own = Fitted.of_any_course(0.95 * square, 0.0, 1e-9)
     monkeypatch.setattr(free_marker, "_fit_markers", lambda _fit: [(alone, own)])
     skin = replace(NOTHING, gain=0.01 * square)  # little where it was fitted
     law = ScoredCandidate(
-        Candidate("soft_tissue_artefact", ("RFH",), ()),
-        skin,
-        None,
-        HeldOut(there, 1e-9, False),
+        candidate=Candidate(kind="soft_tissue_artefact", where=("RFH",), columns=()),
+        fitted=skin,
+        gains=None,
+        held_out=HeldOut(there, 1e-9, False),
     )
     found = free_marker.find_free_marker(fit, ScoredCandidates([law], 100))
     assert (found is not None) is is_free

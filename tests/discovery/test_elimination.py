@@ -25,7 +25,7 @@ def test_of_one_thing_that_was_named_twice_one_is_kept() -> None:
     recordings = recorded(person(), with_effects(model, [offset, artefact], ""))
     half = replace(offset, size=0.5 * offset.size)
     again = replace(half, candidate=replace(half.candidate, note="again"))
-    now = fit_recordings(SearchContext(model, recordings), (), [half, again, artefact])
+    now = fit_recordings(SearchContext(model=model, recordings=recordings), (), [half, again, artefact])
     found = [passed(half), passed(again), passed(artefact)]
     kept, after = eliminate_backward(found, now)
     kept, after = settle(kept, after)
@@ -38,7 +38,7 @@ def test_what_chance_explains_as_well_is_dropped() -> None:
     offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
     nothing = sized("marker_offset", "LFH", numbers=(0.0, 0.0, 0.0))
     model, recordings = person().model, recorded(person(), with_effects(person().model, [offset], ""))
-    now = fit_recordings(SearchContext(model, recordings), (), [offset, nothing])
+    now = fit_recordings(SearchContext(model=model, recordings=recordings), (), [offset, nothing])
     kept, _ = eliminate_backward([passed(nothing), passed(offset)], now)
     assert [n.effect.candidate.name for n in kept] == [offset.candidate.name]
 
@@ -47,7 +47,9 @@ def test_a_name_that_the_whole_catalogue_finds_by_chance_is_dropped() -> None:
     offset = sized("marker_offset", "RFH", numbers=(6.0, 0.0, 6.0))
     model = person().model
     now = fit_recordings(
-        SearchContext(model, recorded(person(), with_effects(model, [offset], ""))), (), [offset]
+        SearchContext(model=model, recordings=recorded(person(), with_effects(model, [offset], ""))),
+        (),
+        [offset],
     )
     for p, kept in ((0.04, [offset.candidate.key]), (0.3, [])):
         found, after = eliminate_backward([replace(passed(offset), p_family=p)], now)
@@ -59,9 +61,13 @@ def test_effects_that_take_little_of_what_is_wrong_are_taken_back_and_reported()
     large = sized("marker_offset", "RFH", numbers=(9.0, 0.0, 9.0))
     small = sized("marker_offset", "LFH", numbers=(1.5, 0.0, 1.5))
     model = person().model
-    context = SearchContext(model, recorded(person(), with_effects(model, [large, small], "")))
+    context = SearchContext(
+        model=model, recordings=recorded(person(), with_effects(model, [large, small], ""))
+    )
     before = fit_recordings(context)
-    left_out = Estimate(Candidate("own_way", ("RLFE",), (), change=Masked("RLFE")), np.zeros(0))
+    left_out = Estimate(
+        Candidate(kind="own_way", where=("RLFE",), columns=(), change=Masked("RLFE")), np.zeros(0)
+    )
     for effect, holds in ((small, False), (large, True)):
         for beside in ([], [left_out]):  # a marker that moves independently changes nothing of it
             now = fit_recordings(context, (), [*beside, effect], before)

@@ -52,7 +52,9 @@ def plainly(item: TrackedTrial, candidates: list[Candidate]) -> tuple[Array, Arr
 @pytest.fixture(scope="module")
 def tracked() -> tuple[TrackedTrial, ...]:
     someone = person()
-    return fit_recordings(SearchContext(someone.model, recorded(someone, someone.model))).tracked[:2]
+    return fit_recordings(
+        SearchContext(model=someone.model, recordings=recorded(someone, someone.model))
+    ).tracked[:2]
 
 
 def gathered(tracked: tuple[TrackedTrial, ...], picked: list[Candidate], *, together: bool) -> Evidence:
@@ -130,7 +132,7 @@ def test_arranged_anew_is_as_gathered_so(tracked: tuple[TrackedTrial, ...], pick
 def test_loads_made_together_are_those_made_one_by_one(tmp_path_factory: pytest.TempPathFactory) -> None:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
     prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, BLOCK_S)
-    now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
+    now = fit_recordings(SearchContext(model=prepared.model, recordings=prepared.recordings))
     wrench = now.wrenches[0]
     loads = [
         column.load for c in propose_candidates(now.scene) if c.seen_in == "wrench" for column in c.columns

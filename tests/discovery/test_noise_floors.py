@@ -25,7 +25,7 @@ def tracked(change: Callable[[Trial, np.random.Generator], Array]) -> Fit:
     """The person, seen by perfect cameras, with something added to the markers."""
     rng, clean = np.random.default_rng(3), recorded(person(), person().model, noise_m=0.0)
     seen = [replace(r, trial=replace(r.trial, markers=r.trial.markers + change(r.trial, rng))) for r in clean]
-    return fit_recordings(SearchContext(person().model, seen))
+    return fit_recordings(SearchContext(model=person().model, recordings=seen))
 
 
 def noise(trial: Trial, rng: np.random.Generator, memory: float = 0.0, share: float = 1.0) -> Array:

@@ -59,7 +59,7 @@ def test_noise_makes_what_oscillates_neither_smaller_nor_slower() -> None:
     """Noise of the cameras shakes the bone, too: taken for the drive it would take off 6 % and 2 %."""
     found = []
     for seed in range(4):
-        start = fit_recordings(SearchContext(person().model, shaken("RLM", seed)))
+        start = fit_recordings(SearchContext(model=person().model, recordings=shaken("RLM", seed)))
         hidden = Estimate(candidate("skin_wobble", "RLM").at(FREQUENCY_HZ, DAMPING), np.ones(1))
         (effect,) = estimate(start, [hidden]).effects
         found.append([float(effect.size[0]), *(effect.candidate.oscillation or ())])

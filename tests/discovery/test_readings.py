@@ -29,7 +29,7 @@ SHARE = 0.1
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> SearchContext:
     file = force_laboratory(tmp_path_factory.mktemp("readings"))
     prepared = prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    return SearchContext(prepared.model, prepared.recordings)
+    return SearchContext(model=prepared.model, recordings=prepared.recordings)
 
 
 def leaking(ground: GroundForces, share: float) -> GroundForces:

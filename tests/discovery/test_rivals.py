@@ -35,7 +35,9 @@ def named_anew(option: ScoredCandidate, _: Fit) -> NamedEffect:
 def touching(segment: str, point: Vector) -> NamedEffect:
     """A contact that was named."""
     change = Contact(segment, START_S, END_S, point)
-    candidate = Candidate("external_contact", (segment,), (), trials=("sway",), change=change)
+    candidate = Candidate(
+        kind="external_contact", where=(segment,), columns=(), trials=("sway",), change=change
+    )
     return passed(Estimate(candidate, np.zeros(0)))
 
 
@@ -49,7 +51,7 @@ def pushed(prepared: Prepared) -> list[Recording]:
     """Recordings in one of which something pushes the trunk, by what the plates bear less."""
     (item,) = (
         w
-        for w in fit_recordings(SearchContext(prepared.model, prepared.recordings)).wrenches
+        for w in fit_recordings(SearchContext(model=prepared.model, recordings=prepared.recordings)).wrenches
         if w.name == "sway"
     )
     course = np.clip(np.minimum(item.times - START_S, END_S - item.times) / 0.2, 0.0, 1.0)
@@ -78,7 +80,7 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
     prepared: Prepared, gain: float, plate: str
 ) -> None:
     recordings = [scaled(r, gain) for r in prepared.recordings]
-    start = fit_recordings(SearchContext(prepared.model, recordings))
+    start = fit_recordings(SearchContext(model=prepared.model, recordings=recordings))
     choice = [c for c in propose_candidates(start.scene) if not c.trials]
     right, wrong = (c for c in choice if c.kind == "plate_gain")
     other = next(c for c in choice if c.kind == "plate_position")
@@ -93,7 +95,7 @@ def test_a_better_rival_gets_the_name_unless_no_laboratory_could_meet_it(
 def test_a_rival_that_needs_fewer_numbers_for_more_gets_the_name(prepared: Prepared) -> None:
     """A bias that is as large as the weight makes it is a gain."""
     recordings = [scaled(r, 1.1) for r in prepared.recordings]
-    start = fit_recordings(SearchContext(prepared.model, recordings))
+    start = fit_recordings(SearchContext(model=prepared.model, recordings=recordings))
     choice = [c for c in propose_candidates(start.scene) if not c.trials and c.where == ("plate_1",)]
     bias = next(c for c in choice if c.kind == "plate_bias")
     gain = next(c for c in choice if c.kind == "plate_gain")
@@ -113,12 +115,25 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
     p: float, unseen_p: float, gain: float, taken: bool
 ) -> None:
     """As long as chance does as much, or it does no good where it was not fitted."""
-    mine, rival = (Candidate("marker_offset", (marker,), ()) for marker in ("C7", "RSHO"))
+    mine, rival = (Candidate(kind="marker_offset", where=(marker,), columns=()) for marker in ("C7", "RSHO"))
     level = np.linspace(0.9, 1.1, 20)
 
     def option(candidate: Candidate, size: float, fitted_p: float) -> ScoredCandidate:
-        fitted = Fitted(np.zeros(1), np.eye(1), size, 1.0, fitted_p, 1.0, 15.0)
-        return ScoredCandidate(candidate, fitted, size * level, HeldOut(gain, unseen_p, folds=False))
+        fitted = Fitted(
+            size=np.zeros(1),
+            covariance=np.eye(1),
+            gain=size,
+            by_chance=1.0,
+            p=fitted_p,
+            identifiable=1.0,
+            freedom=15.0,
+        )
+        return ScoredCandidate(
+            candidate=candidate,
+            fitted=fitted,
+            gains=size * level,
+            held_out=HeldOut(gain, unseen_p, folds=False),
+        )
 
     options = [option(rival, 60.0, p), option(mine, 20.0, 1e-4)]
     found = find_better_rival(passed(Estimate(mine, np.zeros(1))), options, DiscoverySettings())
@@ -129,11 +144,13 @@ def test_a_rival_that_would_be_dropped_gets_no_name(
 @pytest.mark.parametrize(("segment", "point"), [("pelvis", (0.0, 0.1, 0.0)), ("torso", (0.0, 0.0, 0.1))])
 def test_a_contact_is_placed_anew(prepared: Prepared, segment: str, point: Vector) -> None:
     recordings = pushed(prepared)
-    scene = fit_recordings(SearchContext(prepared.model, recordings)).scene
+    scene = fit_recordings(SearchContext(model=prepared.model, recordings=recordings)).scene
     load = next(c for c in propose_candidates(scene) if c.kind == "plate_gain" and not c.trials)
     early = touching(segment, point)
     later = passed(Estimate(load, np.zeros(1)))
-    now = fit_recordings(SearchContext(prepared.model, recordings), (), [early.effect, later.effect])
+    now = fit_recordings(
+        SearchContext(model=prepared.model, recordings=recordings), (), [early.effect, later.effect]
+    )
     kept, after = rename([early, later], now, named_anew)
     contact = kept[0].effect.candidate.change
     assert isinstance(contact, Contact)

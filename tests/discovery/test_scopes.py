@@ -48,7 +48,9 @@ def test_a_place_that_is_free_does_not_hide_that_it_changed() -> None:
 
 
 def test_scopes_are_all_trials_each_and_all_since_each() -> None:
-    scene = Scene(person().model, (STUCK,), (), ("a", "b", "c"), (), ("a",))
+    scene = Scene(
+        model=person().model, markers=(STUCK,), moving=(), trials=("a", "b", "c"), plates=(), wrenches=("a",)
+    )
     assert scene.scopes == ((), ("a",), ("b",), ("c",), ("b", "c"))
     assert scene.scopes_with_forces == ((),)
     assert [c.trials for c in propose_candidates(scene, ["marker_offset"])] == list(scene.scopes)
@@ -57,7 +59,10 @@ def test_scopes_are_all_trials_each_and_all_since_each() -> None:
 def option(*trials: str) -> ScoredCandidate:
     """The same effect in some trials; () for all."""
     return ScoredCandidate(
-        Candidate("marker_offset", (STUCK,), (), trials=trials), NOTHING, None, HeldOut(1, 0, False)
+        candidate=Candidate(kind="marker_offset", where=(STUCK,), columns=(), trials=trials),
+        fitted=NOTHING,
+        gains=None,
+        held_out=HeldOut(1, 0, False),
     )
 
 

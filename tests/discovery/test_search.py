@@ -67,7 +67,7 @@ def test_a_locked_motion_is_found_with_its_axis(at: At, axis: int, rms_deg: floa
     about = [0.0, 0.0, 0.0]
     about[axis] = 1.0
     hidden = FreeMotion("tibia_r", at, "rotation", (about[0], about[1], about[2]))
-    free = Candidate("missing_dof", ("knee_r",), (), note="extra turn", change=hidden)
+    free = Candidate(kind="missing_dof", where=("knee_r",), columns=(), note="extra turn", change=hidden)
     truth = with_effects(person().model, [Estimate(free, np.zeros(0))], "")
     course = np.radians(rms_deg) * np.sqrt(2.0) * np.sin(2.0 * np.pi * 0.7 * np.arange(500) / 100.0)
     (named,) = found(recorded(person(), truth, more=course)).findings.named
@@ -118,5 +118,16 @@ def test_gaps_and_a_marker_never_seen_do_no_harm() -> None:
         markers = r.trial.markers.copy()
         markers[20:60, 3] = np.nan
         markers[:, 5] = np.nan
-        holed.append(Recording(Trial(r.trial.name, r.trial.times, r.trial.labels, markers, 100.0), r.role))
+        holed.append(
+            Recording(
+                Trial(
+                    name=r.trial.name,
+                    times=r.trial.times,
+                    labels=r.trial.labels,
+                    markers=markers,
+                    rate_hz=100.0,
+                ),
+                r.role,
+            )
+        )
     assert found(holed).findings.verdict == "nothing"

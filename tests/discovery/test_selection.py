@@ -23,7 +23,7 @@ from tests.jobs.hand_made import LOAD
 
 def names(truth: BodyModel) -> list[str]:
     someone = person()
-    now = fit_recordings(SearchContext(someone.model, recorded(someone, truth)))
+    now = fit_recordings(SearchContext(model=someone.model, recordings=recorded(someone, truth)))
     options = score_all(now)
     return [n.effect.candidate.name for n in select(now, options, [], ()).named]
 
@@ -52,8 +52,21 @@ def test_of_likes_the_one_of_a_usual_size_is_named() -> None:
     mass = model.segment(LOAD.candidate.where[0]).mass
 
     def scored(candidate: Candidate, size: list[float], more: float) -> ScoredCandidate:
-        fitted = Fitted(np.array(size), 1e-6 * np.eye(len(size)), float(gains.sum()), 1.0, 1e-9, 1.0, 3.0)
-        return ScoredCandidate(candidate, fitted, gains + more * np.array([1.0, -0.5, 1.0, -1.0]), held)
+        fitted = Fitted(
+            size=np.array(size),
+            covariance=1e-6 * np.eye(len(size)),
+            gain=float(gains.sum()),
+            by_chance=1.0,
+            p=1e-9,
+            identifiable=1.0,
+            freedom=3.0,
+        )
+        return ScoredCandidate(
+            candidate=candidate,
+            fitted=fitted,
+            gains=gains + more * np.array([1.0, -0.5, 1.0, -1.0]),
+            held_out=held,
+        )
 
     load = scored(LOAD.candidate, [0.5, 0.0, 0.0, 0.0], 0.0)
     for factor, first in ((2.0, load.candidate), (0.1, heavy)):

@@ -23,7 +23,11 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 from scaling_service.numerics.multibody.laws import Array
 
 ROWS, BLOCKS, NUISANCES = 40, 20, 2
-CHOICE = [Candidate("anything", ("here",), (Column("a", 1.0), Column("b", 1.0)))]
+CHOICE = [
+    Candidate(
+        kind="anything", where=("here",), columns=(Column(name="a", unit=1.0), Column(name="b", unit=1.0))
+    )
+]
 
 
 def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
@@ -36,13 +40,13 @@ def evidence(x: Array, y: Array, *, together: bool) -> Evidence:
         own = columns.T @ columns
         blocks.append(
             Block(
-                "held" if k % 3 == 2 else "known",
-                "held_out" if k % 3 == 2 else "fit",
-                columns.T @ left,
-                own[:NUISANCES],
-                own if together else own[None, group, group],
-                float(left @ left),
-                float(ROWS),
+                trial="held" if k % 3 == 2 else "known",
+                role="held_out" if k % 3 == 2 else "fit",
+                scores=columns.T @ left,
+                cross=own[:NUISANCES],
+                own=own if together else own[None, group, group],
+                square=float(left @ left),
+                freedom=float(ROWS),
             )
         )
     return Evidence(tuple(blocks), np.square(x).sum(axis=0), NUISANCES, (group,))
@@ -93,7 +97,7 @@ def one_sided(noise: float, *, effect: float, blocks: int = 6, rank: int = 3) ->
     scores, own = np.einsum("bnk,bn->bk", x, y), np.einsum("bnk,bnl->bkl", x, x)
     squares = (y**2).sum(axis=1).tolist()
     of = [
-        Block("known", "fit", s, o[:0], o, q, float(ROWS))
+        Block(trial="known", role="fit", scores=s, cross=o[:0], own=o, square=q, freedom=float(ROWS))
         for s, o, q in zip(scores, own, squares, strict=True)
     ]
     return fit_columns(scores, own, np.square(x).sum(axis=(0, 1)), of)
@@ -117,7 +121,10 @@ def test_a_single_block_that_moves_says_nothing_of_little_or_of_louder_noise(
 def scored(fit_p: float, unseen_p: float, *, folds: bool = False, outweighs: bool = True) -> ScoredCandidate:
     """Something with the given chances."""
     return ScoredCandidate(
-        CHOICE[0], replace(NOTHING, p=fit_p), None, HeldOut(0.5, unseen_p, folds, outweighs)
+        candidate=CHOICE[0],
+        fitted=replace(NOTHING, p=fit_p),
+        gains=None,
+        held_out=HeldOut(0.5, unseen_p, folds, outweighs),
     )
 
 

@@ -38,7 +38,9 @@ class Laboratory:
 
     def __init__(self, folder: Path) -> None:
         self.model, self.bare = _laboratory(folder, None)
-        self.choice = tuple(propose_candidates(fit_recordings(SearchContext(self.model, self.bare)).scene))
+        self.choice = tuple(
+            propose_candidates(fit_recordings(SearchContext(model=self.model, recordings=self.bare)).scene)
+        )
         self.skin = self.of("soft_tissue_artefact", *TRUNK, driver="thoracic_extension")
         self.moved = self.with_(folder, named(self.skin, 3.0, 0.0, 0.0))
 
@@ -58,7 +60,7 @@ class Laboratory:
         self, recordings: Sequence[Recording], *found: NamedEffect, known: Sequence[Estimate] = ()
     ) -> Outcome:
         """Effects in full, where others are known as well as they can be without them."""
-        now = estimate(fit_recordings(SearchContext(self.model, recordings)), known)
+        now = estimate(fit_recordings(SearchContext(model=self.model, recordings=recordings)), known)
         return try_in_full(now, found)
 
 

@@ -46,7 +46,7 @@ def fitted(change: Callable[[Trial], Array]) -> Fit:
         replace(r, trial=replace(r.trial, markers=change(r.trial)))
         for r in recorded(person(), person().model)
     ]
-    return fit_recordings(SearchContext(person().model, recordings))
+    return fit_recordings(SearchContext(model=person().model, recordings=recordings))
 
 
 @pytest.mark.parametrize("change", [breathing, pushed, rolling])

@@ -19,8 +19,8 @@ def test_taking_back_is_to_first_order_what_following_anew_says() -> None:
     rival = candidate("joint_centre_offset", "hip_r")
     recordings = recorded(person(), with_effects(person().model, [offset, artefact], ""))
     model = person().model
-    now = fit_recordings(SearchContext(model, recordings), (), [offset, artefact])
-    without = fit_recordings(SearchContext(model, recordings), (), [artefact])
+    now = fit_recordings(SearchContext(model=model, recordings=recordings), (), [offset, artefact])
+    without = fit_recordings(SearchContext(model=model, recordings=recordings), (), [artefact])
 
     known = Removable.of(now, MARKERS, [rival])
     quick = {o.candidate.key: o for o in known.without(offset, [rival])}

@@ -46,7 +46,15 @@ def moving(model: BodyModel, **columns: np.ndarray) -> Motion:
     for name, values in columns.items():
         q[:, model.coordinate_names.index(name)] = values
     names = model.coordinate_names
-    return Motion("walk", np.arange(frames) / 100.0, names, q, (), np.empty((frames, 0, 3)), names)
+    return Motion(
+        trial="walk",
+        times=np.arange(frames) / 100.0,
+        coordinates=names,
+        q=q,
+        markers=(),
+        residuals=np.empty((frames, 0, 3)),
+        estimated=names,
+    )
 
 
 def wandering(model: BodyModel) -> Motion:
@@ -165,7 +173,13 @@ def test_a_walk_of_a_virtual_person_is_read_from_held_out_trials(walker) -> None
     names = person.model.coordinate_names
     motions = {
         t.name: Motion(
-            t.name, t.times, names, person.motions[t.name], (), np.empty((t.n_frames, 0, 3)), names
+            trial=t.name,
+            times=t.times,
+            coordinates=names,
+            q=person.motions[t.name],
+            markers=(),
+            residuals=np.empty((t.n_frames, 0, 3)),
+            estimated=names,
         )
         for t in session.dynamic
     }
@@ -206,13 +220,13 @@ def test_labels_of_a_trial_do_not_matter(walker) -> None:
     trial: Trial = session.evaluation[0]
     names = person.model.coordinate_names
     motion = Motion(
-        trial.name,
-        trial.times,
-        names,
-        person.motions[trial.name],
-        (),
-        np.empty((trial.n_frames, 0, 3)),
-        names,
+        trial=trial.name,
+        times=trial.times,
+        coordinates=names,
+        q=person.motions[trial.name],
+        markers=(),
+        residuals=np.empty((trial.n_frames, 0, 3)),
+        estimated=names,
     )
     bare = trial.select(["X1"])
     gait = compute_clinical_gait(person.model, {trial.name: motion}, [bare])

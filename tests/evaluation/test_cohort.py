@@ -221,8 +221,8 @@ def test_too_few_for_agreement_are_named():
 def test_opensims_limits_count_subjects_and_trials():
     good, bad = Following("evaluation", 0.005, 0.006, 0.02), Following("evaluation", 0.005, 0.006, 0.05)
     people = [
-        SubjectSummary("A", {"MB": MethodSummary(trials={"one": good, "two": good})}),
-        SubjectSummary("B", {"MB": MethodSummary(trials={"one": good, "two": bad})}),
+        SubjectSummary(subject="A", methods={"MB": MethodSummary(trials={"one": good, "two": good})}),
+        SubjectSummary(subject="B", methods={"MB": MethodSummary(trials={"one": good, "two": bad})}),
     ]
     (gate,) = compute_cohort_statistics(people, METHODS, settings=QUICK).opensim_limits.methods
     assert (gate.subjects, gate.subjects_passed, gate.trials, gate.trials_passed) == (2, 1, 4, 3)

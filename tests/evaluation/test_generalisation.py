@@ -25,7 +25,16 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def error(mean: float, frames: int = 10) -> KinematicError:
-    return KinematicError(mean, 0.0, mean, mean, {}, mean, mean, frames)
+    return KinematicError(
+        mean=mean,
+        sd=0.0,
+        rms=mean,
+        max=mean,
+        per_marker={},
+        anatomical_mean=mean,
+        tracking_mean=mean,
+        n_frames=frames,
+    )
 
 
 def test_every_trial_counts_once() -> None:

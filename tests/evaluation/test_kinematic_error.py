@@ -16,10 +16,10 @@ from scaling_service.model.results import Motion
 
 NAMES = ("RASIS", "CLUSTER", "BONE")
 MODEL = BodyModel(
-    "box",
-    (Segment("box", "ground", "free", ()),),
-    (),
-    (
+    name="box",
+    segments=(Segment(name="box", parent="ground", joint_name="free", joints=()),),
+    coordinates=(),
+    markers=(
         Marker.at("RASIS", "box", (0.0, 0.0, 0.0), anatomical=False),
         Marker.at("CLUSTER", "box", (0.0, 0.0, 0.0), anatomical=False),
         Marker.at("BONE", "box", (0.0, 0.0, 0.0), anatomical=True),
@@ -30,7 +30,15 @@ NAN = np.full(3, np.nan)
 
 def motion(gaps: np.ndarray) -> Motion:
     n = len(gaps)
-    return Motion("walk", np.arange(n) / 100.0, (), np.zeros((n, 0)), NAMES[: gaps.shape[1]], gaps, ())
+    return Motion(
+        trial="walk",
+        times=np.arange(n) / 100.0,
+        coordinates=(),
+        q=np.zeros((n, 0)),
+        markers=NAMES[: gaps.shape[1]],
+        residuals=gaps,
+        estimated=(),
+    )
 
 
 def test_known_distances() -> None:

@@ -21,7 +21,17 @@ def known(residual: np.ndarray, external: float = 800.0) -> InverseDynamics:
     empty = np.zeros((n, 1))
     centre = np.tile([0.0, 1.0, 0.0], (n, 1))
     motion = RatedMotion(np.arange(n) / 100, empty, empty, empty)
-    return InverseDynamics("walk", ("a",), motion, empty, residual, 0 * centre, centre, net, 80.0)
+    return InverseDynamics(
+        trial="walk",
+        coordinates=("a",),
+        motion=motion,
+        forces=empty,
+        residual=residual,
+        root=0 * centre,
+        centre_of_mass=centre,
+        external=net,
+        mass=80.0,
+    )
 
 
 def test_the_indicator_is_equation_7() -> None:

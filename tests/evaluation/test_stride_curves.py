@@ -25,7 +25,15 @@ def walker():
 def _motion(person, trial, q=None):
     names = person.model.coordinate_names
     truth = person.motions[trial.name] if q is None else q
-    return Motion(trial.name, trial.times, names, truth, (), np.zeros((trial.n_frames, 0, 3)), names)
+    return Motion(
+        trial=trial.name,
+        times=trial.times,
+        coordinates=names,
+        q=truth,
+        markers=(),
+        residuals=np.zeros((trial.n_frames, 0, 3)),
+        estimated=names,
+    )
 
 
 def test_curves_are_the_means_of_the_strides(walker):

@@ -23,7 +23,15 @@ def motion(model: BodyModel, **changed: float) -> Motion:
     q = repeat_default_pose(model, N)
     for name, value in changed.items():
         q[:, model.coordinate_names.index(name)] += value
-    return Motion("walk", np.arange(N) / 100.0, model.coordinate_names, q, (), np.zeros((N, 0, 3)), ())
+    return Motion(
+        trial="walk",
+        times=np.arange(N) / 100.0,
+        coordinates=model.coordinate_names,
+        q=q,
+        markers=(),
+        residuals=np.zeros((N, 0, 3)),
+        estimated=(),
+    )
 
 
 @pytest.fixture

@@ -84,7 +84,13 @@ def test_plates_shift_the_mean_residual_by_the_root_of_the_frames() -> None:
 def test_a_level_is_uniform_and_its_dispersion_a_range() -> None:
     """An indicator that is the error itself is dispersed by the level's own width."""
     errors = np.linspace(0.01, 0.021, 5000)
-    database = MotionDatabase(0.01, np.zeros(6), errors, errors, np.tile(errors[:, None], (1, 6)))
+    database = MotionDatabase(
+        error_m=0.01,
+        dr=np.zeros(6),
+        sizes=errors,
+        errors_m=errors,
+        indicators=np.tile(errors[:, None], (1, 6)),
+    )
     levels = draw_levels(database, (0.5, 1.0), 4000, 0)
     for level, width in zip(levels, (0.005, 0.01), strict=True):
         np.testing.assert_allclose(level.dispersion, width, rtol=0.03)

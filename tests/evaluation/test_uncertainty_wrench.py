@@ -55,8 +55,16 @@ def test_perturbed_motions_have_the_residual_of_inverse_dynamics() -> None:
 
 def spinning(inertia: Tensor) -> BodyModel:
     joint = Joint("rotation", (0.0, 0.0, 1.0), Law.of("angle"))
-    segment = Segment("top", "ground", "spin", (joint,), mass=2.0, com=(0.3, 0.0, 0.0), inertia=inertia)
-    return BodyModel("top", (segment,), (Coordinate("angle"),))
+    segment = Segment(
+        name="top",
+        parent="ground",
+        joint_name="spin",
+        joints=(joint,),
+        mass=2.0,
+        com=(0.3, 0.0, 0.0),
+        inertia=inertia,
+    )
+    return BodyModel(name="top", segments=(segment,), coordinates=(Coordinate(name="angle"),))
 
 
 @pytest.mark.parametrize("inertia", [(0.1, 0.2, 0.3, 0.0, 0.0, 0.02), (0.1, 0.1, 0.5, 0.0, 0.0, 0.0)])

@@ -28,7 +28,7 @@ def following(mean_mm: float, max_mm: float | None = None) -> Following:
 def plain(name: str, error_mm: float, **more: object) -> MethodEvidence:
     """A model without fitted numbers."""
     known = {"fitted": following(error_mm), "held_out": following(error_mm), "from_images": name == "EB"}
-    return MethodEvidence(name, **(known | more))  # type: ignore[arg-type]
+    return MethodEvidence(method=name, **(known | more))  # type: ignore[arg-type]
 
 
 def refined(
@@ -44,7 +44,7 @@ def refined(
         "parameters": 50,
         "undetermined": undetermined,
     }
-    return MethodEvidence(name, **(known | more))  # type: ignore[arg-type]
+    return MethodEvidence(method=name, **(known | more))  # type: ignore[arg-type]
 
 
 MB = plain("MB", 12.0)

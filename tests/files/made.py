@@ -26,7 +26,7 @@ def random_trial(
     rng = np.random.default_rng(seed)
     markers = rng.uniform(-2, 2, (n, len(labels), 3))
     markers[rng.random(markers.shape[:2]) < missing] = np.nan
-    return Trial("walk", np.arange(n) / rate, tuple(labels), markers, rate)
+    return Trial(name="walk", times=np.arange(n) / rate, labels=tuple(labels), markers=markers, rate_hz=rate)
 
 
 def outcome(read: Callable[[Path], Read], path: Path) -> Read | InputError:

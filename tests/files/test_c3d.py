@@ -91,7 +91,15 @@ def test_files_without_markers(tmp_path):
 
 def test_rotations_without_markers_are_refused_by_name(tmp_path, monkeypatch):
     empty = C3dFile(
-        "theia", np.zeros((4, 0, 3)), (), frozenset(), "mm", 100.0, np.zeros((0, 0)), {"ROTATION": {}}, True
+        name="theia",
+        points=np.zeros((4, 0, 3)),
+        labels=(),
+        computed=frozenset(),
+        point_unit="mm",
+        rate_hz=100.0,
+        analog=np.zeros((0, 0)),
+        parameters={"ROTATION": {}},
+        has_rotations=True,
     )
     monkeypatch.setattr(c3d, "read_c3d_file", lambda _: empty)
     with pytest.raises(TrialUnusable, match="rotations of a markerless system"):

@@ -28,7 +28,16 @@ def made(kind: int = 2, *, units: tuple[str, ...] = ("N",) * 3 + ("Nmm",) * 3, *
         "CAL_MATRIX": np.diag([2.0, 3, 4, 500, 600, 700])[:, :, None].tolist(),
     }
     parameters = {"FORCE_PLATFORM": plates | group, "ANALOG": {"UNITS": list(units)}}
-    return C3dFile("made", np.zeros((4, 1, 3)), ("A",), frozenset(), "mm", 100.0, analog, parameters)
+    return C3dFile(
+        name="made",
+        points=np.zeros((4, 1, 3)),
+        labels=("A",),
+        computed=frozenset(),
+        point_unit="mm",
+        rate_hz=100.0,
+        analog=analog,
+        parameters=parameters,
+    )
 
 
 def test_numbers_become_si_and_the_clock_is_that_of_the_samples() -> None:

@@ -123,7 +123,7 @@ def test_an_engine_has_a_real_model_where_we_have_it(which: str, engine: str, sh
 
 def test_a_scaled_model_is_exported_beside_its_osim_file(tmp_path: Path) -> None:
     who = person(3, seconds=1.0)
-    loaded = Loaded(who.session)
+    loaded = Loaded(session=who.session)
     results = run(loaded, ("MB",), Settings(), ComparisonOptions(export=("mjcf", "biomod")))
     document = save(results, tmp_path, report=False)
     model = results.scalings["MB"].calibration.model

@@ -28,7 +28,7 @@ def table(force: str = "ground_force_v", rows: int = 5, **changes: object) -> Ta
     """One plate pressed with 700 N and 30 N at (0.2, 0, 0.1) m, 4 N m about the vertical."""
     values = dict(zip(columns(force), [30, 700, 0, 0.2, 0, 0.1, 0, 4, 0], strict=True)) | changes
     data = np.column_stack([np.arange(rows) / 100, *(np.broadcast_to(v, rows) for v in values.values())])
-    return Table("made", ("time", *values), data.astype(float))
+    return Table(name="made", columns=("time", *values), data=data.astype(float))
 
 
 @pytest.mark.parametrize("force", NAMINGS)
@@ -88,7 +88,7 @@ def test_a_file_without_moments_is_read_and_reported() -> None:
     plain = table()
     kept = [k for k, c in enumerate(plain.columns) if "torque" not in c]
     forces = read_forces_from_table(
-        Table("made", tuple(plain.columns[k] for k in kept), plain.data[:, kept]), "f"
+        Table(name="made", columns=tuple(plain.columns[k] for k in kept), data=plain.data[:, kept]), "f"
     )
     assert "no_moment" in [r.what for r in forces.repairs]
 

@@ -22,7 +22,13 @@ WRITERS = {".trc": write_trc, ".c3d": write_c3d}
 def test_every_reader_gives_the_trial_back(tmp_path, suffix, case):
     markers = np.random.default_rng(0).uniform(0.1, 2, (12, 4, 3))
     markers[3:5, 1] = np.nan
-    trial = Trial("walk.one", np.arange(12) / 100, ("S1:RASI", "LASI", "R Knee", "SACR"), markers, 100.0)
+    trial = Trial(
+        name="walk.one",
+        times=np.arange(12) / 100,
+        labels=("S1:RASI", "LASI", "R Knee", "SACR"),
+        markers=markers,
+        rate_hz=100.0,
+    )
     path = tmp_path / f"walk.one{case(suffix)}"
     WRITERS[suffix](path, trial)
     back = read_recording(path)

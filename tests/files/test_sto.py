@@ -33,7 +33,9 @@ def test_round_trip(tmp_path, n, k, degrees, seed):
     data = rng.normal(size=(n, k + 1)) * 10.0 ** rng.integers(-6, 7, size=(n, k + 1))
     data[rng.random(data.shape) < 0.2] = np.nan
     data[:, 0] = np.cumsum(rng.uniform(0.001, 1, n))
-    table = Table("my table", ("time", *(f"c{i}" for i in range(k))), data, degrees)
+    table = Table(
+        name="my table", columns=("time", *(f"c{i}" for i in range(k))), data=data, in_degrees=degrees
+    )
     write_sto(tmp_path / "a.sto", table)
     back = read_sto(tmp_path / "a.sto")
     assert (back.columns, back.in_degrees) == (table.columns, degrees)
@@ -93,7 +95,10 @@ def test_wrong_tables_are_refused(tmp_path, text, problem):
 @given(st.data())
 @settings(SHARED_FOLDER, max_examples=150)
 def test_damage_gives_a_table_or_a_clear_refusal(tmp_path, data):
-    write_sto(tmp_path / "a.sto", Table("t", ("time", "a", "b"), np.arange(12.0).reshape(4, 3), True))
+    write_sto(
+        tmp_path / "a.sto",
+        Table(name="t", columns=("time", "a", "b"), data=np.arange(12.0).reshape(4, 3), in_degrees=True),
+    )
     content = bytearray((tmp_path / "a.sto").read_bytes())
     for _ in range(data.draw(st.integers(1, 5))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(
@@ -119,14 +124,14 @@ def test_motion_is_in_degrees_and_metres():
 
 
 def test_columns_by_name():
-    table = Table("m", ("time", "a"), np.array([[0.0, 5.0]]))
+    table = Table(name="m", columns=("time", "a"), data=np.array([[0.0, 5.0]]))
     assert table.column("a").tolist() == [5]
     with pytest.raises(TrialUnusable, match="no column 'b'; there are time, a"):
         table.column("b")
     with pytest.raises(ValueError, match="columns"):
-        Table("m", ("time",), np.zeros((2, 2)))
+        Table(name="m", columns=("time",), data=np.zeros((2, 2)))
     with pytest.raises(TrialUnusable, match="column name"):
-        write_sto("unused.sto", Table("m", ("time", "a\tb"), np.zeros((1, 2))))
+        write_sto("unused.sto", Table(name="m", columns=("time", "a\tb"), data=np.zeros((1, 2))))
 
 
 @pytest.mark.skipif(importlib.util.find_spec("opensim") is None, reason="opensim is not installed")

@@ -28,7 +28,9 @@ from tests.files.made import SHARED_FOLDER, random_trial
 @SHARED_FOLDER
 def test_round_trip(tmp_path, n, m, seed, rate, start, units):
     trial = random_trial(n, [f"M{k}" for k in range(m)], rate=rate, seed=seed, missing=0.2)
-    trial = Trial(trial.name, start + trial.times, trial.labels, trial.markers, rate)
+    trial = Trial(
+        name=trial.name, times=start + trial.times, labels=trial.labels, markers=trial.markers, rate_hz=rate
+    )
     write_trc(tmp_path / "walk.trc", trial, units)
     back = read_trc(tmp_path / "walk.trc")
     assert back.repairs == ()
@@ -38,7 +40,9 @@ def test_round_trip(tmp_path, n, m, seed, rate, start, units):
 
 
 def test_a_marker_at_the_origin_survives_writing(tmp_path):
-    trial = Trial("origin", np.array([0.0]), ("A",), np.zeros((1, 1, 3)), 100.0)
+    trial = Trial(
+        name="origin", times=np.array([0.0]), labels=("A",), markers=np.zeros((1, 1, 3)), rate_hz=100.0
+    )
     write_trc(tmp_path / "o.trc", trial)
     np.testing.assert_allclose(read_trc(tmp_path / "o.trc").markers, 0, atol=1.1e-8)
 

@@ -24,15 +24,15 @@ def named(candidate: Candidate, size: list[float], sd: list[float]) -> NamedEffe
     """An effect of known size and spread, the numbers independent."""
     covariance = np.diag(np.square(sd))
     effect = Estimate(candidate, np.array(size))
-    return NamedEffect(effect, covariance, NOTHING, 0.01, UNSEEN)
+    return NamedEffect(effect=effect, covariance=covariance, fitted=NOTHING, p_family=0.01, held_out=UNSEEN)
 
 
 LOAD = named(
     Candidate(
-        "carried_load",
-        ("torso",),
-        tuple(
-            Column(name, unit, load=Inertial("torso", tuple(np.eye(10)[k].tolist())))
+        kind="carried_load",
+        where=("torso",),
+        columns=tuple(
+            Column(name=name, unit=unit, load=Inertial("torso", tuple(np.eye(10)[k].tolist())))
             for k, (name, unit) in enumerate((("kg", 1.0), ("x_kgmm", 1e3), ("y_kgmm", 1e3), ("z_kgmm", 1e3)))
         ),
     ),
@@ -42,16 +42,20 @@ LOAD = named(
 """2 kg at (50, 200, 0) mm."""
 
 SCALE = named(
-    Candidate("capture_scale", ("markers",), (Column("factor", 1.0, neutral=1.0),)), [0.01], [0.001]
+    Candidate(
+        kind="capture_scale", where=("markers",), columns=(Column(name="factor", unit=1.0, neutral=1.0),)
+    ),
+    [0.01],
+    [0.001],
 )
 """One per cent too large."""
 
 LOCKED = replace(
     named(
         Candidate(
-            "missing_dof",
-            ("knee_r",),
-            (),
+            kind="missing_dof",
+            where=("knee_r",),
+            columns=(),
             note="extra turn",
             change=FreeMotion("tibia_r", "before", "rotation", (0.0, 1.0, 0.0)),
         ),
@@ -65,9 +69,9 @@ LOCKED = replace(
 TOUCH = replace(
     named(
         Candidate(
-            "external_contact",
-            ("torso",),
-            (),
+            kind="external_contact",
+            where=("torso",),
+            columns=(),
             trials=("squat",),
             change=Contact("torso", 0.5, 1.5, (0.05, 0.3, 0.0)),
         ),
@@ -81,11 +85,30 @@ TOUCH = replace(
 
 def findings(*effects: NamedEffect) -> Findings:
     """With a gap whose numbers are round, and a ceiling that is not known."""
-    level = Level(0.010, 0.002, 0.001, float("nan"), 0.0015, 0.0025)
-    force = Level(20.0, 5.0, 4.0, 10.0, 4.5, 5.5)
+    level = Level(before=0.010, after=0.002, floor=0.001, ceiling=float("nan"), low=0.0015, high=0.0025)
+    force = Level(before=20.0, after=5.0, floor=4.0, ceiling=10.0, low=4.5, high=5.5)
     gap = Gap(
-        {"whitened": Level(10.0, 2.0, 1.0, 5.0, 1.5, 2.5), "markers": level, "force": force},
-        {"RLFE": level, "fx": force, "mx": Level(3.0, 1.0, 0.5, float("nan"), 0.9, 1.1)},
+        {
+            "whitened": Level(before=10.0, after=2.0, floor=1.0, ceiling=5.0, low=1.5, high=2.5),
+            "markers": level,
+            "force": force,
+        },
+        {
+            "RLFE": level,
+            "fx": force,
+            "mx": Level(before=3.0, after=1.0, floor=0.5, ceiling=float("nan"), low=0.9, high=1.1),
+        },
         float("nan"),
     )
-    return Findings("found", (), effects, gap, gap, False, (), (), "enough", ("a note",))
+    return Findings(
+        verdict="found",
+        disagreements=(),
+        named=effects,
+        fit=gap,
+        held_out=gap,
+        folds=False,
+        tried=(),
+        unexplained=(),
+        reason="enough",
+        notes=("a note",),
+    )

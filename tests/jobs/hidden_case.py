@@ -25,4 +25,4 @@ def session(seed: int = 2) -> Session:
 @cache
 def found() -> DiscoverResults:
     """What the search makes of it, from the person's own model."""
-    return run(Loaded(session()), DiscoverSettings(start="none"))
+    return run(Loaded(session=session()), DiscoverSettings(start="none"))

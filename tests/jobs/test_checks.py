@@ -73,7 +73,13 @@ def test_the_sacrum_stands_for_both_posterior_spines() -> None:
         require_landmarks(session)
     static = session.static
     both = np.concatenate((static.markers, static.markers[:, :1]), axis=1)
-    with_sacrum = Trial("static", static.times, (*static.labels, "SACR"), both, static.rate_hz)
+    with_sacrum = Trial(
+        name="static",
+        times=static.times,
+        labels=(*static.labels, "SACR"),
+        markers=both,
+        rate_hz=static.rate_hz,
+    )
     require_landmarks(replace(session, static=with_sacrum))
 
 
@@ -88,7 +94,7 @@ def test_labels_that_mean_nothing_are_offered_first() -> None:
 def test_a_recording_under_two_names_is_refused_also_in_another_format() -> None:
     trial = SESSION.calibration[0]
     rounded = trial.with_markers(np.round(trial.markers, 6))  # m: as a TRC file keeps them
-    subject = Subject("S", "m", calibration=(Path("a.c3d"),), evaluation=(Path("b.trc"),))
+    subject = Subject(id="S", model="m", calibration=(Path("a.c3d"),), evaluation=(Path("b.trc"),))
     with pytest.raises(SubjectInvalid) as caught:
         refuse_repeated({Path("a.c3d"): trial, Path("b.trc"): rounded}, subject)
     assert caught.value.field == "trials.evaluation.0"
@@ -112,7 +118,15 @@ def _setup(
     time_range: tuple[float, float] | None = None,
 ) -> ScaleSetup:
     measurement = Measurement("width", (pair,), axes or {"pelvis": "Z"})
-    return ScaleSetup((measurement,), {}, ("measurements",), time_range, True, None, None)
+    return ScaleSetup(
+        measurements=(measurement,),
+        manual={},
+        order=("measurements",),
+        time_range=time_range,
+        preserve_mass_distribution=True,
+        mass_kg=None,
+        placement=None,
+    )
 
 
 @pytest.mark.parametrize(

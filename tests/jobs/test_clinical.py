@@ -29,7 +29,13 @@ def gait() -> ClinicalGait:
         q = np.array(person.motions[trial.name])
         q[0] = np.nan
         motions[trial.name] = Motion(
-            trial.name, trial.times, names, q, (), np.empty((trial.n_frames, 0, 3)), names
+            trial=trial.name,
+            times=trial.times,
+            coordinates=names,
+            q=q,
+            markers=(),
+            residuals=np.empty((trial.n_frames, 0, 3)),
+            estimated=names,
         )
     return compute_clinical_gait(
         person.model, motions, session.dynamic, {t.name for t in session.calibration}

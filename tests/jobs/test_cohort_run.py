@@ -63,7 +63,9 @@ class Told:
             raise KeyboardInterrupt
         length = 0.4 + 0.01 * len(self.name)
         return Done(
-            SubjectSummary(self.name, {m: MethodSummary(lengths={"femur_r": length}) for m in METHODS})
+            SubjectSummary(
+                subject=self.name, methods={m: MethodSummary(lengths={"femur_r": length}) for m in METHODS}
+            )
         )
 
 
@@ -78,7 +80,7 @@ def _numbers(found):
 
 @pytest.fixture(scope="module")
 def people():
-    return [VirtualPerson(seed, SHORT, {"site": "north"}) for seed in (3, 1, 2)]
+    return [VirtualPerson(seed=seed, settings=SHORT, groups={"site": "north"}) for seed in (3, 1, 2)]
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +230,7 @@ def test_methods_are_possible_with_what_there_is(tmp_path):
 def test_a_leg_that_was_not_imaged_has_no_image_based_length():
     someone = person(2, seconds=1.0)
     session = replace(someone.session, images=imaged(someone, {"knee_r": (0.0, 0.0, 0.0)}, sides="r"))
-    summary = summarise(run(Loaded(session), ["MB", "EB"]))
+    summary = summarise(run(Loaded(session=session), ["MB", "EB"]))
     assert set(summary.methods["MB"].lengths) == {"inter_hip", "femur_r", "shank_r", "femur_l", "shank_l"}
     assert set(summary.methods["EB"].lengths) == {"femur_r", "shank_r"}
     assert set(summary.methods["EB"].knee_axes) == {"r"}

@@ -56,14 +56,21 @@ def ground_of(loads: list[list[float]]) -> GroundForces:
     force[..., 1] = loads
     n, k = np.shape(loads)
     return GroundForces(
-        "made", np.arange(n) / 100.0, tuple(f"plate_{i + 1}" for i in range(k)), force,
-        np.zeros_like(force), np.zeros((k, 3)), np.tile([0.0, 1.0, 0.0], (k, 1)),
+        name="made", times=np.arange(n) / 100.0, plates=tuple(f"plate_{i + 1}" for i in range(k)),
+            force=force,
+        moment=np.zeros_like(force), surfaces=np.zeros((k, 3)), normals=np.tile([0.0, 1.0, 0.0], (k, 1)),
     )  # fmt: skip
 
 
 def contacts(foot: list[list[int]], on_floor: list[list[bool]]) -> FootContacts:
     rows = np.array(foot, dtype=np.intp)
-    return FootContacts(("r", "l"), rows, np.array(on_floor), np.ones(len(rows), dtype=bool), ())
+    return FootContacts(
+        feet=("r", "l"),
+        foot=rows,
+        on_floor=np.array(on_floor),
+        supported=np.ones(len(rows), dtype=bool),
+        repairs=(),
+    )
 
 
 def test_a_step_beside_the_plates_does_not_count() -> None:
@@ -97,12 +104,20 @@ def test_folders_without_forces_say_so(tmp_path: Path) -> None:
 
 
 GAIN = Estimate(
-    Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, neutral=1.0, load=PlateGain("plate_1")),)),
+    Candidate(
+        kind="plate_gain",
+        where=("plate_1",),
+        columns=(Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain("plate_1")),),
+    ),
     np.array([0.05]),
 )
 TOUCH = Estimate(
     Candidate(
-        "external_contact", ("torso",), (), trials=("sway",), change=Contact("torso", 0.5, 1.5, (0.0,) * 3)
+        kind="external_contact",
+        where=("torso",),
+        columns=(),
+        trials=("sway",),
+        change=Contact("torso", 0.5, 1.5, (0.0,) * 3),
     ),
     np.zeros(0),
 )
@@ -110,7 +125,11 @@ TOUCH = Estimate(
 
 def test_corrected_forces_are_those_of_the_file_without_the_fault(prepared: Prepared, tmp_path: Path) -> None:
     """Not filtered, and at their own rate: a plate that measures 5 % too much is divided by 1.05."""
-    reported = write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (GAIN,), ()), prepared)
+    reported = write_corrected(
+        tmp_path,
+        Fit(context=SearchContext(model=prepared.model), free=(), effects=(GAIN,), tracked=()),
+        prepared,
+    )
     assert len(reported) == 1
     path = next(p for p in prepared.subject.calibration if p.stem == "sway")
     given = read_forces(prepared.subject.forces[path.name])
@@ -127,8 +146,8 @@ def test_a_bias_is_taken_off_readings_only() -> None:
     loads = np.full((60, 2), 350.0)
     loads[20:40, 0] = 0.0
     ground = ground_of(loads.tolist())
-    column = Column("fx_N", 1.0, load=PlateBias("plate_1", 0))
-    bias = Estimate(Candidate("plate_bias", ("plate_1",), (column,)), np.array([12.0]))
+    column = Column(name="fx_N", unit=1.0, load=PlateBias("plate_1", 0))
+    bias = Estimate(Candidate(kind="plate_bias", where=("plate_1",), columns=(column,)), np.array([12.0]))
     mended = correct_forces(ground, ground.times, [bias])
     expected = np.where(loads[:, :1] > 0.0, [-12.0, 350.0, 0.0], 0.0)
     np.testing.assert_allclose(mended.force[:, 0], expected)
@@ -136,13 +155,24 @@ def test_a_bias_is_taken_off_readings_only() -> None:
 
 
 def test_without_a_fault_nothing_is_corrected(prepared: Prepared, tmp_path: Path) -> None:
-    assert write_corrected(tmp_path, Fit(SearchContext(prepared.model), (), (), ()), prepared) == ()
+    assert (
+        write_corrected(
+            tmp_path,
+            Fit(context=SearchContext(model=prepared.model), free=(), effects=(), tracked=()),
+            prepared,
+        )
+        == ()
+    )
     assert not (tmp_path / "corrected").exists()
 
 
 def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -> None:
     found = fit_recordings(
-        SearchContext(prepared.model, [r for r in prepared.recordings if r.trial.name == "sway"]), (), [TOUCH]
+        SearchContext(
+            model=prepared.model, recordings=[r for r in prepared.recordings if r.trial.name == "sway"]
+        ),
+        (),
+        [TOUCH],
     )
     assert write_contacts(tmp_path, found) == ("sway_contact.sto holds the force that was inferred",)
     table = read_sto(tmp_path / "sway_contact.sto")
@@ -157,14 +187,16 @@ def test_the_force_of_a_contact_is_written(prepared: Prepared, tmp_path: Path) -
 
 def test_a_contact_in_all_trials_is_written_for_each(prepared: Prepared, tmp_path: Path) -> None:
     everywhere = replace(TOUCH, candidate=replace(TOUCH.candidate, trials=()))
-    found = fit_recordings(SearchContext(prepared.model, prepared.recordings), (), [everywhere])
+    found = fit_recordings(
+        SearchContext(model=prepared.model, recordings=prepared.recordings), (), [everywhere]
+    )
     write_contacts(tmp_path, found)
     assert {p.name for p in tmp_path.iterdir()} == {f"{item.name}_contact.sto" for item in found.wrenches}
 
 
 def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepared) -> None:
     """The plates give what the movement needs, and standing still that is the weight."""
-    known = fit_recordings(SearchContext(prepared.model, prepared.recordings)).wrenches[0]
+    known = fit_recordings(SearchContext(model=prepared.model, recordings=prepared.recordings)).wrenches[0]
     standing, squat = (perform_on_plates(known, movement) for movement in ("quiet standing", "a squat"))
     assert standing is not None
     assert squat is not None
@@ -179,7 +211,7 @@ def test_other_movements_are_performed_on_plates_under_the_feet(prepared: Prepar
 
 def test_what_would_tell_effects_of_forces_apart_is_predicted(prepared: Prepared) -> None:
     """Standing, a tilted vertical pulls as a plate's bias does; two plates' biases always look alike."""
-    now = fit_recordings(SearchContext(prepared.model, prepared.recordings))
+    now = fit_recordings(SearchContext(model=prepared.model, recordings=prepared.recordings))
     every = list(propose_candidates(now.scene))
     tilt = next(c for c in every if c.kind == "gravity_tilt")
     biases = [c for c in every if c.kind == "plate_bias" and not c.trials and len(c.columns) == 6]

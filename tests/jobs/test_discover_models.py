@@ -36,7 +36,9 @@ from tests.jobs.hidden_case import session
 NEEDS_OPENSIM = pytest.mark.skipif(find_spec("opensim") is None, reason="opensim is not installed")
 
 MODEL = load_builtin("lower_limb_14dof")
-SCENE = Scene(MODEL, MODEL.marker_names, ("hip_flexion_r", "knee_angle_r"), ("a", "b"))
+SCENE = Scene(
+    model=MODEL, markers=MODEL.marker_names, moving=("hip_flexion_r", "knee_angle_r"), trials=("a", "b")
+)
 
 
 def one(found: Iterable[Candidate], size: list[float], *where: str, trials: tuple[str, ...] = ()) -> Estimate:
@@ -55,14 +57,16 @@ SWINGING = one(propose_candidates(SCENE, ["skin_wobble"]), [1.0], "RLFE")
 ONCE = one(propose_candidates(SCENE, ["marker_offset"]), [0.01, 0.0, 0.0], "LFH", trials=("b",))
 FREE = Estimate(
     Candidate(
-        "missing_dof", ("knee_l",), (), note="extra turn",
+        kind="missing_dof", where=("knee_l",), columns=(), note="extra turn",
         change=FreeMotion("tibia_l", "before", "rotation", (0.0, 1.0, 0.0)),
     ),
     np.zeros(0),
 )  # fmt: skip
 HEAVIER = Estimate(
     Candidate(
-        "segment_mass", ("tibia_r",), (Column("kg", 1.0, load=Inertial("tibia_r", (1.0, *([0.0] * 9)))),)
+        kind="segment_mass",
+        where=("tibia_r",),
+        columns=(Column(name="kg", unit=1.0, load=Inertial("tibia_r", (1.0, *([0.0] * 9)))),),
     ),
     np.array([0.5]),
 )
@@ -72,13 +76,18 @@ ONE = np.array([0.05])
 
 
 def fit_of(*effects: Estimate, model: BodyModel = MODEL) -> Fit:
-    return Fit(SearchContext(model), (), effects, ())
+    return Fit(context=SearchContext(model=model), free=(), effects=effects, tracked=())
 
 
 def prepared(model: BodyModel = MODEL, source: Path | None = None) -> Prepared:
     whole = session()
     subject = whole.subject if source is None else replace(whole.subject, model=str(source))
-    return Prepared(Loaded(replace(whole, model=model, subject=subject)), "none", model, ())
+    return Prepared(
+        loaded=Loaded(session=replace(whole, model=model, subject=subject)),
+        start="none",
+        model=model,
+        recordings=(),
+    )
 
 
 def placed(model: BodyModel, coordinates: tuple[str, ...], q: Array) -> Array:
@@ -153,7 +162,9 @@ def test_joints_that_an_image_moved_stay_moved(tmp_path: Path) -> None:
     found.turn(found.model.segment("tibia_r"), np.array([0.1, -0.05, 0.99]), values)
     found.turn_child(found.model.segment("tibia_r"), np.array([0.05, 0.0, -0.02]), np.array([0.0, 0.01, 0.0]))
     factors = {name: (ratio,) * 3 for name, ratio in found.ratios.items()}
-    imaged = Calibration("EB", found.model, generic, factors, joint_moves=found.moves)
+    imaged = Calibration(
+        method="EB", model=found.model, generic=generic, scale_factors=factors, joint_moves=found.moves
+    )
     before = replace(prepared(generic, source), calibration=imaged, model=found.model)
     what = fit_of(TILT, LENGTH, OFFSET, HEAVIER, model=found.model)
     assert plan_osim(what, before).amended
@@ -169,9 +180,19 @@ def test_what_is_not_the_models_leaves_its_file_alone() -> None:
     """A plate's fault is taken out of the recording; a vertical that leans is OpenSim's gravity."""
     source = prepared(source=Path("given.osim"))
     plate = Estimate(
-        Candidate("plate_gain", ("plate_1",), (Column("factor", 1.0, load=PlateGain("plate_1")),)), ONE
+        Candidate(
+            kind="plate_gain",
+            where=("plate_1",),
+            columns=(Column(name="factor", unit=1.0, load=PlateGain("plate_1")),),
+        ),
+        ONE,
     )
-    leaning = Estimate(Candidate("gravity_tilt", ("world",), (Column("x_deg", 57.3, load=Tilt(0)),)), ONE)
+    leaning = Estimate(
+        Candidate(
+            kind="gravity_tilt", where=("world",), columns=(Column(name="x_deg", unit=57.3, load=Tilt(0)),)
+        ),
+        ONE,
+    )
     plan = plan_osim(fit_of(plate, leaning), source)
     assert plan.amended
     assert plan.model == correct_model(fit_of())

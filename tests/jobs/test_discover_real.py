@@ -30,8 +30,8 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         without, replace(table, columns=tuple(table.columns[k] for k in kept), data=table.data[:, kept])
     )
     subject = Subject(
-        "squatter",
-        str(folder / "manually_scaled.osim"),
+        id="squatter",
+        model=str(folder / "manually_scaled.osim"),
         calibration=(folder / "squats1.trc",),
         forces={"squats1.trc": without},
     )
@@ -52,11 +52,13 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
     prepared, vertical = squat
     start, end = (float(prepared.recordings[0].trial.times[k]) for k in (0, -1))
     contact = Candidate(
-        "external_contact", ("calcn_l",), (), trials=("squats1",),
+        kind="external_contact", where=("calcn_l",), columns=(), trials=("squats1",),
         change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0)),
     )  # fmt: skip
     found = fit_recordings(
-        SearchContext(prepared.model, prepared.recordings), (), [Estimate(contact, np.zeros(0))]
+        SearchContext(model=prepared.model, recordings=prepared.recordings),
+        (),
+        [Estimate(contact, np.zeros(0))],
     )
     item = found.wrenches[0]
     assert item.touched is not None

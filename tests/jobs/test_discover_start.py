@@ -37,7 +37,7 @@ def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
 
 
 def test_roles_follow_the_subject_file() -> None:
-    prepared = prepare(Loaded(session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(session=session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert prepared.free == ()
     assert any("no recording has forces" in note for note in prepared.notes)
@@ -56,7 +56,7 @@ def test_a_few_frames_are_refused_with_what_to_do() -> None:
 
 def test_without_held_out_recordings_all_fit() -> None:
     only = replace(session(), calibration=())
-    prepared = prepare(Loaded(only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(session=only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert prepared.roles == {"gait_1": "fit"}
 
 
@@ -91,7 +91,7 @@ def test_a_model_in_other_units_is_refused_first() -> None:
         load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3)
     )
     with pytest.raises(TrialUnusable, match="does not fit this recording at all") as caught:
-        prepare(Loaded(replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+        prepare(Loaded(session=replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
     assert caught.value.file == "knee_r"
     assert "units" in str(caught.value.remedy)
 
@@ -122,7 +122,10 @@ def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -
 def test_short_recordings_say_so() -> None:
     def recording(seconds: float) -> Recording:
         times = np.arange(round(seconds * 100)) / 100.0
-        return Recording(Trial("t", times, ("A",), np.zeros((len(times), 1, 3)), 100.0), "fit")
+        return Recording(
+            Trial(name="t", times=times, labels=("A",), markers=np.zeros((len(times), 1, 3)), rate_hz=100.0),
+            "fit",
+        )
 
     assert "2.0 s" in describe_limits([recording(2.01)], 0.5)[0]
     assert describe_limits([recording(6.0)], 0.5) == ()
@@ -139,7 +142,7 @@ def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> Non
     trials = tuple(replace(t, markers=markers) if t is faulty else t for t in whole.calibration)
     settings = DiscoverSettings(start="MB_am")
     right, wrong = (
-        prepare(Loaded(replace(whole, calibration=some)), settings, AS_MEASURED, 0.5)
+        prepare(Loaded(session=replace(whole, calibration=some)), settings, AS_MEASURED, 0.5)
         for some in (whole.calibration, trials)
     )
     assert any("look exchanged" in note and "scaled without" in note for note in wrong.notes)

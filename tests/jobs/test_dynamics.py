@@ -166,10 +166,21 @@ def test_plates_of_a_file_with_a_wrong_unit_are_not_used() -> None:
     """The corners of the plates have the unit of the markers, which was found to be wrong."""
     person = record_on_plates()
     repaired = person.trial.with_markers(
-        person.trial.markers, Repair("unit", person.trial.name, "positions said to be in m are in mm", 250)
+        person.trial.markers,
+        Repair(
+            what="unit", where=person.trial.name, detail="positions said to be in m are in mm", frames=250
+        ),
     )
     plate = np.zeros((len(person.trial.times), 1, 3))
-    forces = GroundForces("sway", person.trial.times, ("plate_1",), plate, plate, np.zeros((1, 3)), UP)
+    forces = GroundForces(
+        name="sway",
+        times=person.trial.times,
+        plates=("plate_1",),
+        force=plate,
+        moment=plate,
+        surfaces=np.zeros((1, 3)),
+        normals=UP,
+    )
     axes = Orientation(np.eye(3))
     with pytest.raises(TrialUnusable, match="places of its plates are not sure") as caught:
         prepare_forces(Path("sway.c3d"), forces, repaired, {}, axes, cutoff_hz=5.0)

@@ -34,7 +34,7 @@ def test_errors_and_parameters_are_the_results(results: Results) -> None:
 def test_lengths_between_imaged_centres_count_as_imaged(results: Results) -> None:
     assert gather_evidence(results).imaged_lengths == ()
     centres = dict.fromkeys(("hip_r", "hip_l", "knee_r", "ankle_l"), (0.0, 0.0, 0.0))
-    session = replace(results.session, images=ImageEvidence(centres))
+    session = replace(results.session, images=ImageEvidence(centres=centres))
     seen = replace(results, loaded=replace(results.loaded, session=session))
     assert gather_evidence(seen).imaged_lengths == ("inter_hip", "femur_r")
 

@@ -16,20 +16,20 @@ from scaling_service.model.results import Motion
 GLIDE = Law((Term(0.02, coordinate="knee", shape=Shape((0.0, 1.0, 2.0), ((1.0, 0.0), (2.0, 1.0)))),))
 FOLLOW = Law.of("knee", 0.5, 0.1)
 MODEL = BodyModel(
-    "leg",
-    (
-        Segment("thigh", "ground", "hip", ()),
+    name="leg",
+    segments=(
+        Segment(name="thigh", parent="ground", joint_name="hip", joints=()),
         Segment(
-            "shank",
-            "thigh",
-            "knee",
-            (
+            name="shank",
+            parent="thigh",
+            joint_name="knee",
+            joints=(
                 Joint("translation", (1.0, 0.0, 0.0), GLIDE),
                 Joint("rotation", (0.0, 0.0, 1.0), Law.of("knee")),
             ),
         ),
     ),
-    (Coordinate("knee"), Coordinate("lift", kind="translation")),
+    coordinates=(Coordinate(name="knee"), Coordinate(name="lift", kind="translation")),
     couplers=(Coupler("knee_glide", "knee", GLIDE), Coupler("patella", "knee", FOLLOW)),
 )
 
@@ -37,7 +37,15 @@ MODEL = BodyModel(
 def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> None:
     q = np.array([[0.5, 0.3], [1.5, 0.4], [np.nan, 0.5]])
     times = np.arange(3) / 100.0
-    motion = Motion("squat", times, ("knee", "lift"), q, (), np.zeros((3, 0, 3)), ("knee",))
+    motion = Motion(
+        trial="squat",
+        times=times,
+        coordinates=("knee", "lift"),
+        q=q,
+        markers=(),
+        residuals=np.zeros((3, 0, 3)),
+        estimated=("knee",),
+    )
     write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
     table = read_sto(tmp_path / "squat_ik.mot")
     assert table.columns == ("time", "knee", "lift", "knee_glide", "patella")

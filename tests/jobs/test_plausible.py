@@ -10,7 +10,16 @@ from scaling_service.capabilities.scaling.comparison.geometry import list_doubts
 
 
 def _error(mean: float) -> KinematicError:
-    return KinematicError(mean, 0.0, mean, mean, {}, float("nan"), float("nan"), 10)
+    return KinematicError(
+        mean=mean,
+        sd=0.0,
+        rms=mean,
+        max=mean,
+        per_marker={},
+        anatomical_mean=float("nan"),
+        tracking_mean=float("nan"),
+        n_frames=10,
+    )
 
 
 def test_a_trial_that_no_method_follows_is_reported() -> None:

@@ -149,13 +149,15 @@ def test_a_new_folder_may_be_made(tmp_path: Path) -> None:
 
 @needs_opensim
 def test_the_opensim_model_has_the_same_geometry(results: Results, tmp_path: Path) -> None:
-    one = Results(results.loaded, results.settings, {"MB_am": results.scalings["MB_am"]})
+    one = Results(
+        loaded=results.loaded, settings=results.settings, scalings={"MB_am": results.scalings["MB_am"]}
+    )
     save(one, tmp_path)
     ours = results.scalings["MB_am"].calibration
     theirs = read_osim(tmp_path / "MB_am" / "model.osim")
     expected, found = (
         measure_geometry(ours).lengths,
-        measure_geometry(Calibration("MB_am", theirs, theirs, {})).lengths,
+        measure_geometry(Calibration(method="MB_am", model=theirs, generic=theirs, scale_factors={})).lengths,
     )
     # The shank ends at a landmark of weight 0, and OpenSim's markers have no weight.
     for name in ("inter_hip", "femur_r", "femur_l"):

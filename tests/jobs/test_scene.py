@@ -35,7 +35,7 @@ TOLERANCE_MM = 0.005  # float32 of some metres, local coordinates to the microme
 def results() -> Results:
     """A person with bones, two methods, short recordings."""
     session, _ = make_demo_session(3, VirtualSettings(functional_s=1.0, gait_trials=2), images=True)
-    return run(Loaded(session), ("MB", "EB"))
+    return run(Loaded(session=session), ("MB", "EB"))
 
 
 def table(folder: Path, entry: ArrayEntry) -> Array:

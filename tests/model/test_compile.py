@@ -84,10 +84,10 @@ def test_turns_about_coordinate_axes_need_no_constant_rotation() -> None:
 def test_a_turn_about_a_negative_axis_turns_the_other_way() -> None:
     joint = Joint("rotation", (0.0, 0.0, -1.0), Law.of("a", 2.0, 0.1))
     model = BodyModel(
-        "one",
-        (Segment("s", "ground", "j", (joint,)),),
-        (Coordinate("a"),),
-        (Marker.at("m", "s", (1.0, 0, 0)),),
+        name="one",
+        segments=(Segment(name="s", parent="ground", joint_name="j", joints=(joint,)),),
+        coordinates=(Coordinate(name="a"),),
+        markers=(Marker.at("m", "s", (1.0, 0, 0)),),
     )
     found = pose_markers(compile_model(model), np.array([[0.3]]), np.zeros(0))[0, 0]
     np.testing.assert_allclose(found, [np.cos(0.7), -np.sin(0.7), 0.0], atol=1e-15)
@@ -112,11 +112,11 @@ def test_rotation_about_an_axis_equals_scipys(seed: int, angle: float) -> None:
 
 def test_bounds_bind_only_where_clamped_and_locked_is_not_free() -> None:
     coordinates = (
-        Coordinate("a", lower=-1.0, upper=2.0, clamped=True, default=0.5),
-        Coordinate("b", lower=-1.0, upper=2.0),
-        Coordinate("c", locked=True),
+        Coordinate(name="a", lower=-1.0, upper=2.0, clamped=True, default=0.5),
+        Coordinate(name="b", lower=-1.0, upper=2.0),
+        Coordinate(name="c", locked=True),
     )
-    model = BodyModel("m", (), coordinates)
+    model = BodyModel(name="m", segments=(), coordinates=coordinates)
     low, high = list_coordinate_bounds(model)
     assert low.tolist() == [-1.0, -np.inf, -np.inf]
     assert high.tolist() == [2.0, np.inf, np.inf]

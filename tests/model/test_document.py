@@ -40,18 +40,48 @@ def rich_model() -> BodyModel:
     law = Law((Term(0.25), Term(-1.5, parameter="k", coordinate="knee", shape=shape)))
     glide = Joint("translation", (0.6, 0.0, 0.8), law, scales_with="thigh")
     turn = Joint("rotation", (0.0, 0.0, -1.0), Law.of("knee", 0.5, -0.1))
-    thigh = Segment("thigh", "ground", "hip", (turn,), 8.1, (0.1, -0.2, 0.3), (1.0, 2.0, 3.0, -0.1, 0.2, 0.3))
-    shank = Segment("shank", "thigh", "knee", (glide, turn))
+    thigh = Segment(
+        name="thigh",
+        parent="ground",
+        joint_name="hip",
+        joints=(turn,),
+        mass=8.1,
+        com=(0.1, -0.2, 0.3),
+        inertia=(1.0, 2.0, 3.0, -0.1, 0.2, 0.3),
+    )
+    shank = Segment(name="shank", parent="thigh", joint_name="knee", joints=(glide, turn))
     return BodyModel(
-        "rich",
-        (thigh, shank),
-        (
-            Coordinate("knee", "rotation", 0.1, -2.0, 0.3, clamped=True, locked=True),
-            Coordinate("slide", "translation"),
+        name="rich",
+        segments=(thigh, shank),
+        coordinates=(
+            Coordinate(
+                name="knee", kind="rotation", default=0.1, lower=-2.0, upper=0.3, clamped=True, locked=True
+            ),
+            Coordinate(name="slide", kind="translation"),
         ),
-        (Marker("M", "shank", (law, Law(), Law.constant(1 / 3)), 2.5, anatomical=False, follows_size=False),),
-        (Parameter("k", 1.0, "1", -math.inf, math.inf, "length", "thigh", prior_sd=0.1),),
-        (Coupler("slide", "knee", Law.of("knee", 3.0)),),
+        markers=(
+            Marker(
+                name="M",
+                segment="shank",
+                laws=(law, Law(), Law.constant(1 / 3)),
+                weight=2.5,
+                anatomical=False,
+                follows_size=False,
+            ),
+        ),
+        parameters=(
+            Parameter(
+                name="k",
+                value=1.0,
+                unit="1",
+                lower=-math.inf,
+                upper=math.inf,
+                group="length",
+                target="thigh",
+                prior_sd=0.1,
+            ),
+        ),
+        couplers=(Coupler("slide", "knee", Law.of("knee", 3.0)),),
         source="made up",
     )
 
@@ -63,7 +93,11 @@ def test_round_trip_is_exact(model: BodyModel) -> None:
 
 def test_a_dependent_coordinate_is_no_coordinate_of_the_model() -> None:
     """It stands under the couplers only, as models read from OpenSim have it."""
-    ball = BodyModel("ball", (Segment("ball", "ground", "free", ()),), (Coordinate("knee"),))
+    ball = BodyModel(
+        name="ball",
+        segments=(Segment(name="ball", parent="ground", joint_name="free", joints=()),),
+        coordinates=(Coordinate(name="knee"),),
+    )
     model = replace(ball, couplers=(Coupler("patella", "knee", Law.of("knee", 0.5)),))
     assert from_document(to_document(model)) == model
 
@@ -72,10 +106,21 @@ def test_a_dependent_coordinate_is_no_coordinate_of_the_model() -> None:
 def test_every_number_survives(gain: float, lower: float, unbounded: bool) -> None:
     bound = -math.inf if unbounded else lower
     model = BodyModel(
-        "m",
-        (Segment("s", "ground", "j", (Joint("rotation", (0.0, 0.0, 1.0), Law((Term(gain),))),)),),
-        (Coordinate("q", default=-0.0, lower=bound),),
-        parameters=(Parameter("p", gain, "m", bound, math.inf, "length", "s"),),
+        name="m",
+        segments=(
+            Segment(
+                name="s",
+                parent="ground",
+                joint_name="j",
+                joints=(Joint("rotation", (0.0, 0.0, 1.0), Law((Term(gain),))),),
+            ),
+        ),
+        coordinates=(Coordinate(name="q", default=-0.0, lower=bound),),
+        parameters=(
+            Parameter(
+                name="p", value=gain, unit="m", lower=bound, upper=math.inf, group="length", target="s"
+            ),
+        ),
     )
     back = from_document(through_json(to_document(model)))
     assert back == model
@@ -83,14 +128,26 @@ def test_every_number_survives(gain: float, lower: float, unbounded: bool) -> No
 
 
 def test_defaults_are_left_out() -> None:
-    document = to_document(BodyModel("m", (Segment("s", "ground", "j", ()),), (Coordinate("q"),)))
+    document = to_document(
+        BodyModel(
+            name="m",
+            segments=(Segment(name="s", parent="ground", joint_name="j", joints=()),),
+            coordinates=(Coordinate(name="q"),),
+        )
+    )
     assert document["coordinates"] == [{"name": "q"}]
     assert "markers" not in document
 
 
 def test_nan_is_not_written() -> None:
     with pytest.raises(ValueError, match="NaN"):
-        to_document(BodyModel("m", (Segment("s", "ground", "j", (), mass=math.nan),), ()))
+        to_document(
+            BodyModel(
+                name="m",
+                segments=(Segment(name="s", parent="ground", joint_name="j", joints=(), mass=math.nan),),
+                coordinates=(),
+            )
+        )
 
 
 def _set(document: dict[str, Any], path: list[Any], value: Any) -> dict[str, Any]:

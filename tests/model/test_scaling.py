@@ -23,11 +23,32 @@ def model():
     )
     root = (Joint("translation", (1.0, 0.0, 0.0), Law.of("x")),)
     segments = (
-        Segment("pelvis", "ground", "root", root, 10.0, (0.1, 0.0, 0.0), INERTIA),
-        Segment("thigh", "pelvis", "hip", thigh, 5.0, (0.0, -0.2, 0.0), INERTIA),
+        Segment(
+            name="pelvis",
+            parent="ground",
+            joint_name="root",
+            joints=root,
+            mass=10.0,
+            com=(0.1, 0.0, 0.0),
+            inertia=INERTIA,
+        ),
+        Segment(
+            name="thigh",
+            parent="pelvis",
+            joint_name="hip",
+            joints=thigh,
+            mass=5.0,
+            com=(0.0, -0.2, 0.0),
+            inertia=INERTIA,
+        ),
     )
     markers = (Marker.at("a", "pelvis", (0.1, 0.2, 0.3)), Marker.at("b", "thigh", (0.0, -0.4, 0.05)))
-    return BodyModel("m", segments, (Coordinate("x", "translation"), Coordinate("hip")), markers)
+    return BodyModel(
+        name="m",
+        segments=segments,
+        coordinates=(Coordinate(name="x", kind="translation"), Coordinate(name="hip")),
+        markers=markers,
+    )
 
 
 def test_one_factor_for_all_enlarges_the_picture(model):

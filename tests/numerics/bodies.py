@@ -45,14 +45,16 @@ def random_tree(rng: np.random.Generator, n_segments: int, markers_each: int = 3
             name = f"q{k}{j}"
             joints.append(Joint("rotation", unit(rng), Law.constant(rng.uniform(-1.0, 1.0))))
             joints.append(Joint(kind, unit(rng), Law.of(name)))
-            coordinates.append(Coordinate(name, kind))
-        segments.append(Segment(f"s{k}", parent, f"j{k}", tuple(joints)))
+            coordinates.append(Coordinate(name=name, kind=kind))
+        segments.append(Segment(name=f"s{k}", parent=parent, joint_name=f"j{k}", joints=tuple(joints)))
     markers = [
         Marker.at(f"m{k}{i}", f"s{k}", tuple(rng.uniform(-0.2, 0.2, 3).tolist()))
         for k in range(n_segments)
         for i in range(markers_each)
     ]
-    return BodyModel("random", tuple(segments), tuple(coordinates), tuple(markers))
+    return BodyModel(
+        name="random", segments=tuple(segments), coordinates=tuple(coordinates), markers=tuple(markers)
+    )
 
 
 def spline(rng: np.random.Generator, low: float, high: float, size: float) -> Shape:
@@ -68,7 +70,7 @@ def free_root(prefix: str = "root") -> tuple[tuple[Joint, ...], tuple[Coordinate
     order = [("translation", k) for k in (0, 1, 2)] + [("rotation", k) for k in (1, 0, 2)]
     names = [f"{prefix}_{kind[0]}{'xyz'[k]}" for kind, k in order]
     joints = tuple(Joint(kind, axes[k], Law.of(n)) for (kind, k), n in zip(order, names, strict=True))
-    coordinates = tuple(Coordinate(n, kind) for (kind, _), n in zip(order, names, strict=True))
+    coordinates = tuple(Coordinate(name=n, kind=kind) for (kind, _), n in zip(order, names, strict=True))
     return joints, coordinates
 
 
@@ -84,17 +86,17 @@ def leg(rng: np.random.Generator, *, coupled: bool = True, markers_each: int = 4
         )
         knee = (*knee[:3], *glides, *knee[3:])
     segments = (
-        Segment("pelvis", "ground", "root", root),
-        Segment("femur", "pelvis", "hip", hip),
-        Segment("tibia", "femur", "knee", knee),
+        Segment(name="pelvis", parent="ground", joint_name="root", joints=root),
+        Segment(name="femur", parent="pelvis", joint_name="hip", joints=hip),
+        Segment(name="tibia", parent="femur", joint_name="knee", joints=knee),
     )
     markers = tuple(
         Marker.at(f"{name}{k}", name, tuple((rng.uniform(-0.1, 0.1, 3) + middle).tolist()))
         for name, middle in (("pelvis", (0, 0, 0)), ("femur", (0, -0.3, 0)), ("tibia", (0, -0.3, 0)))
         for k in range(markers_each)
     )
-    own = tuple(Coordinate(n) for n in ("hip_z", "hip_x", "hip_y", "knee"))
-    return BodyModel("leg", segments, (*coordinates, *own), markers)
+    own = tuple(Coordinate(name=n) for n in ("hip_z", "hip_x", "hip_y", "knee"))
+    return BodyModel(name="leg", segments=segments, coordinates=(*coordinates, *own), markers=markers)
 
 
 def _centre(at: Sequence[float], parent: str) -> tuple[Joint, ...]:

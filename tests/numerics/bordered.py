@@ -57,14 +57,14 @@ def make(model: BodyModel, measured: Array) -> Problem:
     free: tuple[Parameter, ...] = model.parameters
     nq = len(model.coordinates)
     return Problem(
-        compile_model(model),
-        measured,
-        np.linspace(0.8, 1.3, len(model.markers)),
-        np.arange(nq),
-        np.arange(len(free)),
-        np.array([0.05] * len(free)),
-        np.array([p.lower for p in free]),
-        np.array([p.upper for p in free]),
-        np.zeros(len(free)),
-        (np.full(nq, -np.inf), np.full(nq, np.inf)),
+        tree=compile_model(model),
+        measured=measured,
+        weights=np.linspace(0.8, 1.3, len(model.markers)),
+        coordinates=np.arange(nq),
+        parameters=np.arange(len(free)),
+        scale=np.array([0.05] * len(free)),
+        lower=np.array([p.lower for p in free]),
+        upper=np.array([p.upper for p in free]),
+        prior_weight=np.zeros(len(free)),
+        coordinate_bounds=(np.full(nq, -np.inf), np.full(nq, np.inf)),
     )

@@ -25,16 +25,16 @@ def known(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
     nothing = np.zeros(0, dtype=np.intp)
     open_ended = (np.full(q.shape[1], -np.inf), np.full(q.shape[1], np.inf))
     problem = Problem(
-        tree,
-        pose_markers(tree, q, NONE) + noise,
-        np.ones(12),
-        nothing,
-        nothing,
-        NONE,
-        NONE,
-        NONE,
-        NONE,
-        open_ended,
+        tree=tree,
+        measured=pose_markers(tree, q, NONE) + noise,
+        weights=np.ones(12),
+        coordinates=nothing,
+        parameters=nothing,
+        scale=NONE,
+        lower=NONE,
+        upper=NONE,
+        prior_weight=NONE,
+        coordinate_bounds=open_ended,
     )
     return problem, q
 
@@ -73,16 +73,16 @@ def shifted(noise: np.ndarray, seed: int = 0) -> tuple[Problem, np.ndarray]:
     tree, count = compile_model(model), len(model.parameters)
     open_ended = (np.full(q.shape[1], -np.inf), np.full(q.shape[1], np.inf))
     problem = Problem(
-        tree,
-        pose_markers(tree, q, np.zeros(count)) + noise,
-        np.ones(12),
-        np.arange(q.shape[1]),
-        np.arange(count),
-        np.full(count, 0.05),
-        np.full(count, -0.05),
-        np.full(count, 0.05),
-        np.zeros(count),
-        open_ended,
+        tree=tree,
+        measured=pose_markers(tree, q, np.zeros(count)) + noise,
+        weights=np.ones(12),
+        coordinates=np.arange(q.shape[1]),
+        parameters=np.arange(count),
+        scale=np.full(count, 0.05),
+        lower=np.full(count, -0.05),
+        upper=np.full(count, 0.05),
+        prior_weight=np.zeros(count),
+        coordinate_bounds=open_ended,
     )
     return problem, q
 

@@ -83,7 +83,14 @@ def test_bands_hold_the_dense_normal_matrix_and_its_solution() -> None:
     )
     np.testing.assert_allclose(border, np.einsum("nia,nick->ack", design, coupling), rtol=1e-9, atol=1e-8)
     corner = 1e3 * np.eye(k)
-    quadratic = Quadratic(2.0, gradient, blocks, RNG.normal(size=k), border, corner)
+    quadratic = Quadratic(
+        value=2.0,
+        gradient=gradient,
+        blocks=blocks,
+        shared_gradient=RNG.normal(size=k),
+        border=border,
+        corner=corner,
+    )
     step = RNG.normal(size=(count, m))
     np.testing.assert_allclose(quadratic.times(step).ravel(), dense @ step.ravel(), rtol=1e-9, atol=1e-6)
     x = RNG.normal(size=k)

@@ -175,8 +175,11 @@ def test_far_from_the_origin_it_is_as_exact() -> None:
 
 def test_a_coordinate_in_two_links_is_refused() -> None:
     shared = Joint("rotation", (0.0, 0.0, 1.0), Law.of("a"))
-    segments = (Segment("one", "ground", "j", (shared,)), Segment("two", "one", "k", (shared,)))
-    model = BodyModel("shared", segments, (Coordinate("a"),))
+    segments = (
+        Segment(name="one", parent="ground", joint_name="j", joints=(shared,)),
+        Segment(name="two", parent="one", joint_name="k", joints=(shared,)),
+    )
+    model = BodyModel(name="shared", segments=segments, coordinates=(Coordinate(name="a"),))
     model = model.with_markers(tuple(_markers("one", "two")))
     tree = compile_model(model)
     assert not is_articulated(tree)

@@ -63,7 +63,9 @@ def test_forces_of_spline_coupled_joints_follow_from_dalembert(scaled: bool) -> 
 
 def with_glides_scaled(model: BodyModel, factor: float) -> BodyModel:
     """The knee's glides times a shared parameter."""
-    glide = Parameter("glide", factor, "1", 0.0, 3.0, "length", "knee")
+    glide = Parameter(
+        name="glide", value=factor, unit="1", lower=0.0, upper=3.0, group="length", target="knee"
+    )
     tibia = model.segment("tibia")
     joints = tuple(
         replace(j, law=Law(tuple(replace(t, parameter="glide" if t.shape else None) for t in j.law.terms)))
@@ -106,9 +108,14 @@ def test_the_net_wrench_is_the_rate_of_momentum_less_gravity(name: str) -> None:
 
 
 def pendulum() -> BodyModel:
-    bob = Segment("bob", "ground", "pin", (Joint("rotation", (0.0, 0.0, 1.0), Law.of("angle")),))
+    bob = Segment(
+        name="bob",
+        parent="ground",
+        joint_name="pin",
+        joints=(Joint("rotation", (0.0, 0.0, 1.0), Law.of("angle")),),
+    )
     bob = replace(bob, mass=2.0, com=(0.0, -0.7, 0.0), inertia=(0.1, 0.2, 0.3, 0.0, 0.0, 0.0))
-    return BodyModel("pendulum", (bob,), (Coordinate("angle"),))
+    return BodyModel(name="pendulum", segments=(bob,), coordinates=(Coordinate(name="angle"),))
 
 
 def test_a_pendulum_needs_the_torque_of_its_closed_form() -> None:

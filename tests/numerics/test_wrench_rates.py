@@ -91,11 +91,11 @@ def test_normal_equations_of_markers_are_those_of_differences(model: BodyModel) 
     tree = _tree(model, mechanism)
     count = tree.n_markers
     shifts = MarkerShifts(
-        RNG.integers(count, size=6),
-        RNG.integers(3, size=6),
-        RNG.integers(2, size=6),
-        RNG.uniform(0.01, 0.03, 6),
-        RNG.normal(size=(3, FRAMES, 2)),
+        marker=RNG.integers(count, size=6),
+        axis=RNG.integers(3, size=6),
+        signal=RNG.integers(2, size=6),
+        sd=RNG.uniform(0.01, 0.03, 6),
+        signals=RNG.normal(size=(3, FRAMES, 2)),
     )
     x = RNG.normal(size=6)
 

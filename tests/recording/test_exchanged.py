@@ -40,7 +40,7 @@ def _turning(seconds: float = 4.0, turn_hz: float = 0.25) -> Trial:
     )
     markers = np.einsum("fij,mj->fmi", rotation, PLACES)
     markers += np.random.default_rng(0).normal(0.0, 0.001, markers.shape)
-    return Trial("turn", times, LABELS, markers, RATE_HZ)
+    return Trial(name="turn", times=times, labels=LABELS, markers=markers, rate_hz=RATE_HZ)
 
 
 def _swapped(trial: Trial, one: str, other: str, rows: slice = slice(None)) -> Trial:
@@ -116,7 +116,9 @@ def test_arms_are_judged_by_jumps_only() -> None:
     trial = _turning()
     elbows = np.stack(([0.0, 1.1, 0.2], [0.0, 1.1, 0.3]))  # the lateral one inside: the arm is turned
     markers = np.concatenate((trial.markers, np.broadcast_to(elbows, (trial.n_frames, 2, 3))), axis=1)
-    turned = Trial("arm", trial.times, (*LABELS, "RELB", "RMEL"), markers, RATE_HZ)
+    turned = Trial(
+        name="arm", times=trial.times, labels=(*LABELS, "RELB", "RMEL"), markers=markers, rate_hz=RATE_HZ
+    )
     assert find_exchanged_sides(turned) == ()
     (said,) = find_exchanged_sides(_swapped(turned, "RELB", "RMEL", slice(120, 180)))
     assert "RELB and RMEL look exchanged from 1.20 s to 1.79 s" in said

@@ -29,7 +29,9 @@ def trial(frames: int = 200) -> Trial:
     body = np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.0], [0.1, 0.4, 0.1], [0.1, 0.4, 0.13]])
     way = 0.3 * np.stack([np.sin(3 * t), np.cos(2 * t), t], axis=1)
     noise = 1e-3 * RNG.normal(size=(frames, 4, 3))
-    return Trial("swing", t, ("A", "B", "C", "D"), body + way[:, None] + noise, 100.0)
+    return Trial(
+        name="swing", times=t, labels=("A", "B", "C", "D"), markers=body + way[:, None] + noise, rate_hz=100.0
+    )
 
 
 def test_two_markers_seen_as_one_are_not_seen_while_they_are() -> None:
@@ -82,7 +84,9 @@ def body(seconds: float = 4.0) -> Trial:
     depth = 0.1 * (1 - np.cos(2 * np.pi * t)) * np.exp(0.2 * np.sin(2 * np.pi * t))
     markers = place - depth[:, None, None] * height[:, None] * [0.2, 1.0, 0.0]
     markers = markers + 1e-3 * RNG.normal(size=markers.shape)
-    return Trial("squat", t, tuple(f"M{k}" for k in range(12)), markers, 100.0)
+    return Trial(
+        name="squat", times=t, labels=tuple(f"M{k}" for k in range(12)), markers=markers, rate_hz=100.0
+    )
 
 
 @pytest.mark.parametrize("tilting", [False, True])
@@ -127,7 +131,9 @@ def walked(rate: float = 1000.0) -> GroundForces:
     force += RNG.normal(size=force.shape)
     up, names = np.tile([0.0, 1.0, 0.0], (2, 1)), ("plate_1", "plate_2")
     moment = np.cross([0.1, 0.0, 0.2], force)
-    return GroundForces("walk", t, names, force, moment, np.zeros((2, 3)), up)
+    return GroundForces(
+        name="walk", times=t, plates=names, force=force, moment=moment, surfaces=np.zeros((2, 3)), normals=up
+    )
 
 
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
@@ -184,7 +190,13 @@ def test_who_stands_still_and_steps_off_saturates_nothing() -> None:
     force = np.zeros((len(t), 1, 3))
     force[:, 0, 1] = sway * np.clip((3.5 - t) / 0.4, 0.0, 1.0) + 0.1 * RNG.normal(size=len(t))
     still = GroundForces(
-        "still", t, ("plate_1",), force, np.zeros_like(force), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
+        name="still",
+        times=t,
+        plates=("plate_1",),
+        force=force,
+        moment=np.zeros_like(force),
+        surfaces=np.zeros((1, 3)),
+        normals=np.array([[0.0, 1.0, 0.0]]),
     )
     assert not note_saturation(still).repairs
 
@@ -196,6 +208,12 @@ def test_who_stands_on_one_leg_and_leans_on_something_for_a_while_saturates_noth
     force = np.zeros((len(t), 1, 3))
     force[:, 0, 1] = 475.0 * (1.0 - 0.2 * leaning) + RNG.normal(size=len(t))
     stood = GroundForces(
-        "hips", t, ("plate_1",), force, np.zeros_like(force), np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
+        name="hips",
+        times=t,
+        plates=("plate_1",),
+        force=force,
+        moment=np.zeros_like(force),
+        surfaces=np.zeros((1, 3)),
+        normals=np.array([[0.0, 1.0, 0.0]]),
     )
     assert not note_saturation(stood).repairs

@@ -23,7 +23,7 @@ def _rigid(frames=200, seed=0):
     turn = Rotation.from_rotvec(np.stack((np.sin(3 * t), 0.5 * np.cos(2 * t), t), axis=1)).as_matrix()
     shift = np.stack((t, 1 + 0.1 * np.sin(9 * t), 0 * t), axis=1)
     markers = np.einsum("fij,mj->fmi", turn, local) + shift[:, None]
-    return Trial("walk", t, LABELS, markers, 100.0)
+    return Trial(name="walk", times=t, labels=LABELS, markers=markers, rate_hz=100.0)
 
 
 def _holed(trial, *holes):
@@ -64,7 +64,7 @@ def test_short_gaps_take_the_spline_up_to_its_limit():
 def test_the_limit_is_in_seconds(rate):
     longest = int(np.floor(0.15 * rate + 1e-6))
     trial = _rigid()
-    trial = Trial("t", np.arange(200) / rate, LABELS, trial.markers, rate)
+    trial = Trial(name="t", times=np.arange(200) / rate, labels=LABELS, markers=trial.markers, rate_hz=rate)
     result = fill(_holed(trial, ("A", 50, 50 + longest), ("B", 50, 51 + longest)), {})
     assert _noted(result) == [("gap_spline", "A", longest), ("gap_left", "B", longest + 1)]
 

@@ -23,7 +23,7 @@ def recording(seed: int, moved_mm: tuple[float, float, float] = (0.0, 0.0, 0.0))
     place = FOOT.copy()
     place[1] += np.array(moved_mm) / 1000.0
     markers = np.einsum("nij,mj->nmi", turn, place) + rng.normal(0.0, 0.001, (60, 5, 3))
-    return Trial(f"r{seed}", angle, LABELS, markers, 60.0)
+    return Trial(name=f"r{seed}", times=angle, labels=LABELS, markers=markers, rate_hz=60.0)
 
 
 def found(*trials: Trial, labels: tuple[str, ...] = LABELS) -> list[tuple[str, str]]:

@@ -36,7 +36,13 @@ def _trial(turn=None, walk=0.0, shift=(0.0, 0.0, 0.0), scale=1.0, frames=50):
     body = np.array(list(BODY.values()))
     way = np.linspace(0, walk, frames)[:, None, None] * np.array([1.0, 0, 0])
     positions = (body + way) @ (np.eye(3) if turn is None else turn).T + np.array(shift)
-    return Trial("static", np.arange(frames) / 100, tuple(BODY), positions * scale, 100.0)
+    return Trial(
+        name="static",
+        times=np.arange(frames) / 100,
+        labels=tuple(BODY),
+        markers=positions * scale,
+        rate_hz=100.0,
+    )
 
 
 @pytest.mark.parametrize("turn", ROTATIONS, ids=lambda R: "".join(f"{v:+.0f}" for v in R.ravel() if v))
@@ -75,7 +81,9 @@ def test_arms_stretched_out_do_not_hide_the_floor():
     body = dict(BODY, RHAND=(0.0, 1.4, 0.9), LHAND=(0.0, 1.4, -0.9))
     z_up = rotate_about([1, 0, 0], np.pi / 2).round()
     positions = np.repeat((np.array(list(body.values())) @ z_up.T)[None], 5, axis=0)
-    found = decide(Trial("t", np.arange(5) / 100, tuple(body), positions, 100.0))
+    found = decide(
+        Trial(name="t", times=np.arange(5) / 100, labels=tuple(body), markers=positions, rate_hz=100.0)
+    )
     assert found.description.startswith("up +z")
 
 

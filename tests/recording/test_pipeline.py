@@ -24,7 +24,7 @@ def _walk(frames=200, noise=0.0):
     ours = body + np.stack((1.2 * t, 0.02 * np.sin(12 * t), 0.02 * np.sin(6 * t)), axis=1)[:, None]
     ours = ours + np.random.default_rng(0).normal(size=ours.shape) * noise
     lab = np.stack((-ours[..., 2], -ours[..., 0], ours[..., 1]), axis=-1)
-    return Trial("walk", t, LABELS, lab, 100.0), ours
+    return Trial(name="walk", times=t, labels=LABELS, markers=lab, rate_hz=100.0), ours
 
 
 def _axes(trial):

@@ -40,7 +40,15 @@ def pressed(places: list[tuple[tuple[float, float], slice]]) -> GroundForces:
         moment[when, k] = np.cross([heel[0] + 0.1, 0.0, heel[1]], [0.0, 600.0, 0.0])
     up = np.tile([0.0, 1.0, 0.0], (len(places), 1))
     names = tuple(f"plate_{k + 1}" for k in range(len(places)))
-    return GroundForces("made", TIMES, names, force, moment, np.zeros((len(places), 3)), up)
+    return GroundForces(
+        name="made",
+        times=TIMES,
+        plates=names,
+        force=force,
+        moment=moment,
+        surfaces=np.zeros((len(places), 3)),
+        normals=up,
+    )
 
 
 FIRST, SECOND = slice(20, 110), slice(90, 180)

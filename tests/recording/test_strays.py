@@ -13,7 +13,11 @@ def _body(frames: int = 50, markers: int = 8) -> Trial:
     positions = np.random.default_rng(0).uniform(-0.5, 0.5, (1, markers, 3))
     walk = np.stack((np.linspace(0, 30, frames), np.zeros(frames), np.zeros(frames)), axis=1)[:, None]
     return Trial(
-        "walk", np.arange(frames) / 100, tuple(f"M{k}" for k in range(markers)), positions + walk, 100.0
+        name="walk",
+        times=np.arange(frames) / 100,
+        labels=tuple(f"M{k}" for k in range(markers)),
+        markers=positions + walk,
+        rate_hz=100.0,
     )
 
 

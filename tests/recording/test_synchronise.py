@@ -20,13 +20,13 @@ def made(times: Array) -> GroundForces:
     force = np.zeros((len(times), 2, 3))
     force[:, 0, 1], force[:, 1, 1] = wave, 800 - wave
     return GroundForces(
-        "made",
-        times,
-        ("plate_1", "plate_2"),
-        force,
-        np.cross([0.1, 0.0, 0.2], force),
-        np.zeros((2, 3)),
-        np.tile([0.0, 1.0, 0.0], (2, 1)),
+        name="made",
+        times=times,
+        plates=("plate_1", "plate_2"),
+        force=force,
+        moment=np.cross([0.1, 0.0, 0.2], force),
+        surfaces=np.zeros((2, 3)),
+        normals=np.tile([0.0, 1.0, 0.0], (2, 1)),
     )
 
 

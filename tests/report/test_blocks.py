@@ -29,7 +29,12 @@ BLOCKS: list[Block] = [
     Bullets([NASTY, NASTY]),
     Bullets([NASTY], numbered=True),
     Callout(NASTY, [Text(NASTY)], "poor"),
-    Table(NASTY, ["", NASTY], [Row(NASTY), Row(NASTY, [Cell(NASTY, shade=0.5, tone="good")])], NASTY),
+    Table(
+        caption=NASTY,
+        columns=["", NASTY],
+        rows=[Row(NASTY), Row(NASTY, [Cell(NASTY, shade=0.5, tone="good")])],
+        note=NASTY,
+    ),
     Details(NASTY, [Grid([Text(NASTY)])]),
     Legend([(NASTY, "#000000", "dash")]),
     Figure(make_chart([{"type": "scatter", "x": [0], "y": [1], "name": NASTY}], x_title=NASTY), NASTY, NASTY),
@@ -61,7 +66,9 @@ def test_an_empty_list_is_nothing() -> None:
 
 def test_a_table_has_headers_for_columns_and_rows() -> None:
     table = Table(
-        "Sizes", ["", "left", Cell("right", colour="#123456")], [Row("leg"), Row("thigh", ["1", "2"])]
+        caption="Sizes",
+        columns=["", "left", Cell("right", colour="#123456")],
+        rows=[Row("leg"), Row("thigh", ["1", "2"])],
     )
     root = read(table.html())
     scopes = [(th.text, th.attributes.get("scope")) for th in root.all("th")]

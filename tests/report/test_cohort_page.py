@@ -30,8 +30,8 @@ def someone(k: int, methods: Mapping[str, float] = ERRORS) -> SubjectSummary:
     size = 0.01 * rng.normal()
     wave = 0.5 * np.sin(np.linspace(0, 6.28, 101)) + 0.05 * rng.normal()
     return SubjectSummary(
-        f"S<{k}>",
-        {
+        subject=f"S<{k}>",
+        methods={
             m: MethodSummary(
                 lengths={"femur_r": LENGTHS[m] + size + 0.001 * rng.normal()},
                 trials={"walk": Following("evaluation", error + 2e-4 * rng.normal(), 0.01, 0.03)},

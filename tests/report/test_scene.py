@@ -18,9 +18,9 @@ def scene(**changes: object) -> Scene:
     rng = np.random.default_rng(1)
     points = rng.normal(size=(3, 2, 3)) + np.array([0.0, 1.0, 0.0])
     body = Body(
-        "MB",
-        "#E69F00",
-        points,
+        name="MB",
+        colour="#E69F00",
+        points=points,
         centres=[(0, "hip")],
         sticks=[(0, 1)],
         markers=[(1, "R<1>", 0)],

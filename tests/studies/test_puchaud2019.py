@@ -39,7 +39,7 @@ def subject(k: int, *, like_the_paper: bool) -> SubjectSummary:
                 c: tuple(np.radians(shape[c] + _angle(c, source) + rng.normal(0.0, 0.3))) for c in COORDINATES
             },
         )
-    return SubjectSummary(f"S{k:02d}", methods, strides={"r": 2, "l": 2})
+    return SubjectSummary(subject=f"S{k:02d}", methods=methods, strides={"r": 2, "l": 2})
 
 
 def _lengths(

@@ -122,7 +122,7 @@ def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: 
 
     clock = time.perf_counter()
     name = request.subject
-    member = SubjectMember(name, inputs / name / DOCUMENT, outputs / name)
+    member = SubjectMember(name=name, file=inputs / name / DOCUMENT, folder=outputs / name)
     reason = ""
     try:
         member.work(request.methods, request.settings, progress)
@@ -173,10 +173,24 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
 
     shown = f"{name}/{DOCUMENT}"
     if end["state"] != State.DONE:
-        return Outcome(name, groups, "failed", str(Failure.model_validate(end["failure"])), shown=shown)
+        return Outcome(
+            name=name,
+            groups=groups,
+            status="failed",
+            reason=str(Failure.model_validate(end["failure"])),
+            shown=shown,
+        )
     result = MemberResult.model_validate(end["result"])
     summary = read_summary(inputs / name) if result.status == "done" else None
-    return Outcome(name, groups, result.status, result.reason, summary, wall_s=result.wall_s, shown=shown)
+    return Outcome(
+        name=name,
+        groups=groups,
+        status=result.status,
+        reason=result.reason,
+        summary=summary,
+        wall_s=result.wall_s,
+        shown=shown,
+    )
 
 
 KINDS = {

@@ -54,7 +54,7 @@ class Member(Protocol):
         """Scale the subject; raises NothingPossible to be skipped, any other InputError to fail."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """How a member ended.
 
@@ -125,7 +125,9 @@ def _make_outcome(member: Member, future: Future[Outcome]) -> Outcome:
         return future.result()
     except BrokenProcessPool:
         reason = "a worker process ended abruptly (out of memory?). Run again, with fewer workers"
-        return Outcome(member.name, member.groups, "failed", reason, shown=member.shown)
+        return Outcome(
+            name=member.name, groups=member.groups, status="failed", reason=reason, shown=member.shown
+        )
 
 
 def _run_member(member: Member, methods: Sequence[str] | None, settings: Settings) -> Outcome:
@@ -136,7 +138,16 @@ def _run_member(member: Member, methods: Sequence[str] | None, settings: Setting
         summary, kept = (None, False) if done is None else (done.summary, done.kept)
         name = member.name if summary is None else summary.subject
         wall_s = time.perf_counter() - clock
-        return Outcome(name, member.groups, status, reason, summary, kept, wall_s, member.shown)
+        return Outcome(
+            name=name,
+            groups=member.groups,
+            status=status,
+            reason=reason,
+            summary=summary,
+            kept=kept,
+            wall_s=wall_s,
+            shown=member.shown,
+        )
 
     try:
         done = member.work(methods, settings, partial(report_stage, member.name))

@@ -98,7 +98,7 @@ def make_screen_tables(found: StatisticsDocument) -> Iterator[Table]:
             rows += list_quantity_rows(entries, methods)
             everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
-    yield Table("", columns, rows, describe_comparisons(everything))
+    yield Table(caption="", columns=columns, rows=rows, note=describe_comparisons(everything))
     yield _tabulate_gates(found)
     if any(curve.anova is not None for curve in found.joint_angles):
         yield tabulate_curves(found.joint_angles)
@@ -159,7 +159,12 @@ def _build_blocks_of_kind(kind: str, entries: Sequence[QuantityEntry]) -> Iterat
     methods = list(dict.fromkeys(m for entry in entries for m in entry.compared.methods))
     columns: list[str | Cell] = ["", "subjects", *list_method_columns(methods), "Friedman p"]
     caption = f"{title} (mean ± SD over subjects), {unit}"
-    yield Table(caption, columns, list_quantity_rows(entries, methods), describe_comparisons(entries))
+    yield Table(
+        caption=caption,
+        columns=columns,
+        rows=list_quantity_rows(entries, methods),
+        note=describe_comparisons(entries),
+    )
     first = {entry.quantity: entry for entry in reversed(entries)}  # that of most methods comes first
     several = [entry for entry in reversed(first.values()) if len(entry.values) > 1]
     if several:
@@ -186,10 +191,10 @@ def tabulate_curves(curves: Sequence[CurveEntry]) -> Table:
     reference = next((c.reference for c in curves if c.reference is not None), None)
     pairs = f"pairs with {reference}" if reference else "pairs"
     return Table(
-        "Do the methods differ along the curve?",
-        ["angle", "subjects", "p", "where, % of the cycle", pairs],
-        [Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
-        "Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
+        caption="Do the methods differ along the curve?",
+        columns=["angle", "subjects", "p", "where, % of the cycle", pairs],
+        rows=[Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
+        note="Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
         words=True,
     )
 
@@ -213,11 +218,23 @@ def _build_subjects(document: CohortDocument) -> Iterator[Block]:
         Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods), f"{s.wall_s:.1f}"])
         for s in document.subjects
     ]
-    yield Table("How every subject ended", ["", "status", "why", "methods", "s"], rows, words=True)
+    yield Table(
+        caption="How every subject ended",
+        columns=["", "status", "why", "methods", "s"],
+        rows=rows,
+        words=True,
+    )
     if document.notes:
         yield Bullets(document.notes)
     settings = [Row(name, [str(value)]) for name, value in document.settings.items()]
-    yield Details("Settings", [Table("Settings", ["", ""], settings, f"Seed {document.seed}.", words=True)])
+    yield Details(
+        "Settings",
+        [
+            Table(
+                caption="Settings", columns=["", ""], rows=settings, note=f"Seed {document.seed}.", words=True
+            )
+        ],
+    )
 
 
 def _describe_end(subject: SubjectEntry) -> str:
@@ -241,10 +258,10 @@ def _tabulate_gates(found: StatisticsDocument) -> Table:
         for g in found.opensim_limits.methods
     ]
     return Table(
-        "OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
-        ["", "subjects that keep them", "trials that keep them"],
-        rows,
-        "Necessary, not sufficient: fitted numbers absorb errors.",
+        caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
+        columns=["", "subjects that keep them", "trials that keep them"],
+        rows=rows,
+        note="Necessary, not sufficient: fitted numbers absorb errors.",
     )
 
 
@@ -282,7 +299,11 @@ def _tabulate_agreement(caption: str, items: Sequence[AgreementEntry]) -> Table:
             _format_icc(item.icc_agreement),
         ]
         rows.append(Row(f"{f'{spell_name(joint)} {axis}'.strip()}, {item.method}", cells))
-    return Table(caption, ["", "subjects", "bias (95 %)", "limits of agreement", "RMS", "ICC"], rows)
+    return Table(
+        caption=caption,
+        columns=["", "subjects", "bias (95 %)", "limits of agreement", "RMS", "ICC"],
+        rows=rows,
+    )
 
 
 def _format_icc(found: Interval | None) -> str:

@@ -209,9 +209,13 @@ def _load(row: Listed) -> Subject | InputError:
 
 def _make_member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
     if isinstance(found, InputError):
-        return SubjectMember(row.shown, row.file, folder, row.shown, row.groups, error=found)
+        return SubjectMember(
+            name=row.shown, file=row.file, folder=folder, shown=row.shown, groups=row.groups, error=found
+        )
     place = (folder / found.id).absolute()
-    return SubjectMember(found.id, row.file, place, row.shown, row.groups, force)
+    return SubjectMember(
+        name=found.id, file=row.file, folder=place, shown=row.shown, groups=row.groups, force=force
+    )
 
 
 @contextmanager

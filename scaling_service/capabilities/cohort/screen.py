@@ -34,7 +34,9 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
     say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
     others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
     if others:
-        print_table(console, Table("Not done", ["subject", "", "because"], others, words=True))
+        print_table(
+            console, Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True)
+        )
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
     list_files(console, out, [*written, *files])

@@ -47,7 +47,7 @@ class Record:
 _RECORDS = TypeAdapter(Record)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectMember:
     """How to scale the subject of a file, and where to write its results.
 

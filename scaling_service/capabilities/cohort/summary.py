@@ -44,7 +44,7 @@ class Following:
     max: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MethodSummary:
     """One method's figures of one subject; an image-based method has what was imaged."""
 
@@ -61,7 +61,7 @@ class MethodSummary:
     from_truth_rad: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectSummary:
     """One subject's figures under all its methods.
 

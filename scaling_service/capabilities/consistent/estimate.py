@@ -43,7 +43,7 @@ FREE_MASS = IdentificationSettings(mass_known=False)
 """The plates tell the mass."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrackedRecording:
     """One recording tracked by one model."""
 
@@ -54,7 +54,7 @@ class TrackedRecording:
     weight: float = float("nan")  # of the wrench in the balance; NaN where markers alone were tracked
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentResult:
     """What the loop found."""
 
@@ -137,19 +137,19 @@ def estimate_consistent(
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
     return ConsistentResult(
-        model,
-        now,
-        classical,
-        tuple(
+        start=model,
+        model=now,
+        classical=classical,
+        consistent=tuple(
             _measure_errors(r, m.rated, m.objectives, m.weight)
             for r, m in zip(recordings, final, strict=True)
         ),
-        tuple(_predict(now, r, settings) for r in recordings),
-        inertial,
-        factors,
-        len(history),
-        converged,
-        tuple(history),
+        predicted=tuple(_predict(now, r, settings) for r in recordings),
+        inertial=inertial,
+        factors=factors,
+        outer_iterations=len(history),
+        converged=converged,
+        history=tuple(history),
     )
 
 
@@ -218,7 +218,7 @@ def _measure_errors(
     seen = np.isfinite(recording.trial.select(recording.motion.markers).markers).all(axis=2)
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
-    return TrackedRecording(rated, marker, wrench, gaps, weight)
+    return TrackedRecording(rated=rated, marker_rms_m=marker, wrench_rmse=wrench, gaps=gaps, weight=weight)
 
 
 def _pool(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:

@@ -39,7 +39,7 @@ ROUNDS = 8
 """Most times that coefficients are put on their bounds (chosen: three are usual)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentMotion:
     """A motion and how it was balanced."""
 
@@ -72,7 +72,15 @@ def solve_consistent_motion(
         after, at = _descend(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
         converged, now = max(changes) < SETTLED, after
-    return ConsistentMotion(_differentiate(problem, at), at, now, problem.glide(at), weight, steps, converged)
+    return ConsistentMotion(
+        rated=_differentiate(problem, at),
+        state=at,
+        objectives=now,
+        glide=problem.glide(at),
+        weight=weight,
+        steps=steps,
+        converged=converged,
+    )
 
 
 def _descend(
@@ -95,7 +103,7 @@ def _differentiate(problem: ConsistentProblem, at: State) -> RatedMotion:
     return RatedMotion(problem.basis.times, *parts)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Front:
     """Minimises weighted sums of two quadratics between bounds."""
 
@@ -108,7 +116,13 @@ class Front:
     @classmethod
     def of(cls, markers: Quadratic, wrench: Quadratic, at: Array, bounds: tuple[Array, Array]) -> Front:
         """Pose it."""
-        return cls(markers, wrench, at, bounds, (pack_band(markers.blocks), pack_band(wrench.blocks)))
+        return cls(
+            markers=markers,
+            wrench=wrench,
+            at=at,
+            bounds=bounds,
+            bands=(pack_band(markers.blocks), pack_band(wrench.blocks)),
+        )
 
     def step(self, weight: float) -> Step:
         """The step that minimises markers + weight * wrench between the bounds.

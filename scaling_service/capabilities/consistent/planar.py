@@ -216,24 +216,24 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
     motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
     recordings = {
         name: ConsistentRecording(
-            trial,
-            motions[name],
-            loads,
-            np.asarray(np.isfinite(loads.total).all(axis=1)),
-            np.zeros((len(trial.times), 3)),
-            SAGITTAL,
+            trial=trial,
+            motion=motions[name],
+            loads=loads,
+            supported=np.asarray(np.isfinite(loads.total).all(axis=1)),
+            about=np.zeros((len(trial.times), 3)),
+            components=SAGITTAL,
         )
         for name, (trial, loads) in planar.items()
     }
     prepared = Prepared(
-        loaded,
-        chosen.start or STANDING,
-        massive.inertia,
-        massive.model,
-        motions,
-        {},
-        None,
-        (*loaded.session.warnings, *massive.notes),
+        loaded=loaded,
+        start=chosen.start or STANDING,
+        inertia=massive.inertia,
+        model=massive.model,
+        motions=motions,
+        forces={},
+        calibration=None,
+        warnings=(*loaded.session.warnings, *massive.notes),
     )
     return prepared, recordings
 

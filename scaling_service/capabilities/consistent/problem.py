@@ -41,7 +41,7 @@ SPREAD = GeometryPrior(0.05, 0.009)
 """5 % of a length, 9 mm of a marker's coordinate: the priors of the other calibrations."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistentSettings:
     """Settings of the loop of motion, geometry and inertia (Futamure et al., fig. 2)."""
 
@@ -114,7 +114,7 @@ class Objectives:
     wrench_gaps: Array  # (n, 6), N and N m: measured minus model, also where nothing is weighed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentProblem:
     """Markers and ground wrench of one recording, as functions of spline coefficients and shared numbers."""
 
@@ -265,8 +265,15 @@ class _Sum:
     def empty(cls, basis: SplineBasis, m: int, k: int) -> _Sum:
         """Nothing said yet."""
         count = basis.n_coefficients
-        zeros = (np.zeros((count, m)), np.zeros((ORDER, count, m, m)), np.zeros(k), np.zeros((count, m, k)))
-        return cls(basis, Quadratic(0.0, *zeros, np.zeros((k, k))))
+        of = Quadratic(
+            value=0.0,
+            gradient=np.zeros((count, m)),
+            blocks=np.zeros((ORDER, count, m, m)),
+            shared_gradient=np.zeros(k),
+            border=np.zeros((count, m, k)),
+            corner=np.zeros((k, k)),
+        )
+        return cls(basis, of)
 
     def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
         """Add what some frames say of the coefficients."""

@@ -133,7 +133,7 @@ def make_artefact_shifts(
     signals = np.stack(basis.evaluate(basis.fit(columns)))
     table = np.array(rows, dtype=float).reshape(-1, 4)
     marker, axis, which = (table[:, i].astype(np.intp) for i in range(3))
-    return MarkerShifts(marker, axis, which, table[:, 3], signals)
+    return MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
 
 
 def _find_driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
@@ -156,7 +156,7 @@ SAGITTAL = (True, True, False, False, False, True)
 """Components of the ground wrench that a model in space, and a planar one, can follow."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentRecording:
     """Markers and forces of one movement."""
 
@@ -197,18 +197,18 @@ class ConsistentRecording:
         """Only these frames, under another name."""
         motion, loads = self.motion, self.loads
         return ConsistentRecording(
-            replace(self.trial.frames(rows), name=name),
-            replace(
+            trial=replace(self.trial.frames(rows), name=name),
+            motion=replace(
                 motion,
                 trial=name,
                 times=motion.times[rows],
                 q=motion.q[rows],
                 residuals=motion.residuals[rows],
             ),
-            SegmentLoads(loads.times[rows], loads.segments, loads.force[rows], loads.moment[rows]),
-            self.supported[rows],
-            self.about[rows],
-            self.components,
+            loads=SegmentLoads(loads.times[rows], loads.segments, loads.force[rows], loads.moment[rows]),
+            supported=self.supported[rows],
+            about=self.about[rows],
+            components=self.components,
         )
 
 
@@ -255,19 +255,19 @@ def pose_problem(
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     targets, count = _make_marker_targets(recording, basis, settings)
     return ConsistentProblem(
-        Mechanism(whole, gather_inertias(model)),
-        alone,
-        list_parameter_values(model),
-        basis,
-        np.flatnonzero(open_),
-        rated.q[0],
-        targets,
-        _make_wrench_targets(model, recording, settings),
-        make_artefact_shifts(
+        mechanism=Mechanism(whole, gather_inertias(model)),
+        tree=alone,
+        p=list_parameter_values(model),
+        basis=basis,
+        free=np.flatnonzero(open_),
+        constant=rated.q[0],
+        markers=targets,
+        wrench=_make_wrench_targets(model, recording, settings),
+        shifts=make_artefact_shifts(
             model, names, rated.q, basis, expect_artefacts(model), axes=axes, placed_m=settings.placed_m
         ),
-        np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
-        1.0 / count,
+        inertia=np.zeros((N_PARAMETERS * len(model.segments), 0)) if freedom is None else freedom,
+        prior=1.0 / count,
     )
 
 

@@ -16,11 +16,7 @@ from scaling_service.report.methods import INK
 from scaling_service.report.page import Page, Section
 from scaling_service.report.provenance import build_origin_blocks
 
-WAYS = (
-    ("classical", "#0072B2", "dash"),
-    ("consistent", "#D55E00", "solid"),
-    ("predicted", "#009E73", "dot"),
-)
+WAYS = (("classical", "#0072B2", "dash"), ("consistent", "#D55E00", "solid"), ("predicted", "#009E73", "dot"))
 """Name, colour and dash; colours of Okabe & Ito 2008."""
 
 NAMES = (
@@ -87,10 +83,11 @@ def tabulate_errors(document: ConsistentDocument) -> Table:
             values = [*(getattr(wrench, n) for n in SHOWN), getattr(trial.marker_rms_mm, way)]
             rows.append(Row(way, [f"{value:.1f}" for value in values]))
     return Table(
-        "RMS error",
-        ["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
-        rows,
-        "Classical: inverse kinematics, filter and derivatives with the model it started from. Consistent: "
+        caption="RMS error",
+        columns=["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
+        rows=rows,
+        note="Classical: inverse kinematics, filter and derivatives with the model it started "
+        "from. Consistent: "
         "markers and forces followed together by the model found. Predicted: the classical two steps with "
         "the model found, so that forces of this recording played no part in its motion. Moments are about "
         "the middle of the feet.",
@@ -153,17 +150,17 @@ def _build_body(document: ConsistentDocument) -> Iterator[Block]:
         Row(name, [f"{document.lengths_before_mm[name]:.1f}", f"{after:.1f}"])
         for name, after in document.lengths_mm.items()
     ]
-    yield Table("Segment lengths, mm", ["", "start", "found"], rows)
+    yield Table(caption="Segment lengths, mm", columns=["", "start", "found"], rows=rows)
     moved = sorted(document.inertial, key=lambda p: -abs(p.moved))[:MOVED]
     yield Table(
-        "Inertial parameters that moved most",
-        ["", "table", "found", "SD", "moved, SD of the prior"],
-        [
+        caption="Inertial parameters that moved most",
+        columns=["", "table", "found", "SD", "moved, SD of the prior"],
+        rows=[
             Row(
                 f"{p.segment}, {p.quantity}",
                 [f"{p.before:.4g}", f"{p.after:.4g}", f"{p.sd:.2g}", f"{p.moved:+.1f}"],
             )
             for p in moved
         ],
-        "kg, m, kg m2; tensors about the centre of mass.",
+        note="kg, m, kg m2; tensors about the centre of mass.",
     )

@@ -17,10 +17,7 @@ from scaling_service.capabilities.consistent.recording import ConsistentRecordin
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    find_judged_frames,
-    solve_inverse_dynamics,
-)
+from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
@@ -43,7 +40,7 @@ PLACED_M = 0.007
 (Della Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ConsistentResults:
     """What the loop made of a subject."""
 
@@ -91,18 +88,18 @@ def consistent(
         )
     report("done", 1.0)
     return ConsistentResults(
-        ready.prepared,
-        chosen,
-        settings,
-        (*ready.fitted, *ready.held_out),
-        len(ready.fitted),
-        result,
-        tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
-        time.perf_counter() - clock,
+        prepared=ready.prepared,
+        chosen=chosen,
+        settings=settings,
+        recordings=(*ready.fitted, *ready.held_out),
+        fitted=len(ready.fitted),
+        result=result,
+        warnings=tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
+        wall_s=time.perf_counter() - clock,
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready:
     """Recordings to fit and to hold out, the model to start from, and what was decided on the way."""
 
@@ -127,7 +124,7 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     # fitted markers, and those of a given model, are where they are said to be
     placed_m = PLACED_M if prepared.start in ("MB", "EB", STANDING) else 0.0
     own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
-    return Ready(prepared, fitted, held_out, own, notes)
+    return Ready(prepared=prepared, fitted=fitted, held_out=held_out, settings=own, notes=notes)
 
 
 def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
@@ -138,11 +135,11 @@ def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> Consist
     weight.check()
     trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
     return ConsistentRecording(
-        trial,
-        motion,
-        forces.loads,
-        find_judged_frames(dynamics, forces.contacts, cutoff_hz),
-        _find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
+        trial=trial,
+        motion=motion,
+        loads=forces.loads,
+        supported=find_judged_frames(dynamics, forces.contacts, cutoff_hz),
+        about=_find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
     )
 
 

@@ -60,13 +60,13 @@ def _list_factors(results: ConsistentResults) -> dict[str, tuple[float, float, f
 def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording, model: BodyModel) -> Motion:
     motion = recording.motion
     return Motion(
-        recording.name,
-        tracked.rated.times,
-        model.coordinate_names,
-        tracked.rated.q,
-        motion.markers,
-        tracked.gaps.marker_gaps,
-        motion.estimated,
+        trial=recording.name,
+        times=tracked.rated.times,
+        coordinates=model.coordinate_names,
+        q=tracked.rated.q,
+        markers=motion.markers,
+        residuals=tracked.gaps.marker_gaps,
+        estimated=motion.estimated,
     )
 
 

@@ -79,17 +79,15 @@ def list_datasets() -> None:
         Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", describe_terms(dataset), dataset.use])
         for name, dataset in read_catalogue().items()
     ]
-    print_table(console, Table("", ["name", "what", "MB", "licence", "used for"], rows, words=True))
+    print_table(
+        console,
+        Table(caption="", columns=["name", "what", "MB", "licence", "used for"], rows=rows, words=True),
+    )
     console.print("Download one: [cyan]scaling-service datasets get NAME[/cyan]", highlight=False)
 
 
 @app.command("get")
-def get(
-    name: _DatasetName,
-    out: _Folder = None,
-    cache: _Cache = None,
-    base_url: _BaseUrl = BASE_URL,
-) -> None:
+def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url: _BaseUrl = BASE_URL) -> None:
     """Download a dataset, check it, and write it with a subject file and a note of source and licence.
 
     What is there already with the right content is not fetched again, so a download that broke off goes on

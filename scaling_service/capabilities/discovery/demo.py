@@ -23,7 +23,7 @@ def run_hidden_demo(
     report("recording a virtual person", 0.0)
     session, _person, hidden = make_hidden_session(seed, settings)
     results = run(
-        Loaded(session),
+        Loaded(session=session),
         DiscoverSettings(start=AS_IT_IS),
         AS_MEASURED.model_copy(update={"seed": seed}),
         progress=report,

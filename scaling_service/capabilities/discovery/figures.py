@@ -52,7 +52,7 @@ _HEAT_UNITS = (("mm", "distance from the model", "mm"), ("floors", "wrench over 
 Which = Literal["before", "after"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class HeatMap:
     """How far model and recording are apart, place by place over time, before and after."""
 
@@ -122,7 +122,13 @@ def _bin_rows(
         return np.asarray(np.sqrt(mean).T)
 
     return HeatMap(
-        item.name, item.role == "held_out", unit, places, middles, compute_rms(before), compute_rms(after)
+        trial=item.name,
+        held_out=item.role == "held_out",
+        unit=unit,
+        places=places,
+        times=middles,
+        before=compute_rms(before),
+        after=compute_rms(after),
     )
 
 

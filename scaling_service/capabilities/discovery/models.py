@@ -57,7 +57,7 @@ def _list_parts(effect: Estimate) -> list[Part]:
     return [part for column in effect.candidate.columns for part in column.parts]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class OsimPlan:
     """What of the corrected model goes into an OpenSim file, and how."""
 
@@ -81,8 +81,14 @@ def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
             kept.append(effect)
     model = _hold_markers_still(_with(fit.model, kept))
     if not _from_osim(prepared) or not all(map(_can_be_amended, kept)):
-        return OsimPlan(model, tuple(left))
-    return OsimPlan(model, tuple(left), True, _list_factors(prepared, kept), _list_tilts(prepared, kept))
+        return OsimPlan(model=model, left_out=tuple(left))
+    return OsimPlan(
+        model=model,
+        left_out=tuple(left),
+        amended=True,
+        factors=_list_factors(prepared, kept),
+        tilts=_list_tilts(prepared, kept),
+    )
 
 
 def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estimate) -> str:

@@ -81,7 +81,9 @@ def tabulate_forces(name: str, ground: GroundForces) -> Table:
         names += [f"ground_force_{k}_v{a}" for a in "xyz"] + [f"ground_force_{k}_p{a}" for a in "xyz"]
         names += [f"ground_torque_{k}_{a}" for a in "xyz"]
     columns = np.concatenate([ground.force, point, free], axis=2).reshape(len(ground.times), -1)
-    return Table(name, tuple(names), np.column_stack([ground.times, columns]), in_degrees=False)
+    return Table(
+        name=name, columns=tuple(names), data=np.column_stack([ground.times, columns]), in_degrees=False
+    )
 
 
 def write_contacts(folder: Path, fit: Fit) -> tuple[str, ...]:
@@ -95,9 +97,9 @@ def write_contacts(folder: Path, fit: Fit) -> tuple[str, ...]:
     for item in fit.wrenches:
         if item.touched is not None and any(contact.holds_in(item.name) for contact in contacts):
             table = Table(
-                f"{item.name}_contact",
-                ("time", *(f"contact_{component}" for component in COMPONENTS)),
-                np.column_stack([item.times, item.touched])[item.usable],
+                name=f"{item.name}_contact",
+                columns=("time", *(f"contact_{component}" for component in COMPONENTS)),
+                data=np.column_stack([item.times, item.touched])[item.usable],
                 in_degrees=False,
             )
             write_sto(folder / f"{item.name}_contact.sto", table)

@@ -146,10 +146,11 @@ def _tabulate_places(places: Sequence[DisagreementDocument]) -> Table:
     left_out = len(places) > _MOST_PLACES
     more = f" The first {len(rows)} of {len(places)}; the others are in discovery.json." if left_out else ""
     return Table(
-        "Where, when, and along with what",
-        ["place", "left over", "noise floor", "share", "by chance", "most", "follows"],
-        rows,
-        f"Share: of all that stands above the noise floors. By chance: p over all places looked at.{more}",
+        caption="Where, when, and along with what",
+        columns=["place", "left over", "noise floor", "share", "by chance", "most", "follows"],
+        rows=rows,
+        note="Share: of all that stands above the noise floors. By chance: p over all places "
+        f"looked at.{more}",
     )
 
 
@@ -193,10 +194,10 @@ def _tabulate_numbers(effect: EffectDocument) -> Table:
         shown = Cell(said, tone="fair" if quantity.implausible or quantity.at_bound else "plain")
         rows.append(Row(name, [shown, format_interval(quantity), usual, smallest]))
     return Table(
-        "Its numbers",
-        ["", "value", "95 % interval", "met", "named from"],
-        rows,
-        "The unit is in the name. True minus modelled, or measured over true for a factor. Met: in "
+        caption="Its numbers",
+        columns=["", "value", "95 % interval", "met", "named from"],
+        rows=rows,
+        note="The unit is in the name. True minus modelled, or measured over true for a factor. Met: in "
         "laboratories. Named from: the size, in the same proportions, that is named nine times in ten.",
     )
 
@@ -290,10 +291,14 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
     ]
     names = ("before", "after", "noise floor", "closed")
     return Table(
-        f"Place by place: {', then '.join(gaps)}",
-        ["place", *(f"{role}: {name}" if name == "before" else name for role in gaps for name in names)],
-        rows,
-        "Closed: the share of what stood above the noise floor that is gone; none where hardly anything did.",
+        caption=f"Place by place: {', then '.join(gaps)}",
+        columns=[
+            "place",
+            *(f"{role}: {name}" if name == "before" else name for role in gaps for name in names),
+        ],
+        rows=rows,
+        note="Closed: the share of what stood above the noise floor that is gone; none where "
+        "hardly anything did.",
     )
 
 

@@ -38,9 +38,9 @@ def write_discovery_scene(results: DiscoverResults, outputs: Path) -> SceneDocum
     ]
     recorded = [
         playback.Recorded(
-            before.trial,
-            "calibration" if before.role == "fit" else "evaluation",
-            (_play_recording(BEFORE, before), _play_recording(AFTER, after)),
+            trial=before.trial,
+            role="calibration" if before.role == "fit" else "evaluation",
+            played=(_play_recording(BEFORE, before), _play_recording(AFTER, after)),
         )
         for before, after in pairs
     ]
@@ -59,7 +59,14 @@ def _list_bones(prepared: Prepared) -> dict[str, Bone]:
 def _play_recording(name: str, item: TrackedTrial) -> playback.Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
-    return playback.Played(name, model, item.q, item.markers, distances, frozenset(model.coordinate_names))
+    return playback.Played(
+        body=name,
+        model=model,
+        q=item.q,
+        markers=item.markers,
+        distances=distances,
+        estimated=frozenset(model.coordinate_names),
+    )
 
 
 def draw_largest_change(results: DiscoverResults) -> Scene | None:
@@ -77,12 +84,14 @@ def draw_largest_change(results: DiscoverResults) -> Scene | None:
     role = "held out" if before.role == "held_out" else "used to fit"
     return follow_person(
         Scene(
-            f"{before.name} ({role}) around {before.trial.times[middle]:.2f} s, where the two differ most",
-            f"The model {BEFORE} and {AFTER}, with measured markers in {before.name}, turned by dragging.",
-            before.trial.times[rows],
-            labels,
-            measured,
-            [
+            caption=f"{before.name} ({role}) around {before.trial.times[middle]:.2f} s, where the two "
+            "differ most",
+            description=f"The model {BEFORE} and {AFTER}, with measured markers in {before.name}, turned by "
+            "dragging.",
+            times=before.trial.times[rows],
+            labels=labels,
+            measured=measured,
+            bodies=[
                 _make_body(BEFORE, BEFORE_COLOUR, before, rows, labels),
                 _make_body(AFTER, AFTER_COLOUR, after, rows, labels),
             ],
@@ -123,9 +132,9 @@ def _make_body(name: str, colour: str, item: TrackedTrial, rows: Rows, labels: t
     for label in labels:
         drawing.add_marker(label)
     return Body(
-        name,
-        colour,
-        drawing.positions(item.q[rows]),
+        name=name,
+        colour=colour,
+        points=drawing.positions(item.q[rows]),
         centres=[(k, spell_name(centre)) for centre, k in drawing.centres.items()],
         sticks=drawing.sticks,
         axes=drawing.axes,

@@ -38,7 +38,7 @@ _SAME_CHANGE = {"length": "segment_length", "axis": "joint_axis_tilt", "marker":
 """The group of a calibration's parameter to the effect that is the same change."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Prepared:
     """Everything that the search needs, in memory."""
 
@@ -146,7 +146,7 @@ def free_parameters(
         return ()
     shown = frozenset(label for trial in trials for label in trial.shown_labels)
     marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
-    scene = Scene(model, marked, (), ())
+    scene = Scene(model=model, markers=marked, moving=(), trials=())
     # one candidate for each thing that was freed, with the columns of its free numbers
     free: dict[tuple[str, str], set[str]] = {}
     for parameter in row.freedom.apply(model, shown, settings).parameters:

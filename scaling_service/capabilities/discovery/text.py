@@ -258,8 +258,7 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
         least, most = min(known.skin_mm.values()), max(known.skin_mm.values())
         yield (
             f"How far skin moves over the bone was learnt at {list_few(list(known.skin_mm))}: "
-            f"{format_figures(least, 2)} "
-            f"to {format_figures(most, 2)} mm along an axis"
+            f"{format_figures(least, 2)} to {format_figures(most, 2)} mm along an axis"
         )
     if known.undetermined:
         yield (
@@ -271,8 +270,7 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
     if known.left_out:
         yield (
             f"Named but left out of model.json: {list_few(known.left_out)}. More moves the same markers, "
-            f"so these "
-            "recordings do not show where it takes the bones"
+            f"so these recordings do not show where it takes the bones"
         )
 
 
@@ -311,7 +309,7 @@ def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Ta
         rows.append(Row(effect.kind.replace("_", " ") + others, cells))
     columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
     caption = "The missing effects" if carries else "Smaller things that improve the fit"
-    return Table(caption, columns, rows, words=True)
+    return Table(caption=caption, columns=columns, rows=rows, words=True)
 
 
 def list_gaps(document: DiscoveryDocument) -> dict[str, GapDocument]:
@@ -331,7 +329,9 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
         for field, name, unit in LEVELS
         if (level := getattr(gap, field)) is not None
     ]
-    return Table("The gap, RMS", ["", "before", "after", "noise floor", "black-box bound"], rows)
+    return Table(
+        caption="The gap, RMS", columns=["", "before", "after", "noise floor", "black-box bound"], rows=rows
+    )
 
 
 def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
@@ -345,9 +345,9 @@ def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
     ]
     more = len(document.unexplained) - most
     return Table(
-        "Above the noise floor, and like no effect of the catalogue",
-        ["place", "left over", "noise floor", "the simplest law that describes it"],
-        rows,
-        f"And {more} more places, which are in discovery.json." if more > 0 else "",
+        caption="Above the noise floor, and like no effect of the catalogue",
+        columns=["place", "left over", "noise floor", "the simplest law that describes it"],
+        rows=rows,
+        note=f"And {more} more places, which are in discovery.json." if more > 0 else "",
         words=True,
     )

@@ -91,10 +91,11 @@ def _build_loads(document: DynamicsDocument) -> Iterator[Block]:
         for name, load in loads[0].items()
     ]
     yield Table(
-        "Generalised forces: largest size (RMS)",
-        ["", *trials],
-        rows,
-        "Those of the root's coordinates are the residual in the root's own axes. Over time: TRIAL_id.sto.",
+        caption="Generalised forces: largest size (RMS)",
+        columns=["", *trials],
+        rows=rows,
+        note="Those of the root's coordinates are the residual in the root's own axes. Over time: "
+        "TRIAL_id.sto.",
         long=len(trials) < 3,
     )
 
@@ -102,7 +103,7 @@ def _build_loads(document: DynamicsDocument) -> Iterator[Block]:
 def _build_provenance(document: DynamicsDocument) -> Iterator[Block]:
     yield from build_origin_blocks(document, document.warnings)
     seconds = Row("seconds in all", [f"{document.wall_s:.1f}"])
-    yield Details("Computing time", [Table("Computing time", ["", ""], [seconds])])
+    yield Details("Computing time", [Table(caption="Computing time", columns=["", ""], rows=[seconds])])
 
 
 def _build_inertia(found: IdentificationDocument) -> Iterator[Block]:
@@ -162,7 +163,7 @@ def _tabulate_fits(found: IdentificationDocument) -> Table:
         for when, wrench in (("before", fit.before), ("after", fit.after)):
             rows.append(Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
     units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
-    return Table("RMS error of the ground wrench, before and after", ["", *units], rows)
+    return Table(caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows)
 
 
 def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
@@ -181,11 +182,11 @@ def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> 
         for p in parameters
     ]
     return Table(
-        caption,
-        ["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
-        rows,
-        "Centres of mass in the segment's frame, moments of inertia about the centre of mass. Determined: "
-        "the recordings say more about this number alone than the tables do.",
+        caption=caption,
+        columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
+        rows=rows,
+        note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
+        "Determined: the recordings say more about this number alone than the tables do.",
     )
 
 
@@ -198,10 +199,10 @@ def _tabulate_combinations(found: IdentificationDocument) -> Table:
         for c in found.combinations
     ]
     return Table(
-        "Combinations that the recordings determine, best first",
-        ["largest parts", "information", "moved", "SD"],
-        rows,
-        "Parts, change and SD in units of the prior's SD; information over that of the prior. S: second "
+        caption="Combinations that the recordings determine, best first",
+        columns=["largest parts", "information", "moved", "SD"],
+        rows=rows,
+        note="Parts, change and SD in units of the prior's SD; information over that of the prior. S: second "
         "moment of the mass about its centre.",
         words=True,
     )
@@ -268,9 +269,9 @@ def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[T
     first = next(iter(trials.values()))
     columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
     rms = Table(
-        "RMS of the residual",
-        columns,
-        [
+        caption="RMS of the residual",
+        columns=columns,
+        rows=[
             *(
                 Row(
                     key.replace("_", ", ").replace("Nm", "N m"),
@@ -281,13 +282,13 @@ def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[T
             Row("frames that count", [str(t.frames) for t in trials.values()]),
             Row("frames left out", [str(t.left_out) for t in trials.values()]),
         ],
-        "Left out: frames whose motion or forces are not all known, and half a period of the filter's cutoff "
-        "at both ends of the others.",
+        note="Left out: frames whose motion or forces are not all known, and half a period of the "
+        "filter's cutoff at both ends of the others.",
     )
     shares = Table(
-        "Residual (its uncertainty), % of weight, of weight × height",
-        columns,
-        [
+        caption="Residual (its uncertainty), % of weight, of weight × height",
+        columns=columns,
+        rows=[
             *(
                 Row(
                     component,
@@ -299,14 +300,14 @@ def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[T
         ],
     )
     gates = Table(
-        "Residuals against published limits: value (limit)",
-        columns,
-        [
+        caption="Residuals against published limits: value (limit)",
+        columns=columns,
+        rows=[
             Row(f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()])
             for k, gate in enumerate(first.gates)
         ],
-        "Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation checklist, which "
-        "holds for walking. Keeping them is necessary, not sufficient.",
+        note="Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation "
+        "checklist, which holds for walking. Keeping them is necessary, not sufficient.",
     )
     return rms, shares, gates
 
@@ -328,13 +329,8 @@ def build_uncertainty_blocks(document: DynamicsDocument) -> Iterator[Block]:
         "dispersion of their residuals grows in proportion to the added error. At an added error as large "
         "as the recording's own it is the kinematic uncertainty (Muller et al. 2017)."
     )
-    yield Legend(
-        [
-            ("residual", INK, "solid"),
-            ("uncertainty by the motion", FAINT, "solid"),
-            ("uncertainty by the plates", _PLATE, "solid"),
-        ]
-    )
+    colours = {"residual": INK, "uncertainty by the motion": FAINT, "uncertainty by the plates": _PLATE}
+    yield Legend([(name, colour, "solid") for name, colour in colours.items()])
     yield Grid([_draw_bars(name, trial) for name, trial in document.trials.items()])
     for name, trial in document.trials.items():
         yield _tabulate_shares(name, trial)
@@ -378,22 +374,24 @@ def _draw_bars(name: str, trial: TrialDynamicsDocument) -> Figure:
 def _tabulate_shares(name: str, trial: TrialDynamicsDocument) -> Table:
     spread = trial.uncertainty
     shares = zip(trial.dr, spread.kinematic, spread.plate, spread.total, trial.slopes_per_cm, strict=True)
+    cells = [[f"{100.0 * share:.3g}" for share in row] for row in shares]
     rows = [
-        Row(
-            component,
-            [
-                *(f"{100.0 * share:.3g}" for share in row),
-                f"{r2:.3f}",
-                Cell("yes", tone="good") if yes else Cell("no", tone="unknown"),
-            ],
-        )
-        for component, row, r2, yes in zip(
-            COMPONENTS, shares, trial.r2, trial.calibration_supported, strict=True
-        )
+        Row(c, [*row, f"{r2:.3f}", Cell("yes", tone="good") if yes else Cell("no", tone="unknown")])
+        for c, row, r2, yes in zip(COMPONENTS, cells, trial.r2, trial.calibration_supported, strict=True)
     ]
+    columns = ["residual", "motion", "plates", "uncertainty", "slope per cm", "R²", "can calibrate inertia"]
     return Table(
-        f"{name}: shares of body weight (forces) and of weight times height (moments), %",
-        ["", "residual", "motion", "plates", "uncertainty", "slope per cm", "R²", "can calibrate inertia"],
-        rows,
-        f"Mean reconstruction error {trial.reconstruction_error_mm:.1f} mm.",
+        caption=f"{name}: shares of body weight (forces) and of weight times height (moments), %",
+        columns=[
+            "",
+            "residual",
+            "motion",
+            "plates",
+            "uncertainty",
+            "slope per cm",
+            "R²",
+            "calibrates inertia",
+        ],
+        rows=rows,
+        note=f"Mean reconstruction error {trial.reconstruction_error_mm:.1f} mm.",
     )

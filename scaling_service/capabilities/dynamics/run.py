@@ -63,7 +63,7 @@ _WARNED_OF = (
 """Repairs of forces that a person should know of without opening the results."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrialDynamics:
     """One recording's dynamics."""
 
@@ -83,7 +83,7 @@ class TrialDynamics:
         return np.asarray(self.uncertainty.calibration_supported & (not self.unmeasured))
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class DynamicsResults:
     """Dynamics of all of a subject's recordings that have forces."""
 
@@ -172,15 +172,15 @@ def dynamics(
         inertial, notes = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
     report("done", 1.0)
     return DynamicsResults(
-        prepared,
-        chosen,
-        settings,
-        trials,
-        weight,
-        write_verdict(trials, weight, refused),
-        inertial,
-        (*prepared.warnings, *notes),
-        time.perf_counter() - clock,
+        prepared=prepared,
+        chosen=chosen,
+        settings=settings,
+        trials=trials,
+        weight=weight,
+        verdict=write_verdict(trials, weight, refused),
+        inertial=inertial,
+        warnings=(*prepared.warnings, *notes),
+        wall_s=time.perf_counter() - clock,
     )
 
 
@@ -240,13 +240,29 @@ def compute_trial_dynamics(
             remedy="Give the forces of all plates, or record without a chair or a hold",
         )
     residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
-    recording = Recording(prepared.model, motion, forces.loads, prepared.height_m, frames, chosen.cutoff_hz)
+    recording = Recording(
+        model=prepared.model,
+        motion=motion,
+        loads=forces.loads,
+        height_m=prepared.height_m,
+        frames=frames,
+        cutoff_hz=chosen.cutoff_hz,
+    )
     uncertainty = propagate(
         recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
     )
     said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
-    return TrialDynamics(motion, forces, found, frames, residuals, uncertainty, unmeasured, warnings)
+    return TrialDynamics(
+        motion=motion,
+        forces=forces,
+        dynamics=found,
+        frames=frames,
+        residuals=residuals,
+        uncertainty=uncertainty,
+        unmeasured=unmeasured,
+        warnings=warnings,
+    )
 
 
 def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:

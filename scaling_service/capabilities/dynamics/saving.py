@@ -101,9 +101,9 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
     dynamics = found.dynamics
     columns = [f"{coordinate}_{suffix[coordinate]}" for coordinate in dynamics.coordinates]
     return Table(
-        name,
-        ("time", *columns, *(f"residual_{component}" for component in COMPONENTS)),
-        np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
+        name=name,
+        columns=("time", *columns, *(f"residual_{component}" for component in COMPONENTS)),
+        data=np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
         in_degrees=False,
     )
 

@@ -28,7 +28,7 @@ from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Subject
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Prepared:
     """Everything that dynamics needs, in memory."""
 
@@ -78,18 +78,18 @@ def prepare(
     without = {path.stem: None for path in (*known.calibration, *known.evaluation) if path not in read}
     left_out = [f"{list_few(list(without))}: no forces, so no dynamics"] if without else []
     return Prepared(
-        loaded,
-        start.method,
-        massive.inertia,
-        massive.model,
-        motions,
-        forces,
-        start.calibration,
-        (*start.warnings, *massive.notes, *left_out, *unusable),
+        loaded=loaded,
+        start=start.method,
+        inertia=massive.inertia,
+        model=massive.model,
+        motions=motions,
+        forces=forces,
+        calibration=start.calibration,
+        warnings=(*start.warnings, *massive.notes, *left_out, *unusable),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Start:
     """A model of the person's size, and how it came about."""
 
@@ -107,11 +107,19 @@ def scale_model(
     session = loaded.session
     chosen = method or ("EB_am" if session.images is not None else "MB_am")
     if chosen == AS_IT_IS:
-        return Start(chosen, session.model, None, {}, session.warnings)
+        return Start(
+            method=chosen, model=session.model, calibration=None, motions={}, warnings=session.warnings
+        )
     results = scaling.run(loaded, (chosen,), settings, progress=progress)
     found = results.scalings[chosen]
     warnings = dict.fromkeys((*session.warnings, *results.warnings, *found.calibration.warnings))
-    return Start(chosen, found.calibration.model, found.calibration, found.motions, tuple(warnings))
+    return Start(
+        method=chosen,
+        model=found.calibration.model,
+        calibration=found.calibration,
+        motions=found.motions,
+        warnings=tuple(warnings),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

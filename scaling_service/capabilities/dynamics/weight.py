@@ -34,7 +34,7 @@ NOTICED = 0.015
 """Share of the mass by which plates and declaration must differ to be noted (chosen: clothes and shoes)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Weight:
     """Mass by the plates beside the declared one."""
 
@@ -126,11 +126,13 @@ def weigh(declared_kg: float, blocks: Mapping[str, Iterable[tuple[Array, Array]]
     among = float(shares**2 @ np.square(np.array(list(each.values())) - middle))
     sd = float(np.sqrt(standing**2 + among + PLATES_SHARE**2))
     return Weight(
-        declared_kg,
-        middle * declared_kg,
-        sd * declared_kg,
-        {n: r * declared_kg for n, r in each.items()},
-        float(weight[(ratio - 1.0) * np.sign(middle - 1.0) >= abs(middle - 1.0) / 2.0].sum() / weight.sum()),
+        declared_kg=declared_kg,
+        plates_kg=middle * declared_kg,
+        sd_kg=sd * declared_kg,
+        by_trial={n: r * declared_kg for n, r in each.items()},
+        shown=float(
+            weight[(ratio - 1.0) * np.sign(middle - 1.0) >= abs(middle - 1.0) / 2.0].sum() / weight.sum()
+        ),
     )
 
 

@@ -30,7 +30,7 @@ from scaling_service.recording.plates import compute_ground_forces
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingFile:
     """A recording as it was read, and what it alone says."""
 
@@ -66,7 +66,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
     trial = repair_markers(read_recording(file))
-    seen = RecordingFile(file.name, trial, _decide_axes(trial, up, forward))
+    seen = RecordingFile(file=file.name, trial=trial, axes=_decide_axes(trial, up, forward))
     if trial.plates is None:
         return seen
     try:
@@ -130,7 +130,7 @@ _SETUPS = (
 """What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InputFile:
     """One uploaded file.
 
@@ -156,11 +156,11 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     """
     suffix = file.suffix.lower()
     if suffix in READERS:
-        guess = InputFile(file.name, "recording", f"a recording, by its suffix {suffix}")
+        guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
         return _try_reading(guess, file, lambda: look_at(file, up, forward))
     reader = _READERS.get(suffix)
     if reader is None:
-        return InputFile(file.name, "other", "of no kind that is used here")
+        return InputFile(name=file.name, kind="other", why="of no kind that is used here")
     return reader(file)
 
 
@@ -175,11 +175,20 @@ def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> Input
 def _read_table(file: Path) -> InputFile:
     """MOT and STO hold forces or motion."""
     try:
-        return InputFile(file.name, "forces", "it has columns of ground forces", content=read_forces(file))
+        return InputFile(
+            name=file.name, kind="forces", why="it has columns of ground forces", content=read_forces(file)
+        )
     except InputError as error:
         if error.field == "columns":
-            return InputFile(file.name, "other", "a table without ground forces, such as a motion")
-        return InputFile(file.name, "forces", "a table, by its suffix", make_problem(error, file=file.name))
+            return InputFile(
+                name=file.name, kind="other", why="a table without ground forces, such as a motion"
+            )
+        return InputFile(
+            name=file.name,
+            kind="forces",
+            why="a table, by its suffix",
+            problem=make_problem(error, file=file.name),
+        )
 
 
 def _read_mesh(file: Path) -> InputFile:
@@ -187,14 +196,16 @@ def _read_mesh(file: Path) -> InputFile:
         extent = float(np.ptp(read_mesh(file).vertices, axis=0).max())
         return "mm" if extent >= _LONGEST_M else "m"
 
-    return _try_reading(InputFile(file.name, "mesh", "a surface, by its suffix"), file, read_unit)
+    return _try_reading(
+        InputFile(name=file.name, kind="mesh", why="a surface, by its suffix"), file, read_unit
+    )
 
 
 def _read_csv(file: Path) -> InputFile:
     text = _read_beginning(file).partition("\n")[0].lower()
     if "marker" not in text or "segment" not in text:
-        return InputFile(file.name, "other", "a table without the columns marker and segment")
-    guess = InputFile(file.name, "image_markers", "it has the columns of image markers")
+        return InputFile(name=file.name, kind="other", why="a table without the columns marker and segment")
+    guess = InputFile(name=file.name, kind="image_markers", why="it has the columns of image markers")
     return _try_reading(guess, file, lambda: ", ".join(read_image_markers(file)))
 
 
@@ -203,10 +214,12 @@ def _read_xml(file: Path) -> InputFile:
     for place, pattern in _SETUPS:
         if pattern.search(text):
             if place is None:
-                return InputFile(file.name, "other", "a set-up of OpenSim that is not used here")
+                return InputFile(
+                    name=file.name, kind="other", why="a set-up of OpenSim that is not used here"
+                )
             kind = "a scale set-up" if place == "scale_setup" else "a marker set"
-            return InputFile(file.name, "setup", f"{kind} of OpenSim", content=place)
-    return InputFile(file.name, "other", "XML that is not used here")
+            return InputFile(name=file.name, kind="setup", why=f"{kind} of OpenSim", content=place)
+    return InputFile(name=file.name, kind="other", why="XML that is not used here")
 
 
 def _read_osim(file: Path) -> InputFile:
@@ -217,8 +230,8 @@ def _read_osim(file: Path) -> InputFile:
             problem="it is no OpenSim model",
             remedy="Save the model again in OpenSim 4",
         )
-        return InputFile(file.name, "model", "a model, by its suffix", problem)
-    return InputFile(file.name, "model", "a model of OpenSim")
+        return InputFile(name=file.name, kind="model", why="a model, by its suffix", problem=problem)
+    return InputFile(name=file.name, kind="model", why="a model of OpenSim")
 
 
 def _read_subject(file: Path) -> InputFile:
@@ -233,10 +246,10 @@ def _read_subject(file: Path) -> InputFile:
 
     beginning = _read_beginning(file)
     if all(f'"{key}"' in beginning for key in ("schema_version", "name", "segments")):
-        return InputFile(file.name, "model", "a model of this program")
+        return InputFile(name=file.name, kind="model", why="a model of this program")
     if not re.search(r"^\W*subject\b", beginning, re.MULTILINE):
-        return InputFile(file.name, "other", "a document without a subject")
-    return _try_reading(InputFile(file.name, "subject", "it describes a subject"), file, read)
+        return InputFile(name=file.name, kind="other", why="a document without a subject")
+    return _try_reading(InputFile(name=file.name, kind="subject", why="it describes a subject"), file, read)
 
 
 def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:

@@ -39,7 +39,7 @@ _STRAIGHT = 0.9  # chosen: hip to ankle over thigh and shank; 0.7 of somebody wh
 _STEP_M = 0.002  # chosen: sway that differs by less is equal
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
     """How a recording would do as the static trial."""
 
@@ -122,13 +122,13 @@ def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
     moving = [trial for file, trial in trials.items() if sways[file] >= FIDGETS_M]
     found = [
         Standing(
-            file,
-            sways[file],
-            count_landmarks(trial),
-            trial.n_frames,
-            compare_pelvis(trial, moving),
-            is_upright(trial),
-            any(STANDING.match(word) for word in split_into_words(file)),
+            file=file,
+            sway_m=sways[file],
+            landmarks=count_landmarks(trial),
+            frames=trial.n_frames,
+            pelvis=compare_pelvis(trial, moving),
+            upright=is_upright(trial),
+            named=any(STANDING.match(word) for word in split_into_words(file)),
         )
         for file, trial in trials.items()
     ]

@@ -57,7 +57,7 @@ class RatedMotion:
         return Rates.of_frames(self.q, self.qdot, self.qddot)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InverseDynamics:
     """What a motion needs beside the external loads."""
 
@@ -168,15 +168,15 @@ def compute_dynamics(
     centre = np.einsum("k,kan->na", masses / masses.sum(), centres)
     external = loads.total if loads is not None else np.zeros((len(rated.times), 6))
     return InverseDynamics(
-        trial,
-        model.coordinate_names,
-        rated,
-        np.ascontiguousarray(found.forces.T),
-        np.ascontiguousarray(found.residual.T),
-        np.ascontiguousarray(found.root.T),
-        centre,
-        external,
-        sum_mass(model),
+        trial=trial,
+        coordinates=model.coordinate_names,
+        motion=rated,
+        forces=np.ascontiguousarray(found.forces.T),
+        residual=np.ascontiguousarray(found.residual.T),
+        root=np.ascontiguousarray(found.root.T),
+        centre_of_mass=centre,
+        external=external,
+        mass=sum_mass(model),
     )
 
 
@@ -264,7 +264,7 @@ PLAUSIBLE_M = (0.5, 2.5)
 """Statures outside are not statures (chosen)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
     """One limit on the residual.
 
@@ -283,7 +283,7 @@ class Gate:
         return self.value <= self.limit
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Residuals:
     """The residual of one recording."""
 
@@ -334,12 +334,12 @@ def evaluate_residuals(
     used = dynamics.find_used(frames)
     residual = dynamics.residual[used]
     return Residuals(
-        dynamics.trial,
-        int(used.sum()),
-        int(len(used) - used.sum()),
-        _compute_rms(residual),
-        compute_residual_indicator(residual, dynamics.mass, height_m),
-        _list_gates(dynamics, used),
+        trial=dynamics.trial,
+        frames=int(used.sum()),
+        left_out=int(len(used) - used.sum()),
+        rms=_compute_rms(residual),
+        dr=compute_residual_indicator(residual, dynamics.mass, height_m),
+        gates=_list_gates(dynamics, used),
     )
 
 
@@ -363,11 +363,20 @@ def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gat
     for name, of in (("peak", np.max), ("RMS", lambda x: np.sqrt(np.mean(x**2)))):
         net = float(of(external))
         gates += [
-            Gate(f"{name} force", HICKS, float(of(force)), FORCE_SHARE * net, "N"),
-            Gate(f"{name} moment", HICKS, float(of(moment)), MOMENT_SHARE * net * height, "N m"),
+            Gate(
+                name=f"{name} force", source=HICKS, value=float(of(force)), limit=FORCE_SHARE * net, unit="N"
+            ),
+            Gate(
+                name=f"{name} moment",
+                source=HICKS,
+                value=float(of(moment)),
+                limit=MOMENT_SHARE * net * height,
+                unit="N m",
+            ),
         ]
     values = {g.name: g for g in gates}
     plain = [
-        Gate(n, "OpenSim checklist", values[n].value, limit, values[n].unit) for n, limit in OPENSIM_LIMITS
+        Gate(name=n, source="OpenSim checklist", value=values[n].value, limit=limit, unit=values[n].unit)
+        for n, limit in OPENSIM_LIMITS
     ]
     return (*gates, *plain)

@@ -9,13 +9,7 @@ import typer
 
 from scaling_service.capabilities.shared.flags import Out
 from scaling_service.capabilities.shared.names import BONE_NAMES
-from scaling_service.capabilities.shared.screen import (
-    list_files,
-    make_console,
-    print_table,
-    running,
-    say,
-)
+from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running, say
 from scaling_service.report.blocks import Row, Table
 
 if TYPE_CHECKING:
@@ -79,7 +73,7 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
         notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
     console = make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
-    print_table(console, Table(caption, ["", "x", "y", "z"], rows))
+    print_table(console, Table(caption=caption, columns=["", "x", "y", "z"], rows=rows))
     say(console, "Note", "yellow", notes)
     list_files(console, out, [name])
 

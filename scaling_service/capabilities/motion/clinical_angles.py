@@ -177,7 +177,7 @@ _LOCKED = 1e-4
 """rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ClinicalAngles:
     """The conventional angles of both sides over one recording.
 
@@ -230,7 +230,10 @@ def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     >>> model = load_builtin("lower_limb_14dof")
     >>> still = np.zeros((1, len(model.coordinates)))
     >>> names = model.coordinate_names
-    >>> motion = Motion("still", np.zeros(1), names, still, (), np.empty((1, 0, 3)), names)
+    >>> motion = Motion(
+    ...     trial="still", times=np.zeros(1), coordinates=names, q=still, markers=(),
+    ...     residuals=np.empty((1, 0, 3)), estimated=names,
+    ... )
     >>> angles = compute_clinical_angles(model, motion)
     >>> round(float(angles.values["r"]["knee_flexion"][0]), 6) + 0.0, angles.left_out
     (0.0, ('ankle and foot: the model has no heel and toe',))
@@ -244,7 +247,15 @@ def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     values = {side: _measure_against(angles, side, heading) for side, angles in free.items()}
     left_out = tuple(_list_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
-    return ClinicalAngles(motion.trial, motion.times, values, pelvis, heading, left_out, doubtful)
+    return ClinicalAngles(
+        trial=motion.trial,
+        times=motion.times,
+        values=values,
+        pelvis=pelvis,
+        heading=heading,
+        left_out=left_out,
+        doubtful=doubtful,
+    )
 
 
 AngleRates = Callable[[Array], Array]

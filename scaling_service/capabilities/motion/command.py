@@ -76,7 +76,7 @@ def show(document: MotionDocument, out: Path) -> None:
         numbers = [f"{value:.1f}" for value in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]
-    print_table(console, Table("", columns, rows))
+    print_table(console, Table(caption="", columns=columns, rows=rows))
     say(console, "Note", "yellow", document.warnings)
     list_files(console, out, [", ".join([*document.files, "ik.json"])])
 

@@ -18,10 +18,7 @@ from scaling_service.capabilities.motion.start import guess_start
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import (
-    list_coordinate_ranges,
-    repeat_default_pose,
-)
+from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
@@ -177,16 +174,16 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
     measured = task.measured[rows]
     problem = Problem(
-        task.tree,
-        measured,
-        task.weights,
-        np.flatnonzero(task.free),
-        nothing,
-        none,
-        none,
-        none,
-        none,
-        task.bounds,
+        tree=task.tree,
+        measured=measured,
+        weights=task.weights,
+        coordinates=np.flatnonzero(task.free),
+        parameters=nothing,
+        scale=none,
+        lower=none,
+        upper=none,
+        prior_weight=none,
+        coordinate_bounds=task.bounds,
         loss=task.loss,
     )
     found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
@@ -261,12 +258,14 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names
     return Motion(
-        trial.name,
-        trial.times,
-        names,
-        q,
-        task.markers,
-        residual,
-        tuple(n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free),
-        int(solution.steps.max(initial=0)),
+        trial=trial.name,
+        times=trial.times,
+        coordinates=names,
+        q=q,
+        markers=task.markers,
+        residuals=residual,
+        estimated=tuple(
+            n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
+        ),
+        iterations=int(solution.steps.max(initial=0)),
     )

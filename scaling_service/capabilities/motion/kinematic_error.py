@@ -12,7 +12,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KinematicError:
     """Distances between measured and model markers over one trial, m."""
 
@@ -67,10 +67,14 @@ def kinematic_error(motion: Motion, model: BodyModel) -> KinematicError:
     >>> import numpy as np
     >>> from scaling_service.model.body import BodyModel, Marker, Segment
     >>> from scaling_service.model.results import Motion
-    >>> box = Segment("box", "ground", "free", ())
-    >>> model = BodyModel("one", (box,), (), (Marker.at("A", "box", (0.0, 0.0, 0.0)),))
+    >>> box = Segment(name="box", parent="ground", joint_name="free", joints=())
+    >>> marker = Marker.at("A", "box", (0.0, 0.0, 0.0))
+    >>> model = BodyModel(name="one", segments=(box,), coordinates=(), markers=(marker,))
     >>> gaps = np.array([[[0.003, 0.004, 0.0]], [[0.0, 0.0, 0.015]]])
-    >>> motion = Motion("walk", np.array([0.0, 0.01]), (), np.zeros((2, 0)), ("A",), gaps, ())
+    >>> motion = Motion(
+    ...     trial="walk", times=np.array([0.0, 0.01]), coordinates=(), q=np.zeros((2, 0)), markers=("A",),
+    ...     residuals=gaps, estimated=(),
+    ... )
     >>> error = ss.kinematic_error(motion, model)
     >>> round(error.mean, 6), round(error.sd, 6), round(error.max, 6)
     (0.01, 0.005, 0.015)

@@ -177,8 +177,8 @@ def ik(
     check_axes(options.up, options.forward)
     files = _list_recordings(recordings)
     places = Subject(
-        subject,
-        _name_model(model, marker_set),
+        id=subject,
+        model=_name_model(model, marker_set),
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
         evaluation=files,

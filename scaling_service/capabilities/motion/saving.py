@@ -81,7 +81,7 @@ def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
     columns = (f"{s}_{part}" for s in model.segment_names for part in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
     values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
     data = np.column_stack([motion.times, values])
-    return Table(motion.trial, ("time", *columns), data, in_degrees=True)
+    return Table(name=motion.trial, columns=("time", *columns), data=data, in_degrees=True)
 
 
 def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:

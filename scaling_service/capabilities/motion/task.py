@@ -22,7 +22,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Task:
     """What inverse kinematics solves: a compiled model, the markers to follow and how."""
 
@@ -64,15 +64,15 @@ class Task:
         count = len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
         return cls(
-            model,
-            compile_model(model, names),
-            names,
-            trial.select(names).markers,
-            np.array([chosen[name] for name in names]),
-            free_coordinates(model),
-            list_coordinate_bounds(model) if bounded else open_ended,
-            list_parameter_values(model),
-            loss,
+            model=model,
+            tree=compile_model(model, names),
+            markers=names,
+            measured=trial.select(names).markers,
+            weights=np.array([chosen[name] for name in names]),
+            free=free_coordinates(model),
+            bounds=list_coordinate_bounds(model) if bounded else open_ended,
+            p=list_parameter_values(model),
+            loss=loss,
         )
 
     def at(self, p: Array) -> Task:

@@ -88,9 +88,9 @@ def draw_body(
     for marker in markers:
         drawing.add_marker(marker)
     return Body(
-        name,
-        colour,
-        drawing.positions(q),
+        name=name,
+        colour=colour,
+        points=drawing.positions(q),
         centres=[(k, spell_name(centre)) for centre, k in drawing.centres.items()],
         sticks=drawing.sticks,
         axes=drawing.axes,

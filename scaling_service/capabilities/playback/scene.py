@@ -56,7 +56,7 @@ class Body:
     bones: Mapping[str, Bone] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Played:
     """How a body moves in a recording.
 
@@ -74,7 +74,7 @@ class Played:
     estimated: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recorded:
     """A recording with all bodies in it.
 
@@ -92,11 +92,7 @@ class Recorded:
 
 
 def write_scene(
-    subject: str,
-    bodies: Sequence[Body],
-    recorded: Sequence[Recorded],
-    gait: GaitScene | None,
-    outputs: Path,
+    subject: str, bodies: Sequence[Body], recorded: Sequence[Recorded], gait: GaitScene | None, outputs: Path
 ) -> SceneDocument:
     """Write ``scene/scene.json`` with its tables and surfaces.
 
@@ -170,9 +166,7 @@ def _make_motion(played: Played, labels: tuple[str, ...], trial: str, files: Arr
         errors=files.write(f"{stem}.errors", errors, "mm", first_look="largest"),
         coordinates=[
             CoordinateEntry(
-                name=c.name,
-                unit="deg" if c.kind == "rotation" else "m",
-                estimated=c.name in played.estimated,
+                name=c.name, unit="deg" if c.kind == "rotation" else "m", estimated=c.name in played.estimated
             )
             for c in model.coordinates
         ],

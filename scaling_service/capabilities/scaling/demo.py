@@ -38,7 +38,7 @@ def run_demo(
         images=True,
         progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
     )
-    results = run(Loaded(session), None, settings, progress=report_part(report, _BONES, 1 - _BONES))
+    results = run(Loaded(session=session), None, settings, progress=report_part(report, _BONES, 1 - _BONES))
     lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
     errors = {method: _list_errors(scaling, results, person) for method, scaling in results.scalings.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)

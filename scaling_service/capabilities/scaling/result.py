@@ -36,7 +36,7 @@ from scaling_service.model.subject import Session
 _MM = 1e3
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Scaling:
     """One method's model of a person, and how it follows the recordings.
 
@@ -80,7 +80,7 @@ class Scaling:
         return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Results:
     """What one or several methods made of a subject.
 
@@ -208,7 +208,7 @@ def _gather_method_evidence(
     calibration, shape = scaling.calibration, scaling.geometry
     method, parameters = METHODS[calibration.method], calibration.parameters
     return MethodEvidence(
-        calibration.method,
+        method=calibration.method,
         start=method.needs,
         from_images=method.needs_images,
         fits_lengths=method.fits_lengths,

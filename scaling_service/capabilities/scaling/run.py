@@ -161,7 +161,9 @@ def run(
             scalings[method] = _evaluate(with_mass(found, session), session, part)
             if options.muscle_points == "surface":
                 scalings[method] = _put_on_surfaces(scalings[method], session)
-    results = Results(loaded, settings, scalings, subject_file=loaded.file, options=options)
+    results = Results(
+        loaded=loaded, settings=settings, scalings=scalings, subject_file=loaded.file, options=options
+    )
     if options.muscles:
         with loaded.blame_files():
             results = _with_muscles(results, report_part(report, 1.0 - _MUSCLES, _MUSCLES))
@@ -172,9 +174,7 @@ def run(
         session.subject.height_m,
     )
     return replace(
-        results,
-        warnings=(*session.warnings, *warnings, *doubtful),
-        wall_s=time.perf_counter() - clock,
+        results, warnings=(*session.warnings, *warnings, *doubtful), wall_s=time.perf_counter() - clock
     )
 
 
@@ -254,11 +254,11 @@ def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Sca
         part(f"{calibration.method}: following {trial.name}", _FITTING + (1.0 - _FITTING) * k / len(trials))
         motions[trial.name] = inverse_kinematics(calibration.model, trial)
     return Scaling(
-        calibration,
-        motions,
-        {name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
-        measure_geometry(calibration),
-        time.perf_counter() - clock,
+        calibration=calibration,
+        motions=motions,
+        errors={name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
+        geometry=measure_geometry(calibration),
+        inverse_kinematics_s=time.perf_counter() - clock,
     )
 
 

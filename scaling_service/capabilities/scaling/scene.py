@@ -59,13 +59,14 @@ def make_overlay(results: Results, trial: Trial, chosen: str) -> Scene | None:
     imaged = dict.fromkeys(segment for body in bodies for segment in body.bones)
     return follow_person(
         Scene(
-            f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
-            f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by dragging.",
-            trial.times[rows],
-            labels,
-            measured,
-            bodies,
-            {segment: coarsen(images[segment]) for segment in imaged if segment in images},
+            caption=f"{trial.name}, {'not fitted' if trial in results.session.evaluation else 'used to fit'}",
+            description=f"Models of {', '.join(scalings)} with measured markers in {trial.name}, turned by "
+            "dragging.",
+            times=trial.times[rows],
+            labels=labels,
+            measured=measured,
+            bodies=bodies,
+            surfaces={segment: coarsen(images[segment]) for segment in imaged if segment in images},
         )
     )
 
@@ -89,21 +90,31 @@ def write_results_scene(results: Results, outputs: Path) -> SceneDocument:
         Body(name, scaling.calibration.model, place_bones(scaling.calibration, coarse))
         for name, scaling in results.scalings.items()
     ]
-    recorded = [
-        Recorded(
-            trial,
-            "evaluation" if trial.name in results.held_out else "calibration",
-            tuple(_play_recording(name, scaling, trial) for name, scaling in results.scalings.items()),
-            *_prepare_ground(results, trial),
-        )
-        for trial in session.dynamic
-    ]
+    recorded = [_record(results, trial) for trial in session.dynamic]
     return write_scene(session.subject.id, bodies, recorded, _make_gait(results), outputs)
 
 
 def _play_recording(name: str, scaling: Scaling, trial: Trial) -> Played:
     motion, model = scaling.motions[trial.name], scaling.calibration.model
-    return Played(name, model, motion.q, motion.markers, motion.distances, frozenset(motion.estimated))
+    return Played(
+        body=name,
+        model=model,
+        q=motion.q,
+        markers=motion.markers,
+        distances=motion.distances,
+        estimated=frozenset(motion.estimated),
+    )
+
+
+def _record(results: Results, trial: Trial) -> Recorded:
+    forces, corners = _prepare_ground(results, trial)
+    return Recorded(
+        trial=trial,
+        role="evaluation" if trial.name in results.held_out else "calibration",
+        played=tuple(_play_recording(name, scaling, trial) for name, scaling in results.scalings.items()),
+        forces=forces,
+        corners=corners,
+    )
 
 
 def _prepare_ground(results: Results, trial: Trial) -> tuple[GroundForces | None, Array | None]:

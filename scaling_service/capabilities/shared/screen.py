@@ -80,7 +80,7 @@ def print_tables(console: Console, tables: Iterable[Table]) -> None:
         for table in found
         for row in (Row(table.caption), *table.rows)
     ]
-    print_table(console, Table("", max((t.columns for t in found), key=len), rows))
+    print_table(console, Table(caption="", columns=max((t.columns for t in found), key=len), rows=rows))
 
 
 def _format_cell(cell: str | Cell) -> str:

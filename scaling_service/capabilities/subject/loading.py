@@ -45,7 +45,7 @@ from scaling_service.recording.pipeline import process
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Loaded:
     """A session, and how its labels and axes were understood.
 
@@ -110,13 +110,13 @@ def load(
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
-        subject,
-        model,
-        None if subject.static is None else ready[subject.static],
-        tuple(ready[path] for path in subject.calibration),
-        tuple(ready[path] for path in subject.evaluation),
-        setup,
-        (
+        subject=subject,
+        model=model,
+        static=None if subject.static is None else ready[subject.static],
+        calibration=tuple(ready[path] for path in subject.calibration),
+        evaluation=tuple(ready[path] for path in subject.evaluation),
+        scale_setup=setup,
+        warnings=(
             *of_sizes,
             *of_tracking,
             *of_freedoms,
@@ -125,11 +125,11 @@ def load(
             *of_images,
             *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()], clusters),
         ),
-        images,
+        images=images,
     )
     used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
-    return Loaded(session, used, axes.description, axes, plates)
+    return Loaded(session=session, markers_used=used, axes=axes.description, orientation=axes, plates=plates)
 
 
 def _list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:

@@ -315,7 +315,17 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
             to_vector(list_numbers(body.get_mass_center())),
             to_tensor(list_numbers(body.get_inertia())),
         )
-        segments.append(Segment(child, parent, link.name, chain, body.get_mass(), com, inertia))
+        segments.append(
+            Segment(
+                name=child,
+                parent=parent,
+                joint_name=link.name,
+                joints=chain,
+                mass=body.get_mass(),
+                com=com,
+                inertia=inertia,
+            )
+        )
     for name in bodies:
         if name not in reached:
             raise _report_loose(name, name)

@@ -200,7 +200,7 @@ class Axis:
     law: Law = field(default_factory=Law)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CustomJoint:
     """Three rotations and three translations; a weld where there are no axes."""
 
@@ -249,7 +249,7 @@ def _refuse_joint(segment: Segment, problem: str, remedy: str = _REMEDY) -> Mode
     return ModelRefused(f"joint '{segment.joint_name}' {problem}", field=segment.joint_name, remedy=remedy)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Form:
     """A chain in OpenSim's order: offset, translations, rotations, offset."""
 
@@ -272,12 +272,12 @@ def _plan(segment: Segment) -> CustomJoint:
     # The child's frame as seen from its body is the inverse of what follows the last move.
     back = form.after_rotation.T
     return CustomJoint(
-        segment.joint_name,
-        segment.parent,
-        segment.name,
-        Offset(form.shift, form.rotation),
-        Offset(-back @ form.after_shift, back),
-        axes,
+        name=segment.joint_name,
+        parent=segment.parent,
+        child=segment.name,
+        parent_offset=Offset(form.shift, form.rotation),
+        child_offset=Offset(-back @ form.after_shift, back),
+        axes=axes,
     )
 
 

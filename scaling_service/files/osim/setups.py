@@ -197,8 +197,15 @@ def _read_placement(path: Path, placer: Element | None) -> MarkerPlacement | Non
     if placer is None or not _is_applied(placer) or not _read_flag(placer, "move_model_markers", True):
         return None
     tasks = placer.find("IKTaskSet")
-    found = _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
-    return MarkerPlacement(*found, time_range=_read_time_range(path, placer))
+    markers, weights, values = (
+        _read_tasks(path, _in_own_file(path, tasks)) if tasks is not None else ({}, {}, {})
+    )
+    return MarkerPlacement(
+        marker_weights=markers,
+        coordinate_weights=weights,
+        coordinate_values=values,
+        time_range=_read_time_range(path, placer),
+    )
 
 
 def _read_tasks(path: Path, tasks: Element) -> tuple[dict[str, float], dict[str, float], Mapping[str, float]]:

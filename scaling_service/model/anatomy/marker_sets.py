@@ -20,7 +20,7 @@ MOSTLY = 0.6
 """Chosen: a set of which a smaller share of the labels is there is not named."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerSetMatch:
     """The marker set that recordings were made with."""
 
@@ -57,12 +57,12 @@ def recognise(labels: Iterable[str]) -> MarkerSetMatch | None:
     best = max(whole, key=lambda s: _rate_likeness(s, present, explained))
     asked, lacks = _list_asked(best, present)
     return MarkerSetMatch(
-        best.name,
-        best.title,
-        1.0 - len(lacks) / len(asked),
-        lacks,
-        tuple(s.title for s in additions),
-        best.key_points,
+        name=best.name,
+        title=best.title,
+        share=1.0 - len(lacks) / len(asked),
+        lacks=lacks,
+        additions=tuple(s.title for s in additions),
+        key_points=best.key_points,
     )
 
 

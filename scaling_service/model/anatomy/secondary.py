@@ -19,7 +19,7 @@ _ALONG = np.cos(np.radians(30.0))  # chosen: an axis further off is that of anot
 _LEFT = ("_l", "_left", "left_")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SecondaryRotation:
     """A rotation of a joint that its flexion leads, up to a constant."""
 
@@ -64,14 +64,14 @@ def _of_joint(model: BodyModel, segment: Segment, joint: Mapping[str, Any]) -> I
             shape = _of_flexion(joint["internal_rotation"], joint["largest_flexion_deg"], extends)
             law = Law((Term(-sign if left else sign, coordinate=flexion, shape=shape),))
         yield SecondaryRotation(
-            segment.joint_name,
-            segment.parent,
-            segment.name,
-            coordinate,
-            flexion,
-            law,
-            float(np.radians(sd)),
-            str(joint["source"]),
+            joint=segment.joint_name,
+            parent=segment.parent,
+            child=segment.name,
+            coordinate=coordinate,
+            flexion=flexion,
+            law=law,
+            sd=float(np.radians(sd)),
+            source=str(joint["source"]),
         )
 
 

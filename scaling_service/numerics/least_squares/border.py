@@ -35,7 +35,7 @@ class DampingShares:
     parameters: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Block:
     """The normal equations of some frames, parameters in normalised units."""
 
@@ -184,11 +184,11 @@ def _form_normal_equations(problem: Problem, rates: Array, gap: Array, heavy: Ar
     gap = gap.reshape(n, -1) * np.repeat(heavy, 3, axis=1)
     flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(shared.shape[1], gap.size)
     return _Block(
-        np.matmul(own, own.transpose(0, 2, 1)),
-        np.matmul(own, shared.transpose(0, 2, 1)),
-        np.matmul(own, gap[:, :, None])[:, :, 0],
-        flat @ flat.T,
-        np.matmul(shared, gap[:, :, None])[:, :, 0],
+        curvature=np.matmul(own, own.transpose(0, 2, 1)),
+        cross=np.matmul(own, shared.transpose(0, 2, 1)),
+        slope=np.matmul(own, gap[:, :, None])[:, :, 0],
+        shared_curvature=flat @ flat.T,
+        frame_slopes=np.matmul(shared, gap[:, :, None])[:, :, 0],
     )
 
 

@@ -18,7 +18,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Clusters:
     """Sufficient statistics of the markers of every link.
 
@@ -68,7 +68,9 @@ def gather_clusters(
     second = _sum_by_cluster(member, weighted[:, :, None] * inner[:, None])
     cross_moment = _sum_by_cluster(member, weighted[:, :, None] * outer[:, None])
     spread = np.einsum("mn,mcn,mcn->n", weight, outer, outer) + np.einsum("kaan->n", second)
-    return Clusters(total, centre, middle, second, cross_moment, spread)
+    return Clusters(
+        weight=total, local=centre, measured=middle, second=second, cross=cross_moment, spread=spread
+    )
 
 
 def _sum_by_cluster(member: Array, values: Array) -> Array:
@@ -82,7 +84,7 @@ def weight_markers(measured: Array, weights: Array) -> Array:
     return np.where(find_seen(measured), weights, 0.0).T
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Misfit:
     """How far the clusters are from where they were measured, in one pose."""
 
@@ -95,8 +97,13 @@ class Misfit:
 
     def take(self, rows: NDArray[np.intp]) -> Misfit:
         """The misfit in these frames."""
-        parts = (self.axes, self.centre, self.force, self.turned, self.cost)
-        return Misfit(*(part[..., rows] for part in parts))
+        return Misfit(
+            axes=self.axes[..., rows],
+            centre=self.centre[..., rows],
+            force=self.force[..., rows],
+            turned=self.turned[..., rows],
+            cost=self.cost[..., rows],
+        )
 
 
 def compute_misfit(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
@@ -107,7 +114,7 @@ def compute_misfit(clusters: Clusters, axes: Array, origins: Array) -> Misfit:
     turned = np.einsum("kjan,kjbn->kabn", axes, clusters.cross)
     cost = np.einsum("kan,kan->n", force, gap) + clusters.spread
     cost -= 2.0 * np.einsum("kaan->n", turned)
-    return Misfit(axes, centre, force, turned, np.maximum(cost, 0.0))
+    return Misfit(axes=axes, centre=centre, force=force, turned=turned, cost=np.maximum(cost, 0.0))
 
 
 def compute_curvature_and_wrench(clusters: Clusters, misfit: Misfit, near: Array) -> Array:

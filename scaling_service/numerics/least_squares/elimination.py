@@ -24,7 +24,7 @@ Index = NDArray[np.intp]
 _KEPT = 32  # plans; as many as trees are kept
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Moves:
     """What columns do at nodes: turn about, or shift along, a direction of the parent node's frame.
 
@@ -54,7 +54,7 @@ class Depth:
     carried: tuple[tuple[int, int], ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Elimination:
     """The plan for one tree and one choice of free coordinates."""
 
@@ -95,12 +95,12 @@ def _plan_cached(tree: Tree, chosen: bytes) -> Elimination:
         carried = tuple((row[link], row[tree.links[link].parent]) for link in group if d)
         depths.append(Depth(tuple(rounds), carried))
     return Elimination(
-        tuple(depths),
-        np.array([v for v, _ in columns], dtype=np.intp),
-        np.array([row[link] for _, link in columns], dtype=np.intp),
-        np.argsort(order),
-        np.array(order, dtype=np.intp),
-        _list_moves(tree, columns),
+        depths=tuple(depths),
+        variables=np.array([v for v, _ in columns], dtype=np.intp),
+        column_row=np.array([row[link] for _, link in columns], dtype=np.intp),
+        row_of_link=np.argsort(order),
+        link_of_row=np.array(order, dtype=np.intp),
+        moves=_list_moves(tree, columns),
     )
 
 
@@ -142,13 +142,13 @@ def _list_moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
         for start, stop in pairwise(ends)
     )
     return _Moves(
-        targets,
-        len(turns),
-        nodes[: ends[len(turns)]],
-        tree.plan.parent[nodes],
-        constant,
-        matrix.reshape(3 * len(items), len(varying)),
-        tuple(entry.term for _, entry in varying),
+        targets=targets,
+        turning=len(turns),
+        turned=nodes[: ends[len(turns)]],
+        parents=tree.plan.parent[nodes],
+        constant=constant,
+        matrix=matrix.reshape(3 * len(items), len(varying)),
+        varying=tuple(entry.term for _, entry in varying),
     )
 
 

@@ -60,7 +60,7 @@ class Settings:
 DEFAULT = Settings()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
     """Coordinates (n_frames, n_coordinates), parameters (n_parameters,), cost (m2) and how it ended."""
 
@@ -71,7 +71,7 @@ class Solution:
     outcome: Outcome
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Uncertainty:
     """What the recording says about the free parameters, each (n_free,).
 
@@ -110,7 +110,7 @@ def solve(
     for steps in range(1, settings.max_steps + 1):
         trial_q, trial_p, promised, _ = compute_step(problem, q, p, p0, damping)
         if promised <= settings.relative_decrease * cost + _ROUNDING or damping.parameters > _STUCK:
-            return Solution(q, p, cost, steps, Outcome.CONVERGED)
+            return Solution(q=q, p=p, cost=cost, steps=steps, outcome=Outcome.CONVERGED)
         trial_q, trial_cost, improved = _choose_better_frames(problem, q, trial_q, trial_p, p0)
         own = damping.frames * np.where(improved, _EASE, _TIGHTEN)
         if trial_cost < cost:
@@ -122,7 +122,7 @@ def solve(
             shared = max(damping.parameters, 1e-8) * raise_by
             raise_by *= 2.0
         damping = DampingShares(np.clip(own, _LEAST, _STUCK), max(shared, _LEAST))
-    return Solution(q, p, cost, settings.max_steps, Outcome.MAX_STEPS)
+    return Solution(q=q, p=p, cost=cost, steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
 def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings = DEFAULT) -> Solution:
@@ -146,12 +146,18 @@ def solve_motion_alone(problem: Problem, q0: Array, p: Array, settings: Settings
         q[left[last]] = moved[last]
         left, moved = left[going], moved[going]
         if not len(left):
-            return Solution(q, p, float(compute_frame_costs(problem, q, p).sum()), steps, Outcome.CONVERGED)
+            return Solution(
+                q=q,
+                p=p,
+                cost=float(compute_frame_costs(problem, q, p).sum()),
+                steps=steps,
+                outcome=Outcome.CONVERGED,
+            )
         trial = compute_frame_costs(problem.of_frames(left), moved, p)
         better = trial <= cost[left]
         q[left[better]], cost[left[better]] = moved[better], trial[better]
         damping[left] = np.clip(damping[left] * np.where(better, _EASE, _TIGHTEN), _LEAST, _STUCK)
-    return Solution(q, p, float(cost.sum()), settings.max_steps, Outcome.MAX_STEPS)
+    return Solution(q=q, p=p, cost=float(cost.sum()), steps=settings.max_steps, outcome=Outcome.MAX_STEPS)
 
 
 def _choose_better_frames(
@@ -198,7 +204,14 @@ def estimate_uncertainty(
     lost[~at_bound] = (open_still**2).sum(axis=1)
     sd = np.sqrt(np.diag(covariance).clip(0.0))
     sd[(lost > _SHARE) | at_bound] = np.nan
-    return Uncertainty(sd, at_bound, undetermined, float(np.sqrt(noise)), covariance, loose.shape[1])
+    return Uncertainty(
+        sd=sd,
+        at_bound=at_bound,
+        undetermined=undetermined,
+        noise=float(np.sqrt(noise)),
+        covariance=covariance,
+        free_directions=loose.shape[1],
+    )
 
 
 def _invert_curvature(curvature: Array) -> tuple[Array, Array]:

@@ -61,7 +61,7 @@ class Huber:
 SQUARED = Squared()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """Markers to be explained by coordinates per frame and parameters shared by all frames."""
 

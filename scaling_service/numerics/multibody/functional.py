@@ -59,7 +59,7 @@ def join_poses(parts: Sequence[Poses]) -> Poses:
     return Poses(np.concatenate([p.rotation for p in parts]), np.concatenate([p.position for p in parts]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RotationCentre:
     """The point that two segments share. All (...) are the batch axes."""
 
@@ -75,7 +75,7 @@ class RotationCentre:
     frames: NDArray[np.intp]  # (...): how many were used
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RotationAxis:
     """The line that two segments share. All (...) are the batch axes."""
 
@@ -118,7 +118,11 @@ def find_rotation_centre(proximal: Poses, distal: Poses) -> RotationCentre:
     first, second = solution[..., :3], solution[..., 3:]
     gaps = proximal.place(first) - distal.place(second)
     return RotationCentre(
-        first, second, _compute_rms(gaps, stack), _estimate_deviation(stack, gaps), stack.frames
+        proximal=first,
+        distal=second,
+        rms=_compute_rms(gaps, stack),
+        sd=_estimate_deviation(stack, gaps),
+        frames=stack.frames,
     )
 
 
@@ -138,14 +142,14 @@ def find_rotation_axis(proximal: Poses, distal: Poses) -> RotationAxis:
     gap = np.linalg.norm(proximal.turn(first) - distal.turn(second), axis=-1)
     angle = 2.0 * np.arcsin(np.clip(0.5 * gap, 0.0, 1.0))
     return RotationAxis(
-        first,
-        second,
-        solution[..., :3],
-        solution[..., 3:],
-        _compute_rms(proximal.place(solution[..., :3]) - distal.place(solution[..., 3:]), stack),
-        _compute_rms(angle[..., None], stack),
-        stack.values[..., -1] / np.maximum(stack.values[..., -2], _RANK),
-        stack.frames,
+        proximal=first,
+        distal=second,
+        point_proximal=solution[..., :3],
+        point_distal=solution[..., 3:],
+        rms=_compute_rms(proximal.place(solution[..., :3]) - distal.place(solution[..., 3:]), stack),
+        spread=_compute_rms(angle[..., None], stack),
+        sharpness=stack.values[..., -1] / np.maximum(stack.values[..., -2], _RANK),
+        frames=stack.frames,
     )
 
 
@@ -175,7 +179,7 @@ def measure_ranges_of_motion(proximal: Poses, distal: Poses, share: float = 0.98
     return np.where(enough[..., None], sizes, np.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Stack:
     """The scaled matrix of all frames as its singular value decomposition, and its right-hand side."""
 
@@ -202,13 +206,13 @@ def _stack_frames(proximal: Poses, distal: Poses) -> _Stack:
     lost = (frames < FEWEST_FRAMES)[..., None]
     values = np.where(lost, np.nan, values)
     return _Stack(
-        rows,
-        left,
-        values,
-        np.where(lost[..., None], np.nan, np.swapaxes(right, -1, -2)),
-        side.reshape(*side.shape[:-2], -1),
-        known,
-        frames,
+        rows=rows,
+        left=left,
+        values=values,
+        right=np.where(lost[..., None], np.nan, np.swapaxes(right, -1, -2)),
+        side=side.reshape(*side.shape[:-2], -1),
+        known=known,
+        frames=frames,
     )
 
 

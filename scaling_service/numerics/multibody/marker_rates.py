@@ -128,7 +128,7 @@ def _project_on_coordinates(
     return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerShifts:
     """Shared numbers ``x``, each of which moves one marker by ``x * sd * signal(t)`` along one local axis."""
 
@@ -146,7 +146,9 @@ class MarkerShifts:
 
     def rows(self, rows: slice) -> MarkerShifts:
         """Only these frames."""
-        return MarkerShifts(self.marker, self.axis, self.signal, self.sd, self.signals[:, rows])
+        return MarkerShifts(
+            marker=self.marker, axis=self.axis, signal=self.signal, sd=self.sd, signals=self.signals[:, rows]
+        )
 
     def columns(self, tree: Tree, state: LinkMotion) -> Array:
         """Shifts per unit of each number, and their rates, (k, n, 9)."""

@@ -46,7 +46,7 @@ class Motion:
         return Motion(self.q[:, rows], self.qdot[:, rows], self.qddot[:, rows])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LinkMotion:
     """A mechanism along a motion."""
 
@@ -77,11 +77,11 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     changes += cross_twist(_carry(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
-        poses,
-        screws,
-        (spread @ speeds.reshape(len(speeds), -1)).reshape(-1, 6, n),
-        (spread @ changes.reshape(len(changes), -1)).reshape(-1, 6, n),
-        slopes,
+        poses=poses,
+        screws=screws,
+        twists=(spread @ speeds.reshape(len(speeds), -1)).reshape(-1, 6, n),
+        accelerations=(spread @ changes.reshape(len(changes), -1)).reshape(-1, 6, n),
+        slopes=slopes,
     )
 
 

@@ -31,7 +31,7 @@ _STILL = np.stack([_UNTURNED, np.zeros((3, 3)), np.zeros((3, 3))])
 """No rotation, in the same parts."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class _Node:
     """A node while it is put together."""
 
@@ -49,7 +49,7 @@ class _Node:
         return self.turn is None and self.before is _UNTURNED
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Linear:
     """Laws of many nodes at once: ``constant``, a matrix times q, and the terms that are not linear in q.
 
@@ -78,7 +78,7 @@ class Linear:
         return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Entry:
     """One term of one node's law: what it moves, and how.
 
@@ -93,7 +93,7 @@ class Entry:
     is_turn: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Plan:
     """Nodes sorted by depth, as arrays; row 0 is the ground."""
 
@@ -112,7 +112,7 @@ class Plan:
 
 def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int) -> Plan:
     """Arrange the moves of all links for computation."""
-    nodes: list[_Node] = [_Node(NONE)]
+    nodes: list[_Node] = [_Node(link=NONE)]
     parents, last = [NONE], [0] * len(links)
     for k, link in enumerate(links):
         before = 0 if link.parent == NONE else last[link.parent]
@@ -132,33 +132,33 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
     parent_rows = np.array([place[parents[k]] if parents[k] != NONE else 0 for k in order], dtype=np.intp)
     levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
     return Plan(
-        parent_rows,
-        levels,
-        place[np.array(last, dtype=np.intp)],
-        _build_rotations(ordered),
-        _build_linear(
+        parent=parent_rows,
+        levels=levels,
+        link_node=place[np.array(last, dtype=np.intp)],
+        rotations=_build_rotations(ordered),
+        angles=_build_linear(
             [(node.turn or 0.0,) for node in ordered], [n.turn_terms for n in ordered], factors, n_coordinates
         ),
-        _build_linear(
+        shifts=_build_linear(
             [tuple(n.shift) for n in ordered], [n.shift_terms for n in ordered], factors, n_coordinates
         ),
-        tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k])),
+        entries=tuple(entry for k in np.argsort(order) for entry in _list_entries(int(k), ordered[k])),
     )
 
 
 def _list_nodes(number: int, link: Link) -> list[_Node]:
-    nodes = [_Node(number)]
+    nodes = [_Node(link=number)]
     for move in link.moves:
         node = nodes[-1]
         if isinstance(move, Shift):
             if not node.takes_shift:
-                node = _Node(number)
+                node = _Node(link=number)
                 nodes.append(node)
             node.shift = node.shift + move.constant
             node.shift_terms += move.terms
         elif isinstance(move, Turn):
             if node.turn is not None:
-                node = _Node(number)
+                node = _Node(link=number)
                 nodes.append(node)
             node.before = node.before @ _TO_AXIS[move.axis]
             node.after = _TO_AXIS[move.axis].T
@@ -211,13 +211,13 @@ def _build_linear(
     used = np.flatnonzero(gains.any(axis=0))
     constant = np.array(constants, dtype=float).ravel()
     return Linear(
-        constant,
-        run_of(varying),
-        matrix[varying],
-        run_of(curved),
-        gains[np.ix_(curved, used)],
-        tuple(used.tolist()),
-        tuple(others),
+        constant=constant,
+        varying=run_of(varying),
+        matrix=matrix[varying],
+        curved=run_of(curved),
+        gains=gains[np.ix_(curved, used)],
+        factors=tuple(used.tolist()),
+        others=tuple(others),
     )
 
 
@@ -228,5 +228,10 @@ def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
 
 def _list_entries(row: int, node: _Node) -> list[Entry]:
     axis = node.before[:, 2]
-    shifts = [Entry(row, node.link, t, t.gain, False) for t in node.shift_terms]
-    return shifts + [Entry(row, node.link, t, axis * t.gain[0], True) for t in node.turn_terms]
+    shifts = [
+        Entry(node=row, link=node.link, term=t, direction=t.gain, is_turn=False) for t in node.shift_terms
+    ]
+    return shifts + [
+        Entry(node=row, link=node.link, term=t, direction=axis * t.gain[0], is_turn=True)
+        for t in node.turn_terms
+    ]

@@ -51,7 +51,7 @@ _FAILED = 1e-2  # chosen: damping where the shorter one did, too; less hardly ch
 _TINY = 1e-10  # share of the total weight (1 m arm) below which a pivot means "not determined"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepSettings:
     """When to stop, and how strongly to damp."""
 
@@ -86,7 +86,7 @@ class MotionSolution:
         return MotionSolution(self.q[rows], self.cost[rows], self.steps[rows], self.converged[rows])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Problem:
     """A block of frames: the statistics of every link, and what bounds and pulls the coordinates."""
 
@@ -210,10 +210,20 @@ def _take_block(
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300
-    return _Problem(tree, plan, p, clusters, -middle, lower, upper, tasks, floor)
+    return _Problem(
+        tree=tree,
+        plan=plan,
+        p=p,
+        clusters=clusters,
+        ground=-middle,
+        lower=lower,
+        upper=upper,
+        prior=tasks,
+        floor=floor,
+    )
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class _State:
     """The frames still being solved: each array's last axis."""
 
@@ -226,12 +236,12 @@ class _State:
 
     def take(self, rows: NDArray[np.intp]) -> _State:
         return _State(
-            self.rows[rows],
-            self.best[:, rows],
-            self.cost[rows],
-            self.damping[rows],
-            self.near[rows],
-            self.promised[rows],
+            rows=self.rows[rows],
+            best=self.best[:, rows],
+            cost=self.cost[rows],
+            damping=self.damping[rows],
+            near=self.near[rows],
+            promised=self.promised[rows],
         )
 
 
@@ -244,7 +254,14 @@ def _solve_block(
     cost, steps, converged = np.empty(n), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
     close = np.full(n, float(settings.close))
     unknown = np.full(n, np.inf if settings.close else 0.0)  # a close start counts as a step already made
-    state = _State(np.arange(n), q, np.full(n, np.inf), np.full(n, settings.damping), close, unknown)
+    state = _State(
+        rows=np.arange(n),
+        best=q,
+        cost=np.full(n, np.inf),
+        damping=np.full(n, settings.damping),
+        near=close,
+        promised=unknown,
+    )
     trial = q.copy()
     for number in range(1, settings.max_steps + 1):
         poses, misfit, now, worse = _evaluate(part, trial, state)

@@ -41,7 +41,7 @@ class MarkerTerm:
     term: TermArrays
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Tree:
     """A compiled body model: indices and arrays, no names."""
 

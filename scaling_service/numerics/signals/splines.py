@@ -183,7 +183,7 @@ class Step:
     shared: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Quadratic:
     """``value + 2 gradient . d + d . matrix d`` of coefficients and shared numbers moved by d."""
 

@@ -24,7 +24,7 @@ class Estimate:
     high: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BlandAltman:
     """Differences of a method from a reference, in the quantity's unit.
 
@@ -43,7 +43,7 @@ class BlandAltman:
     n: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
     """A method against a reference over a cohort.
 

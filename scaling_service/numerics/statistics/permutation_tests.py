@@ -191,7 +191,7 @@ _TIE = 1e-7
 """Relative: chosen. Rearrangements that mirror each other give one value, but for rounding errors."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Cluster:
     """A stretch of the cycle in which conditions differ.
 
@@ -213,7 +213,7 @@ class Cluster:
     p_peak: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CurveTest:
     """A statistic along the cycle, with its threshold and clusters.
 

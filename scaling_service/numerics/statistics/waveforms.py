@@ -175,7 +175,7 @@ class PairedCurves:
     test: CurveTest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class WaveformComparison:
     """A curve compared between methods over a cohort.
 

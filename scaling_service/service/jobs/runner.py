@@ -34,12 +34,7 @@ from scaling_service.service.jobs.submission import code_version, write_provenan
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store import deletion, queueing
 from scaling_service.service.store.blobs import Content
-from scaling_service.service.store.errors import (
-    ContentMissing,
-    StoreFull,
-    StoreUnavailable,
-    disk_errors,
-)
+from scaling_service.service.store.errors import ContentMissing, StoreFull, StoreUnavailable, disk_errors
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
@@ -66,7 +61,7 @@ _UNKNOWN = Failure(
 )
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, kw_only=True)
 class RunningAttempt:
     """An attempt that a runner looks after, of a job as it was leased."""
 
@@ -273,7 +268,7 @@ class Runner:
         except RuntimeError as error:  # broken, or shut down behind our back
             self._executor = None
             raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
-        self._held[row.id] = RunningAttempt(row, order, folder, future)
+        self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future)
         future.add_done_callback(lambda _future: self._wake.set())
 
     def _give_back(self) -> None:

@@ -33,7 +33,7 @@ from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Upload:
     """A file on its way: write chunks, then keep it. Left without that, it leaves no trace."""
 
@@ -103,7 +103,7 @@ class Service:
         require_plain_name(name)
         self.subject(owner, subject)
         with self.store.incoming(self.settings.limit_upload_mb * 1_000_000) as incoming:
-            yield Upload(self, owner, subject, name, incoming)
+            yield Upload(service=self, owner=owner, subject=subject, name=name, incoming=incoming)
 
     def subject_files(self, owner: str, subject: str) -> list[FileRow]:
         """A subject's files, by name."""

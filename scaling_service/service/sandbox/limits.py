@@ -15,7 +15,7 @@ class LimitExceeded(InputError):
     """A job needed more than it is allowed to."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """What one job may use."""
 

@@ -30,7 +30,7 @@ _ONE = select(*SHOWN).where(jobs.c.id == bindparam("job"), jobs.c.owner == bindp
 """Made once: whoever follows a job asks again and again."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NewJob:
     """What a job is from its beginning."""
 

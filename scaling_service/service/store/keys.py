@@ -36,8 +36,8 @@ def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str
         ensure_owner(connection, owner)
         made = {"id": identity, "owner": owner, "label": label, "secret_sha256": _digest(token)}
         connection.execute(insert(api_keys).values(made | {"created_us": NowUs()}))
-        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).one()
-    return KeyRow(*row), token
+        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).mappings().one()
+    return KeyRow(**row), token
 
 
 def find_owner(database: Database, token: str) -> str | None:
@@ -58,8 +58,8 @@ def find_owner(database: Database, token: str) -> str | None:
 def list_all(database: Database) -> list[KeyRow]:
     """All keys, revoked ones too, oldest first."""
     with database.read() as connection:
-        rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id))
-        return [KeyRow(*row) for row in rows]
+        rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id)).mappings()
+        return [KeyRow(**row) for row in rows]
 
 
 def has_valid(database: Database) -> bool:

@@ -42,17 +42,17 @@ def put(database: Database, owner: str, identity: str, document: str) -> tuple[S
                     owner=owner, id=identity, document=document, created_us=NowUs(), updated_us=NowUs()
                 )
             )
-        return SubjectRow(*connection.execute(select(*_SHOWN).where(mine)).one()), new
+        return SubjectRow(**connection.execute(select(*_SHOWN).where(mine)).mappings().one()), new
 
 
 def get(database: Database, owner: str, identity: str) -> SubjectRow:
     """One subject; NotFound where this owner has none of that name."""
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     with database.read() as connection:
-        found = connection.execute(select(*_SHOWN).where(mine)).one_or_none()
+        found = connection.execute(select(*_SHOWN).where(mine)).mappings().one_or_none()
     if found is None:
         raise report_no_subject(identity)
-    return SubjectRow(*found)
+    return SubjectRow(**found)
 
 
 def read_document(database: Database, owner: str, identity: str) -> str:

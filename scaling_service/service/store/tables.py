@@ -185,7 +185,7 @@ _DIGITS = 18  # of a time in µs, at most: more would not fit a column
 LARGEST = 500  # rows of a page. Chosen: answered in milliseconds, and enough for a screen.
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KeyRow:
     """An API key, without its secret."""
 
@@ -196,7 +196,7 @@ class KeyRow:
     revoked_us: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SubjectRow:
     """A subject without its document."""
 
@@ -224,7 +224,7 @@ class FileRow:
     size: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JobRow:
     """A job without its large documents."""
 

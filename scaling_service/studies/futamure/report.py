@@ -54,10 +54,10 @@ def _tabulate_persons(persons: Sequence[SquatterEntry]) -> Table:
     ]
     rows += [Row(f"{way}, paper", [*(f"{v:.0f}" for v in six), "–", "–"]) for way, six in PAPER.items()]
     return Table(
-        "RMS errors, mean ± SD over persons",
-        _COLUMNS,
-        rows,
-        "Predicted: the classical two steps with the model found, so that forces of the recording "
+        caption="RMS errors, mean ± SD over persons",
+        columns=_COLUMNS,
+        rows=rows,
+        note="Predicted: the classical two steps with the model found, so that forces of the recording "
         "played no part.",
     )
 
@@ -69,7 +69,7 @@ def _tabulate_real(document: FutamureDocument) -> Table:
         for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
         for way in WAYS
     ]
-    return Table("RMS errors of real squats", _COLUMNS, rows)
+    return Table(caption="RMS errors of real squats", columns=_COLUMNS, rows=rows)
 
 
 def _format_cells(found: Sequence[WayEntry]) -> list[str]:
@@ -106,7 +106,11 @@ def _build_truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     for way in WAYS:
         errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in persons])
         rows.append(Row(way, [_spread(errors[:, k]) for k in range(4)] + [_spread(errors.mean(axis=1))]))
-    yield Table("RMS error of joint angles, degrees, mean ± SD over persons", ["", *_JOINTS, "mean"], rows)
+    yield Table(
+        caption="RMS error of joint angles, degrees, mean ± SD over persons",
+        columns=["", *_JOINTS, "mean"],
+        rows=rows,
+    )
     yield Figure(
         _draw_pairs(
             [[np.mean(getattr(p.fitted, w).angle_rmse_deg) for p in persons] for w in WAYS[:2]], "deg"
@@ -117,15 +121,15 @@ def _build_truth(persons: Sequence[SquatterEntry]) -> Iterator[Block]:
     )
     before, after = (np.array([p.inertia_distance[k] for p in persons]) for k in (0, 1))
     yield Table(
-        "Distance of inertial parameters from the truth, SDs of the tables, mean ± SD over persons",
-        ["", "table", "identified"],
-        [Row(name, [_spread(before[:, k]), _spread(after[:, k])]) for k, name in enumerate(_INERTIA)],
+        caption="Distance of inertial parameters from the truth, SDs of the tables, mean ± SD over persons",
+        columns=["", "table", "identified"],
+        rows=[Row(name, [_spread(before[:, k]), _spread(after[:, k])]) for k, name in enumerate(_INERTIA)],
     )
     lengths = [np.abs([p.length_error_mm[k] for p in persons]).mean(axis=0) for k in (0, 1)]
     yield Table(
-        "Mean size of length errors, mm",
-        ["", "start", "found"],
-        [
+        caption="Mean size of length errors, mm",
+        columns=["", "start", "found"],
+        rows=[
             Row(n, [f"{a:.1f}", f"{b:.1f}"])
             for n, a, b in zip(("shank", "thigh", "trunk"), *lengths, strict=True)
         ],

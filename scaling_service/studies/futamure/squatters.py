@@ -92,7 +92,7 @@ _DRIVERS = {"shank": (0, 1), "thigh": (1, 2), "torso": (2,), "arm": (3,), "foot"
 """Coordinates that move the skin of each segment, by number: the joints at its ends."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Squats:
     """One recording of a person."""
 
@@ -103,7 +103,7 @@ class Squats:
     wrench: Array  # (n, 6): the true one, about the ankle
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualSquatter:
     """A person and the recordings."""
 
@@ -123,7 +123,9 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     height, mass = _build(seed)
     model = _with_placement(seed, _draw_person(seed, height, mass), faults)
     fitted, held_out = (_perform_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
-    return VirtualSquatter(f"squatter_{seed}", height, mass, model, fitted, held_out)
+    return VirtualSquatter(
+        name=f"squatter_{seed}", height_m=height, mass_kg=mass, model=model, fitted=fitted, held_out=held_out
+    )
 
 
 def _build(seed: int) -> tuple[float, float]:
@@ -187,11 +189,17 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
     truth = RatedMotion(times, q, qdot, qddot)
     wrench = compute_root_wrench(compile_mechanism(model), truth.rates, list_parameter_values(model))[0].T
     return Squats(
-        name,
-        truth,
-        Trial(name, times, model.marker_names, _record_markers(seed, name, model, truth, faults), RATE_HZ),
-        _record_plate(seed, name, times, wrench, faults),
-        wrench,
+        name=name,
+        truth=truth,
+        trial=Trial(
+            name=name,
+            times=times,
+            labels=model.marker_names,
+            markers=_record_markers(seed, name, model, truth, faults),
+            rate_hz=RATE_HZ,
+        ),
+        loads=_record_plate(seed, name, times, wrench, faults),
+        wrench=wrench,
     )
 
 

@@ -155,12 +155,12 @@ def make_recording(model: BodyModel, squats: Squats, plane: SagittalPlane) -> Co
     trial = in_plane(squats.trial, plane)
     count = len(trial.times)
     return ConsistentRecording(
-        trial,
-        inverse_kinematics(model, trial),
-        _filter_loads(project_loads(squats.loads, plane)),
-        np.ones(count, dtype=bool),
-        np.zeros((count, 3)),
-        SAGITTAL,
+        trial=trial,
+        motion=inverse_kinematics(model, trial),
+        loads=_filter_loads(project_loads(squats.loads, plane)),
+        supported=np.ones(count, dtype=bool),
+        about=np.zeros((count, 3)),
+        components=SAGITTAL,
     )
 
 

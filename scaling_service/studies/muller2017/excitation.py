@@ -70,7 +70,7 @@ Hz)."""
 _CUTOFF_HZ, _ORDER = 5.0, 4  # of the plates' signals, as of the motion
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSettings:
     """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
 
@@ -86,7 +86,7 @@ WHOLE = ExcitationSettings()
 """The minute that the study takes, with all faults."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Performance:
     """One recording of a virtual person with its truth."""
 
@@ -97,7 +97,7 @@ class Performance:
     recording: Recording  # as a laboratory has it: fitted motion, measured loads
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ExcitedPerson:
     """A person of whom everything is known."""
 
@@ -121,7 +121,9 @@ def make_excited_person(
     truth = _draw_truth(seed, height, mass, settings.inertia)
     model = _calibrate_model(seed, truth, height, mass, settings.calibration)
     performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
-    return ExcitedPerson(seed, height, mass, truth, model, performances)
+    return ExcitedPerson(
+        seed=seed, height_m=height, mass_kg=mass, truth=truth, model=model, performances=performances
+    )
 
 
 def _draw_truth(seed: int, height: float, mass: float, size: float) -> BodyModel:
@@ -170,12 +172,22 @@ def _perform(
     loads = _compute_true_loads(truth, times, q, right)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
     trial = Trial(
-        name, times, labels, _record_markers(seed, name, truth, labels, times, q, settings), settings.rate_hz
+        name=name,
+        times=times,
+        labels=labels,
+        markers=_record_markers(seed, name, truth, labels, times, q, settings),
+        rate_hz=settings.rate_hz,
     )
     motion = inverse_kinematics(model, trial)
     inner = (times >= EDGE_S) & (times <= times[-1] - EDGE_S)
     measured = _measure_loads(seed, name, loads, settings)
-    return Performance(name, times, q, loads, Recording(model, motion, measured, height, inner))
+    return Performance(
+        name=name,
+        times=times,
+        q=q,
+        loads=loads,
+        recording=Recording(model=model, motion=motion, loads=measured, height_m=height, frames=inner),
+    )
 
 
 def _compute_true_loads(truth: BodyModel, times: Array, q: Array, right: Array) -> SegmentLoads:

@@ -140,7 +140,10 @@ def _tabulate_means(persons: Sequence[PersonEntry]) -> Table:
     coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
     rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
     return Table(
-        "Means over persons, % of weight and of weight times stature", ["", *COMPONENTS], rows, _AXES
+        caption="Means over persons, % of weight and of weight times stature",
+        columns=["", *COMPONENTS],
+        rows=rows,
+        note=_AXES,
     )
 
 
@@ -164,21 +167,22 @@ def _tabulate_identified(title: str, entries: Sequence[object]) -> Table:
             rows.append(Row(f"{said}, {label}", [f"{100 * m:.3f}" for m in values.mean(axis=0)]))
         better = (second < first).sum(axis=0)
         rows.append(Row(f"{said}, persons better", [f"{k} of {len(entries)}" for k in better]))
-    return Table(f"{title}, against the verdict: means, %", ["", *COMPONENTS], rows)
+    return Table(caption=f"{title}, against the verdict: means, %", columns=["", *COMPONENTS], rows=rows)
 
 
 def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
     return [
         Table(
-            f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} frames",
-            ["", *COMPONENTS],
-            [
+            caption=f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} "
+            "frames",
+            columns=["", *COMPONENTS],
+            rows=[
                 Row("residual dr, %", _format_percent(recording.dr)),
                 Row("uncertainty, %", _format_percent(recording.total)),
                 Row("slope per cm", [f"{v:.4f}" for v in recording.slopes_per_cm]),
                 Row("R2", [f"{v:.3f}" for v in recording.r2]),
             ],
-            recording.verdict,
+            note=recording.verdict,
         )
         for recording in recordings
     ]
@@ -187,20 +191,20 @@ def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[Table]:
 def _build_sources(persons: Sequence[PersonEntry]) -> Iterator[Block]:
     person = persons[0]
     yield Table(
-        f"Markers that carry most of the uncertainty, {person.name}: % of the variance",
-        ["marker", "own error, mm", *COMPONENTS],
-        [
+        caption=f"Markers that carry most of the uncertainty, {person.name}: % of the variance",
+        columns=["marker", "own error, mm", *COMPONENTS],
+        rows=[
             Row(m.marker, [f"{m.sd_mm:.1f}", *(Cell(f"{100 * s:.1f}", shade=4 * s) for s in m.shares)])
             for m in person.markers
         ],
-        "A segment's common error is divided among its markers.",
+        note="A segment's common error is divided among its markers.",
     )
     yield Table(
-        f"Windows worth calibrating with, the best first, {person.name}",
-        ["window, s", "information, nats", "force SD, % of weight"],
-        [
+        caption=f"Windows worth calibrating with, the best first, {person.name}",
+        columns=["window, s", "information, nats", "force SD, % of weight"],
+        rows=[
             Row(f"{w.start_s:.1f} to {w.stop_s:.1f}", [f"{w.gain:.2f}", f"{100 * w.uncertainty:.2f}"])
             for w in person.windows
         ],
-        f"Together {100 * person.windows_share:.0f} % of what the whole recording tells of the inertia.",
+        note=f"Together {100 * person.windows_share:.0f} % of what the whole recording tells of the inertia.",
     )

@@ -64,7 +64,9 @@ def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> T
         rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
         rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
-    return Table(caption, ["", *list_method_columns(methods)], rows, f"{said} {note}".strip())
+    return Table(
+        caption=caption, columns=["", *list_method_columns(methods)], rows=rows, note=f"{said} {note}".strip()
+    )
 
 
 def _format_paper(cell: Beside | None) -> str:

@@ -87,7 +87,7 @@ _CENTRES: Mapping[str, Vector] = {"femur": (-0.0843, -0.0651, 0.080), "tibia": (
 """Of the right hip in the pelvis and the right knee in the thigh, m."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualPerson:
     """A person drawn from the literature's spread, truth known; with or without images.
 
@@ -115,7 +115,7 @@ class VirtualPerson:
         session, person = make_demo_session(self.seed, self.settings, images=self.images)
         if self.generic == "custom":
             session = replace(session, model=make_custom_legs(session.model))
-        results = run(Loaded(session), methods, settings, progress=progress)
+        results = run(Loaded(session=session), methods, settings, progress=progress)
         return Done(summarise(results, Truth(person.model, person.motions)))
 
 
@@ -163,7 +163,8 @@ def reproduce_puchaud2019(
         update={"calibration": settings.calibration.model_copy(update={"sizes": "measured"})}
     )  # as the paper
     people = [
-        VirtualPerson(seed, images=True, generic=generic) for seed in draw_person_seeds(settings.seed, count)
+        VirtualPerson(seed=seed, images=True, generic=generic)
+        for seed in draw_person_seeds(settings.seed, count)
     ]
     processes = min(worker_count or count_cores(), count)
     if watcher is not None:

@@ -80,7 +80,7 @@ SOCKET_GAP_M = 2.5e-3
 """Between the head's and the socket's radius: chosen within 1-3 mm of cartilage on both sides."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LegShape:
     """Sizes (m) and angles (rad) of one leg's bones, beside their lengths."""
 

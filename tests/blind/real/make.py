@@ -73,7 +73,10 @@ def make_real(case: RealCase, data: Path, out: Path) -> Path:
         for trial in recorded:
             vertical = trial.plate(case.also["compare_force"]["plate"], "v")[1]
             withheld = Table(
-                trial.markers.name, ("time", "fy"), trial.forces.data[:, [0, vertical]], in_degrees=False
+                name=trial.markers.name,
+                columns=("time", "fy"),
+                data=trial.forces.data[:, [0, vertical]],
+                in_degrees=False,
             )
             write_sto(labels / case_id(case) / f"{trial.markers.name}.sto", withheld)
     return subject

@@ -61,9 +61,11 @@ def read_squats(data: Path) -> list[RealTrial]:
         table[:, 0] -= times[0]
         parts.append(
             RealTrial(
-                Trial(f"squats_{k}", times - times[0], tuple(markers.labels[j] for j in kept),
-                      markers.markers[start:stop, kept].copy(), markers.rate_hz),
-                Table(f"squats_{k}", tuple(forces.columns[j] for j in used), table, in_degrees=False),
+                Trial(name=f"squats_{k}", times=times - times[0],
+                    labels=tuple(markers.labels[j] for j in kept),
+                      markers=markers.markers[start:stop, kept].copy(), rate_hz=markers.rate_hz),
+                Table(name=f"squats_{k}", columns=tuple(forces.columns[j] for j in used),
+                    data=table, in_degrees=False),
             )
         )  # fmt: skip
     return parts

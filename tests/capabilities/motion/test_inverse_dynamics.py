@@ -51,7 +51,15 @@ def swaying() -> tuple[Array, Array, Array]:
 
 
 def motion_of(q: Array, coordinates: tuple[str, ...] = BODY.coordinate_names) -> Motion:
-    return Motion("sway", TIMES, coordinates, q, (), np.zeros((len(q), 0, 3)), coordinates)
+    return Motion(
+        trial="sway",
+        times=TIMES,
+        coordinates=coordinates,
+        q=q,
+        markers=(),
+        residuals=np.zeros((len(q), 0, 3)),
+        estimated=coordinates,
+    )
 
 
 def bearing(share: float = 0.5) -> SegmentLoads:
@@ -174,7 +182,7 @@ def opensims(
     for k, segment in enumerate(loads.segments):
         data += [loads.force[:, k], np.zeros((len(ours.motion.times), 3)), loads.moment[:, k]]
         labels += [f"{segment}_{what}{axis}" for what in "vpm" for axis in "xyz"]
-    write_sto(folder / "f.mot", Table("f", tuple(labels), np.concatenate(data, axis=1)))
+    write_sto(folder / "f.mot", Table(name="f", columns=tuple(labels), data=np.concatenate(data, axis=1)))
     write_loads(folder / "loads.xml", folder / "f.mot", {s: s for s in loads.segments})
     return run_opensim_id(path, folder / "q.mot", folder / "loads.xml")
 

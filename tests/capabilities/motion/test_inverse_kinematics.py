@@ -43,7 +43,9 @@ def motion(model: BodyModel, n: int, seed: int = 0, size: float = 1.0) -> Array:
 def recorded(model: BodyModel, q: Array, noise: float = 0.0, seed: int = 1) -> Trial:
     markers = pose_markers(compile_model(model), q, list_parameter_values(model))
     markers = markers + np.random.default_rng(seed).normal(0.0, noise, markers.shape)
-    return Trial("made", np.arange(len(q)) / RATE, model.marker_names, markers, RATE)
+    return Trial(
+        name="made", times=np.arange(len(q)) / RATE, labels=model.marker_names, markers=markers, rate_hz=RATE
+    )
 
 
 def changed(trial: Trial, markers: Array) -> Trial:
@@ -263,6 +265,6 @@ def test_three_markers_on_one_segment_place_a_free_body() -> None:
     markers = tuple(
         Marker.at(f"m{k}", "pelvis", at) for k, at in enumerate([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)])
     )
-    free = BodyModel("one", (root,), legs().coordinates[:6], markers)
+    free = BodyModel(name="one", segments=(root,), coordinates=legs().coordinates[:6], markers=markers)
     q = motion(legs(), 20)[:, :6]
     np.testing.assert_allclose(inverse_kinematics(free, recorded(free, q)).q, q, rtol=0, atol=1e-6)

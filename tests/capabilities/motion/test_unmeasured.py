@@ -58,7 +58,11 @@ def found_of(
     loads = SegmentLoads(TIMES, FEET[:1], wrench[:, None, :3], wrench[:, None, 3:])
     foot = np.where(np.array([[0, 1]] * len(TIMES)) * 0 + np.array(bears), [0, 1], NOBODY)
     contacts = FootContacts(
-        FEET, foot, np.tile(on_floor, (len(TIMES), 1)), np.ones(len(TIMES), dtype=bool), ()
+        feet=FEET,
+        foot=foot,
+        on_floor=np.tile(on_floor, (len(TIMES), 1)),
+        supported=np.ones(len(TIMES), dtype=bool),
+        repairs=(),
     )
     return find_unmeasured(compute_dynamics(MODEL, rated, loads), contacts, MODEL)
 
@@ -115,7 +119,7 @@ def without(columns: tuple[str, ...], source: Path, target: Path, share: Any = 0
     for k, name in enumerate(table.columns):
         if name.startswith(columns) and "_p" not in name:
             data[:, k] *= share(times) if callable(share) else share
-    write_sto(target, Table(target.stem, table.columns, data))
+    write_sto(target, Table(name=target.stem, columns=table.columns, data=data))
     return str(target)
 
 

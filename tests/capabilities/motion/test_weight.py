@@ -69,7 +69,7 @@ def test_what_one_plate_misses_is_no_lasting_lack_of_weight() -> None:
 
 def test_a_mass_that_the_plates_cannot_mean_is_refused() -> None:
     with pytest.raises(TrialUnusable, match=r"the model weighs 10\.0 kg"):
-        Weight(10.0, 60.0, 0.2, {"a": 60.0}).check()
+        Weight(declared_kg=10.0, plates_kg=60.0, sd_kg=0.2, by_trial={"a": 60.0}).check()
 
 
 def test_nothing_that_counts_gives_no_weight() -> None:

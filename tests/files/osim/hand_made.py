@@ -41,18 +41,52 @@ def hand_made() -> BodyModel:
     weld = (Joint("translation", Y, Law.constant(-0.4), "tibia_r"), Joint("rotation", X, Law.constant(0.2)))
     inertia = (0.1, 0.05, 0.12, 0.001, 0.002, -0.001)
     segments = (
-        Segment("pelvis", "ground", "root", pelvis, 10.0, (0.0, 0.01, 0.0), inertia),
-        Segment("femur_r", "pelvis", "hip_r", hip, 8.0, (0.0, -0.2, 0.0), inertia),
-        Segment("tibia_r", "femur_r", "knee_r", knee, 3.0, (0.0, -0.2, 0.0), inertia),
         Segment(
-            "patella_r", "femur_r", "patella_r", patella, 0.1, inertia=(0.001, 0.001, 0.001, 0.0, 0.0, 0.0)
+            name="pelvis",
+            parent="ground",
+            joint_name="root",
+            joints=pelvis,
+            mass=10.0,
+            com=(0.0, 0.01, 0.0),
+            inertia=inertia,
         ),
-        Segment("foot_r", "tibia_r", "weld_r", weld),
+        Segment(
+            name="femur_r",
+            parent="pelvis",
+            joint_name="hip_r",
+            joints=hip,
+            mass=8.0,
+            com=(0.0, -0.2, 0.0),
+            inertia=inertia,
+        ),
+        Segment(
+            name="tibia_r",
+            parent="femur_r",
+            joint_name="knee_r",
+            joints=knee,
+            mass=3.0,
+            com=(0.0, -0.2, 0.0),
+            inertia=inertia,
+        ),
+        Segment(
+            name="patella_r",
+            parent="femur_r",
+            joint_name="patella_r",
+            joints=patella,
+            mass=0.1,
+            inertia=(0.001, 0.001, 0.001, 0.0, 0.0, 0.0),
+        ),
+        Segment(name="foot_r", parent="tibia_r", joint_name="weld_r", joints=weld),
     )
     names = ("pelvis_tx", "pelvis_ty", "pelvis_tz", "tilt", "list", "rotation", "flexion", "adduction")
     coordinates = (
-        *(Coordinate(n, "translation" if "_t" in n else "rotation", 0.1, -1.0, 1.0) for n in names),
-        Coordinate("knee", default=0.2, lower=-0.4, upper=1.9, clamped=True),
+        *(
+            Coordinate(
+                name=n, kind="translation" if "_t" in n else "rotation", default=0.1, lower=-1.0, upper=1.0
+            )
+            for n in names
+        ),
+        Coordinate(name="knee", default=0.2, lower=-0.4, upper=1.9, clamped=True),
     )
     markers = tuple(Marker.at(f"m_{s.name}", s.name, (0.1, 0.05, 0.02)) for s in segments)
-    return BodyModel("hand made", segments, coordinates, markers)
+    return BodyModel(name="hand made", segments=segments, coordinates=coordinates, markers=markers)

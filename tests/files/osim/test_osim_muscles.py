@@ -31,7 +31,15 @@ def swinging(model: BodyModel, n_frames: int) -> Motion:
         if coordinate.kind == "rotation" and not coordinate.locked:
             low, high = max(coordinate.lower, -0.6), min(coordinate.upper, 0.9)
             q[:, k] = low + (high - low) * (0.5 - 0.5 * np.cos((2.0 + k % 3) * times))
-    return Motion("swing", times, model.coordinate_names, q, (), np.zeros((n_frames, 0, 3)), ())
+    return Motion(
+        trial="swing",
+        times=times,
+        coordinates=model.coordinate_names,
+        q=q,
+        markers=(),
+        residuals=np.zeros((n_frames, 0, 3)),
+        estimated=(),
+    )
 
 
 @pytest.mark.parametrize("which", MODELS)

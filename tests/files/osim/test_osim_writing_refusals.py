@@ -46,8 +46,12 @@ from tests.files.osim.hand_made import X, Y, Z, hand_made
     ],
 )
 def test_chains_that_do_not_fit_are_refused(oracle, tmp_path, joints):
-    coordinates = tuple(Coordinate(n, lower=-1.0, upper=1.0) for n in "abcd")
-    model = BodyModel("odd", (Segment("s", "ground", "odd_joint", joints, 1.0),), coordinates)
+    coordinates = tuple(Coordinate(name=n, lower=-1.0, upper=1.0) for n in "abcd")
+    model = BodyModel(
+        name="odd",
+        segments=(Segment(name="s", parent="ground", joint_name="odd_joint", joints=joints, mass=1.0),),
+        coordinates=coordinates,
+    )
     with pytest.raises(ModelRefused) as caught:
         write_osim(tmp_path / "odd.osim", model)
     assert caught.value.field == "odd_joint"
@@ -75,7 +79,7 @@ def test_what_a_source_cannot_hold_is_refused_and_the_old_file_stays(oracle, tmp
         segments=tuple(
             replace(s, joints=(*s.joints, Joint("rotation", X, Law.of("new")))) for s in model.segments
         ),
-        coordinates=(*model.coordinates, Coordinate("new")),
+        coordinates=(*model.coordinates, Coordinate(name="new")),
     )
     with pytest.raises(ModelRefused) as caught:
         write_osim(path, freer, source=source)

@@ -102,18 +102,22 @@ def gliding_knee(default: float) -> BodyModel:
         Joint("translation", along, Law.constant(0.01)),
     )
     return BodyModel(
-        "gliding",
-        (
-            Segment("pelvis", "ground", "root", ()),
-            Segment("femur_r", "pelvis", "hip_r", hip),
-            Segment("tibia_r", "femur_r", "knee_r", knee),
+        name="gliding",
+        segments=(
+            Segment(name="pelvis", parent="ground", joint_name="root", joints=()),
+            Segment(name="femur_r", parent="pelvis", joint_name="hip_r", joints=hip),
+            Segment(name="tibia_r", parent="femur_r", joint_name="knee_r", joints=knee),
         ),
-        (
-            Coordinate("hip_flexion_r", default=0.7),
-            Coordinate("knee_angle_r", "translation", default=default),
+        coordinates=(
+            Coordinate(name="hip_flexion_r", default=0.7),
+            Coordinate(name="knee_angle_r", kind="translation", default=default),
         ),
-        (Marker.at("RAJC", "tibia_r", (0.0, -0.41, 0.0), weight=0.0),),
-        (Parameter("size", 1.5, "1", 0.8, 2.0, "length", "femur_r"),),
+        markers=(Marker.at("RAJC", "tibia_r", (0.0, -0.41, 0.0), weight=0.0),),
+        parameters=(
+            Parameter(
+                name="size", value=1.5, unit="1", lower=0.8, upper=2.0, group="length", target="femur_r"
+            ),
+        ),
     )
 
 

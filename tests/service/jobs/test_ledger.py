@@ -24,7 +24,15 @@ WHY = Failure(kind="Test", problem="it was so")
 
 
 def new(number: int, owner: str = "lab") -> NewJob:
-    return NewJob(f"{owner}-{number:04}", owner, "tiny", "1", "{}", (), ())
+    return NewJob(
+        id=f"{owner}-{number:04}",
+        owner=owner,
+        kind="tiny",
+        code_version="1",
+        specification="{}",
+        subjects=(),
+        inputs=(),
+    )
 
 
 def ledger_of(store: Store, lease_s: float = 60.0) -> Ledger:

@@ -30,7 +30,10 @@ def test_names_are_not_html(visit: Visit, url: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     markers = rng.normal(size=(50, len(LABELS), 3))
     markers[10:20, 0] = np.nan
-    write_trc(tmp_path / "walk.trc", Trial("walk", np.arange(50) / 100, LABELS, markers, 100.0))
+    write_trc(
+        tmp_path / "walk.trc",
+        Trial(name="walk", times=np.arange(50) / 100, labels=LABELS, markers=markers, rate_hz=100.0),
+    )
     visitor = visit(url)
     visitor.go()
     visitor.drops(tmp_path / "walk.trc")

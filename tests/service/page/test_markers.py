@@ -41,7 +41,12 @@ def recording(url: str, folder: Path) -> Path:
     (folder / "static.trc").write_bytes(answer.content)
     trial = read_trc(folder / "static.trc")
     labels = tuple(f"q{k}" for k in range(len(trial.labels)))
-    write_trc(folder / "standing.trc", Trial("standing", trial.times, labels, trial.markers, trial.rate_hz))
+    write_trc(
+        folder / "standing.trc",
+        Trial(
+            name="standing", times=trial.times, labels=labels, markers=trial.markers, rate_hz=trial.rate_hz
+        ),
+    )
     return folder / "standing.trc"
 
 

@@ -143,7 +143,13 @@ def long_subject(client: Client, folder: Path) -> str:
     there = walk.markers - np.nanmean(walk.markers, axis=(0, 1)) * [1, 1, 0]
     turns = -(-FRAMES // (2 * len(there)))
     markers = np.tile(np.concatenate([there, there[::-1]]), (turns, 1, 1))[:FRAMES]
-    long = Trial("long", np.arange(FRAMES) / walk.rate_hz, walk.labels, markers, walk.rate_hz)
+    long = Trial(
+        name="long",
+        times=np.arange(FRAMES) / walk.rate_hz,
+        labels=walk.labels,
+        markers=markers,
+        rate_hz=walk.rate_hz,
+    )
     write_trc(folder / "long.trc", long)
     trials = {"static": "static.trc", "evaluation": ["long.trc"]}
     person = document["subject"] | {"id": "long"}

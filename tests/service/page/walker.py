@@ -41,4 +41,13 @@ def add_label(file: Path, label: str) -> None:
     trial = read_trc(file)
     beside = trial.markers[:, [trial.labels.index("V:RKNE")]] + 0.02
     markers = np.concatenate([trial.markers, beside], axis=1)
-    write_trc(file, Trial(trial.name, trial.times, (*trial.labels, label), markers, trial.rate_hz))
+    write_trc(
+        file,
+        Trial(
+            name=trial.name,
+            times=trial.times,
+            labels=(*trial.labels, label),
+            markers=markers,
+            rate_hz=trial.rate_hz,
+        ),
+    )

@@ -30,7 +30,15 @@ def add_job(
 ) -> str:
     """A job; with outputs it is done."""
     identity = hashlib.sha256(f"{owner}{specification}".encode()).hexdigest()
-    new = NewJob(identity, owner, "tiny", "1", specification, subjects, inputs)
+    new = NewJob(
+        id=identity,
+        owner=owner,
+        kind="tiny",
+        code_version="1",
+        specification=specification,
+        subjects=subjects,
+        inputs=inputs,
+    )
     with store.write() as connection:
         jobs.add(connection, new, State.QUEUED.value)
         if outputs is not None:

@@ -24,7 +24,7 @@ from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, FreeMotion, Seen
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
     """A law that the recordings follow and that no entry of the catalogue has."""
 
@@ -157,4 +157,11 @@ def _look_closely(
         if describe is not None:
             where, law_in_words = describe(one)
             p = one.p_family(1)
-            yield Disturbance(where, law_in_words, one.fitted.expected, p, one.held_out.p, observation.name)
+            yield Disturbance(
+                where=where,
+                law=law_in_words,
+                expected=one.fitted.expected,
+                p=p,
+                held_out=one.held_out.p,
+                seen_in=observation.name,
+            )

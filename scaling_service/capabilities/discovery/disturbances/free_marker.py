@@ -81,7 +81,9 @@ def _fit_markers(fit: Fit) -> Iterator[tuple[Candidate, Fitted]]:
         fitting = [by_trial[item.name] for item in shown if item.role == "fit"]
         for trials, parts in (((), fitting), *(((name,), [own]) for name, own in by_trial.items())):
             if any(parts):
-                candidate = Candidate(KIND, (marker,), (), trials=trials, change=Masked(marker))
+                candidate = Candidate(
+                    kind=KIND, where=(marker,), columns=(), trials=trials, change=Masked(marker)
+                )
                 yield candidate, _fit_course(parts)
 
 

@@ -33,7 +33,15 @@ def list_faulty_instruments(fit: Fit) -> Iterator[Disturbance]:
 
 
 def _make_certain(where: Sequence[str], place: str, note: Repair, seen_in: Seen) -> Disturbance:
-    return Disturbance(tuple(where), f"{place} {note.detail}", np.inf, 0.0, 0.0, seen_in, rms=note.off)
+    return Disturbance(
+        where=tuple(where),
+        law=f"{place} {note.detail}",
+        expected=np.inf,
+        p=0.0,
+        held_out=0.0,
+        seen_in=seen_in,
+        rms=note.off,
+    )
 
 
 LAWS = (DisturbanceLaw(search=list_faulty_instruments),)

@@ -43,8 +43,8 @@ def propose_bent_volume(fit: Fit) -> Iterator[Candidate]:
     seen = np.concatenate([item.task.measured.reshape(-1, 3) for item in fit.tracked])
     x, y, z = np.nanmean(seen, axis=0).tolist()
     spots: list[Spot] = [VolumeSpot(), *(BentSpot((x, y, z), toward) for toward in (None, 0, 1, 2))]
-    columns = tuple(Column(str(spot), 1.0, (Part(spot),)) for spot in spots)
-    yield Candidate("bent_volume", ("markers",), columns)
+    columns = tuple(Column(name=str(spot), unit=1.0, parts=(Part(spot),)) for spot in spots)
+    yield Candidate(kind="bent_volume", where=("markers",), columns=columns)
 
 
 def _describe_bent(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -58,8 +58,8 @@ def propose_warped_volume(fit: Fit) -> Iterator[Candidate]:
     x, y, z = np.nanmean(_list_seen_places(fit), axis=0).tolist()
     products = [(k,) for k in range(3)] + list(combinations_with_replacement(range(3), 2))
     spots = [WarpedSpot((x, y, z), factors, axis) for factors in products for axis in range(3)]
-    columns = tuple(Column(str(spot), 1.0, (Part(spot),)) for spot in spots)
-    yield Candidate("warped_volume", ("markers",), columns)
+    columns = tuple(Column(name=str(spot), unit=1.0, parts=(Part(spot),)) for spot in spots)
+    yield Candidate(kind="warped_volume", where=("markers",), columns=columns)
 
 
 def _list_seen_places(fit: Fit) -> Array:
@@ -80,7 +80,7 @@ def _judge_warped(fit: Fit, evidence: Evidence, index: int, candidate: Candidate
     gain = between.gain * sum(block.square for block in fitting)
     most = _measure_furthest(candidate, explain(evidence, index, fitting).size, _list_seen_places(fit))
     law = f"the measured volume is warped: by position in the room alone, by up to {1e3 * most:.2g} mm"
-    return Disturbance(candidate.where, law, gain, between.p, anywhere.p)
+    return Disturbance(where=candidate.where, law=law, expected=gain, p=between.p, held_out=anywhere.p)
 
 
 def _measure_furthest(warped: Candidate, size: Array, seen: Array) -> float:
@@ -105,12 +105,12 @@ def propose_late_markers(fit: Fit) -> Iterator[Candidate]:
     for segment in fit.scene.bearing:
         for group in fit.scene.groups_on(segment.name):
             columns = tuple(_follow_paths(group, order) for order in (1, 2))
-            yield Candidate("late_marker", group, columns)
+            yield Candidate(kind="late_marker", where=group, columns=columns)
 
 
 def _follow_paths(markers: Sequence[str], order: int) -> Column:
     parts = tuple(Part(MarkerSpot(m, k), Passing(m, order, k)) for m in markers for k in range(3))
-    return Column(f"rate {order}", 1.0, parts)
+    return Column(name=f"rate {order}", unit=1.0, parts=parts)
 
 
 def _describe_late(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -131,7 +131,12 @@ def propose_smoothed_markers(fit: Fit) -> Iterator[Candidate]:
                 parts = tuple(
                     Part(MarkerSpot(m, k), HighPassed(m, frequency, k)) for m in group for k in range(3)
                 )
-                yield Candidate("smoothed_marker", group, (Column("share", 1.0, parts),), note=str(frequency))
+                yield Candidate(
+                    kind="smoothed_marker",
+                    where=group,
+                    columns=(Column(name="share", unit=1.0, parts=parts),),
+                    note=str(frequency),
+                )
 
 
 def _describe_smoothed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -148,8 +153,10 @@ def propose_slipping(fit: Fit) -> Iterator[Candidate]:
         if markers and all(is_stance(item, markers) for item in fit.tracked):
             spots = [JointSpot(segment.name, "after", "translation", k) for k in range(len(LETTERS))]
             parts = [(Part(spot, Standing(markers)),) for spot in spots]
-            columns = tuple(Column(letter, 1.0, part) for letter, part in zip(LETTERS, parts, strict=True))
-            yield Candidate("slipping", markers, columns, note=segment.name)
+            columns = tuple(
+                Column(name=letter, unit=1.0, parts=part) for letter, part in zip(LETTERS, parts, strict=True)
+            )
+            yield Candidate(kind="slipping", where=markers, columns=columns, note=segment.name)
 
 
 def _describe_slipped(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -187,7 +194,7 @@ def find_trembling(fit: Fit) -> Iterator[Disturbance]:
     verb = "trembles" if len(shaking) == 1 else "tremble"
     law = f"{places} {verb} at {frequencies[k]:.3g} Hz, whatever the movement"
     where = ("markers",) if everywhere else tuple(shaking)
-    yield Disturbance(where, law, float(whole[k] - 2.0 * usual), p, p)
+    yield Disturbance(where=where, law=law, expected=float(whole[k] - 2.0 * usual), p=p, held_out=p)
 
 
 def _make_frequency_grid(items: Sequence[TrackedTrial]) -> tuple[Array, float]:

@@ -36,8 +36,8 @@ def propose_dragging(fit: Fit) -> Iterator[Candidate]:
     """Every loaded plate, along each horizontal axis: its shear follows its own vertical force."""
     for plate in fit.scene.plates:
         for axis, k in _HORIZONTAL.items():
-            columns = tuple(Column(what, 1.0, load=Shear(plate, k, what)) for what in Shear.FOLLOWS)
-            yield Candidate("dragging", (plate,), columns, note=axis)
+            columns = tuple(Column(name=what, unit=1.0, load=Shear(plate, k, what)) for what in Shear.FOLLOWS)
+            yield Candidate(kind="dragging", where=(plate,), columns=columns, note=axis)
 
 
 def _describe_dragged(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -57,8 +57,10 @@ def propose_crossing(fit: Fit) -> Iterator[Candidate]:
     """
     for plate in fit.scene.plates:
         pairs = [(component, axis) for component in (0, 2, 4) for axis in _HORIZONTAL.values()]
-        columns = tuple(Column(COMPONENTS[c], 1.0, load=Crossed(plate, c, axis)) for c, axis in pairs)
-        yield Candidate("crossing", (plate,), columns)
+        columns = tuple(
+            Column(name=COMPONENTS[c], unit=1.0, load=Crossed(plate, c, axis)) for c, axis in pairs
+        )
+        yield Candidate(kind="crossing", where=(plate,), columns=columns)
 
 
 def _describe_crossed(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -78,10 +80,10 @@ def propose_curving(fit: Fit) -> Iterator[Candidate]:
     """Every loaded plate, with a gain that depends on its load."""
     for plate in fit.scene.plates:
         columns = (
-            Column("gain", 1.0, load=PlateGain(plate)),
-            Column("more", 1.0, load=CurvedGain(plate)),
+            Column(name="gain", unit=1.0, load=PlateGain(plate)),
+            Column(name="more", unit=1.0, load=CurvedGain(plate)),
         )
-        yield Candidate("curving", (plate,), columns)
+        yield Candidate(kind="curving", where=(plate,), columns=columns)
 
 
 def _describe_curved(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
@@ -92,8 +94,11 @@ def _describe_curved(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:
 def propose_drifting_clock(fit: Fit) -> Iterator[Candidate]:
     """All forces together, in step with the cameras at first, seconds later no more."""
     if fit.scene.plates:
-        columns = (Column("delay", 1.0, load=Late()), Column("drift", 1.0, load=Drifting()))
-        yield Candidate("drifting_clock", ("forces",), columns)
+        columns = (
+            Column(name="delay", unit=1.0, load=Late()),
+            Column(name="drift", unit=1.0, load=Drifting()),
+        )
+        yield Candidate(kind="drifting_clock", where=("forces",), columns=columns)
 
 
 def _describe_drifted(found: ScoredCandidate) -> tuple[tuple[str, ...], str]:

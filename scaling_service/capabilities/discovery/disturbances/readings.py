@@ -25,7 +25,7 @@ _PART = 0.25  # of what the largest component is off by, in floors, from which a
 _ALIKE = 0.03  # of the largest direction of all readings, below which one is no other (chosen: of its noise)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Frames:
     """Frames of a trial that count."""
 
@@ -46,7 +46,13 @@ class _Frames:
         off = item.residuals.copy()
         off[:, 3:] += np.cross(item.about, off[:, :3])
         blocks = tuple(part for part in parts if len(part))
-        return cls(every[used], off[used], assign_folds(item.tracked, block_s)[used], blocks, item)
+        return cls(
+            readings=every[used],
+            off=off[used],
+            folds=assign_folds(item.tracked, block_s)[used],
+            blocks=blocks,
+            item=item,
+        )
 
     def whiten(self, wrench: Array) -> Array:
         """A wrench about the ground origin in floors of the one about the trunk."""
@@ -83,7 +89,15 @@ def find_following_readings(fit: Fit) -> Iterator[Disturbance]:
     of_each = (squares[:, 0] - squares[:, 1]).sum(axis=0)
     off = [name for name, gain in zip(COMPONENTS, of_each, strict=True) if gain > _PART * of_each.max()]
     said = f"{', '.join(off)} {'is' if len(off) == 1 else 'are'} off by what the plates themselves read"
-    yield Disturbance(("forces", *off), said, float(of_each.sum()), p, held_out, "wrench", flexible=True)
+    yield Disturbance(
+        where=("forces", *off),
+        law=said,
+        expected=float(of_each.sum()),
+        p=p,
+        held_out=held_out,
+        seen_in="wrench",
+        flexible=True,
+    )
 
 
 def _by_chance(squares: Array) -> float:

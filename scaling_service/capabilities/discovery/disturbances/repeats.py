@@ -70,7 +70,7 @@ def find_repeated_frames(fit: Fit) -> Iterator[Disturbance]:
     ]
     gain = sum(item.square - other.square for item, other in zip(fitting, without, strict=True))
     law = f"frames are shown again, {100.0 * again.mean():.2g} % of them: all markers stand still together"
-    yield Disturbance(("markers",), law, gain, p, held_out, "wrench")
+    yield Disturbance(where=("markers",), law=law, expected=gain, p=p, held_out=held_out, seen_in="wrench")
 
 
 def _test_direction(items: Sequence[TrackedTrial], steps: dict[str, _Steps], block_s: float) -> float:

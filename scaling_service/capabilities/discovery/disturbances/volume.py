@@ -39,7 +39,9 @@ def find_moving_volume(fit: Fit) -> Iterator[Disturbance]:
         # each block is as good as one frame
         p, held = (assess_share(taken, usual, _NUMBERS * blocks) for taken, usual, blocks in gains.values())
         held_out = held if gains["held_out"][2] else p
-        yield Disturbance(("markers",), law, gain - 2.0 * chance, p, held_out, flexible=True)
+        yield Disturbance(
+            where=("markers",), law=law, expected=gain - 2.0 * chance, p=p, held_out=held_out, flexible=True
+        )
 
 
 def _sum_gains(fit: Fit, role: Role) -> tuple[float, float, int]:

@@ -51,6 +51,12 @@ def _make_along_axes(
 ) -> tuple[Column, ...]:
     """``spots`` gives what moves together along an axis."""
     return tuple(
-        Column(f"{LETTERS[k]}{suffix}", unit, tuple(Part(s, profile) for s in spots(k)), low=-most, high=most)
+        Column(
+            name=f"{LETTERS[k]}{suffix}",
+            unit=unit,
+            parts=tuple(Part(s, profile) for s in spots(k)),
+            low=-most,
+            high=most,
+        )
         for k in range(3)
     )

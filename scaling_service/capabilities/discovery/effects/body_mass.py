@@ -37,7 +37,7 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     factors = tuple((trial, kg / weight.declared_kg) for trial, kg in own.items())
     change = Reweighed(weight.factor, weight.sd_kg / weight.declared_kg, factors)
     note = ", ".join(f"{kg:.1f} kg in {trial}" for trial, kg in own.items())
-    candidate = Candidate("body_mass", ("world",), (), note=note, change=change)
+    candidate = Candidate(kind="body_mass", where=("world",), columns=(), note=note, change=change)
     after = WRENCH.refit(fit, fit.free, (*fit.effects, Estimate(candidate, np.zeros(0))))
     gain = WRENCH.squares(fit) - WRENCH.squares(after)
     above, settings = WRENCH.above_noise(fit), fit.settings
@@ -52,7 +52,13 @@ def question_mass(fit: Fit, scored: Sequence[ScoredCandidate]) -> ScoredCandidat
     enough = above - settings.mass_alike * left
     as_good = () if weight.disagree else (one for one in loads if one.fitted.gain >= enough)
     alike = tuple(one.candidate for one in as_good if _is_weight_explained(one, fit))
-    return ScoredCandidate(candidate, Fitted.of_any_course(gain, 0.0, chance), None, nothing_held_out, alike)
+    return ScoredCandidate(
+        candidate=candidate,
+        fitted=Fitted.of_any_course(gain, 0.0, chance),
+        gains=None,
+        held_out=nothing_held_out,
+        equivalents=alike,
+    )
 
 
 def _is_weight_explained(one: ScoredCandidate, fit: Fit) -> bool:
@@ -87,8 +93,8 @@ def _spread(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 EFFECTS = (
     Effect(
-        "body_mass",
-        "the person is heavier or lighter than declared",
+        kind="body_mass",
+        meaning="the person is heavier or lighter than declared",
         question=question_mass,
         seen_in="wrench",
         details=_find_factor,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -47,6 +47,7 @@ class Effect:
     kind: str
     meaning: str
     candidates: Callable[[Scene], Iterable[Candidate]] | None = None
+    _: KW_ONLY
     search: Callable[[Fit], Iterable[ScoredCandidate]] | None = None
     question: Callable[[Fit, Sequence[ScoredCandidate]], ScoredCandidate | None] | None = None
     seen_in: Seen = "markers"

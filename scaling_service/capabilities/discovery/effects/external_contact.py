@@ -159,11 +159,13 @@ def _find_best(spells: Sequence[Spell], trials: tuple[str, ...], block_s: float)
     near = [n for n in order[1:] if _is_not_distinguished(_split_into_blocks(spells, block_s), best, fits[n])]
     made = [_make_candidate(_make_contact(spells, n, fits[n].point), trials) for n in (order[0], *near)]
     tried = HeldOut((gap - best.left) / square, p, folds=True)
-    return ScoredCandidate(made[0], fitted, None, tried, tuple(made[1:]))
+    return ScoredCandidate(
+        candidate=made[0], fitted=fitted, gains=None, held_out=tried, equivalents=tuple(made[1:])
+    )
 
 
 def _make_candidate(contact: Contact, trials: tuple[str, ...]) -> Candidate:
-    return Candidate(KIND, (contact.segment,), (), trials=trials, change=contact)
+    return Candidate(kind=KIND, where=(contact.segment,), columns=(), trials=trials, change=contact)
 
 
 def _stands_beside_plates(spell: Spell, foot: str) -> bool:
@@ -323,8 +325,8 @@ def _measure_rms(here: Sequence[WrenchFit], contact: Contact) -> tuple[float, fl
 
 EFFECTS = (
     Effect(
-        KIND,
-        "something touches the segment that no plate measures",
+        kind=KIND,
+        meaning="something touches the segment that no plate measures",
         search=find_contacts,
         seen_in="wrench",
         details=_describe_contact,

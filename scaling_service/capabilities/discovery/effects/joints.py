@@ -27,7 +27,7 @@ def propose_centre_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
     for segment in scene.jointed:
         columns = make_shifts(shift_of(segment.name), most=80.0)
-        yield Candidate("joint_centre_offset", (segment.joint_name,), columns)
+        yield Candidate(kind="joint_centre_offset", where=(segment.joint_name,), columns=columns)
 
 
 def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
@@ -42,10 +42,16 @@ def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
             main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
             across = [k for k in range(3) if k != main]
             columns = tuple(
-                Column(f"{LETTERS[k]}_deg", DEG, _shift_and_return(segment.name, k), low=-45.0, high=45.0)
+                Column(
+                    name=f"{LETTERS[k]}_deg",
+                    unit=DEG,
+                    parts=_shift_and_return(segment.name, k),
+                    low=-45.0,
+                    high=45.0,
+                )
                 for k in across
             )
-            yield Candidate(AXIS_TILT, (segment.joint_name,), columns)
+            yield Candidate(kind=AXIS_TILT, where=(segment.joint_name,), columns=columns)
 
 
 def _shift_and_return(segment: str, axis: int) -> tuple[Part, Part]:
@@ -63,8 +69,10 @@ def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
             where = (segment.joint_name,)
             gliding = make_shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
             turning = make_turns(turn_of(segment.name), driver=driver)
-            yield Candidate("coupled_motion", where, gliding, (driver,))
-            yield Candidate("coupled_motion", where, turning, (driver,), note="turning")
+            yield Candidate(kind="coupled_motion", where=where, columns=gliding, driver=(driver,))
+            yield Candidate(
+                kind="coupled_motion", where=where, columns=turning, driver=(driver,), note="turning"
+            )
 
 
 def propose_segment_lengths(scene: Scene) -> Iterator[Candidate]:
@@ -74,19 +82,25 @@ def propose_segment_lengths(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.bearing:
         if segment.name in sized:
             part = Part(SizeSpot(segment.name))
-            column = Column("factor", 1.0, (part,), neutral=1.0, low=0.7, high=1.4)
-            yield Candidate("segment_length", (segment.name,), (column,))
+            column = Column(name="factor", unit=1.0, parts=(part,), neutral=1.0, low=0.7, high=1.4)
+            yield Candidate(kind="segment_length", where=(segment.name,), columns=(column,))
 
 
 EFFECTS = (
     Effect(
-        "joint_centre_offset",
-        "the joint's centre lies elsewhere in the parent segment",
-        propose_centre_offsets,
+        kind="joint_centre_offset",
+        meaning="the joint's centre lies elsewhere in the parent segment",
+        candidates=propose_centre_offsets,
     ),
-    Effect(AXIS_TILT, "the joint's axis is turned", propose_axis_tilts),
-    Effect("coupled_motion", "the joint glides or turns along with a coordinate", propose_coupled_motions),
+    Effect(kind=AXIS_TILT, meaning="the joint's axis is turned", candidates=propose_axis_tilts),
     Effect(
-        "segment_length", "the segment is longer or shorter, its markers following", propose_segment_lengths
+        kind="coupled_motion",
+        meaning="the joint glides or turns along with a coordinate",
+        candidates=propose_coupled_motions,
+    ),
+    Effect(
+        kind="segment_length",
+        meaning="the segment is longer or shorter, its markers following",
+        candidates=propose_segment_lengths,
     ),
 )

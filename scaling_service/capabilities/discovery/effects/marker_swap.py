@@ -46,7 +46,9 @@ def find_swaps(fit: Fit) -> Iterator[ScoredCandidate]:
 def _score_swap(swap: Swap, fit: Fit) -> ScoredCandidate:
     """An exchange takes nothing from the data but its span, so all that it explains counts as held out."""
     where = (swap.exchange.first, swap.exchange.second)
-    candidate = Candidate("marker_swap", where, (), trials=swap.trials, change=swap.exchange)
+    candidate = Candidate(
+        kind="marker_swap", where=where, columns=(), trials=swap.trials, change=swap.exchange
+    )
     shown = [w for w in fit.tracked if candidate.holds_in(w.name)]
     square = sum(w.square for w in shown)
     spans, pairs = len(shown[0].q), math.comb(len(shown[0].markers), 2)
@@ -54,7 +56,12 @@ def _score_swap(swap: Swap, fit: Fit) -> ScoredCandidate:
     strength = swap.gain / max(swap.level, 1.0) / alike
     p = min(1.0, float(np.exp(math.log(spans * pairs) - 0.5 * min(strength, 1e3))))
     fitted = Fitted.of_any_course(swap.gain, swap.level, p)
-    return ScoredCandidate(candidate, fitted, None, HeldOut(swap.gain / max(square, 1e-300), p, folds=True))
+    return ScoredCandidate(
+        candidate=candidate,
+        fitted=fitted,
+        gains=None,
+        held_out=HeldOut(swap.gain / max(square, 1e-300), p, folds=True),
+    )
 
 
 def _join_swaps(found: Sequence[Swap]) -> Swap | None:
@@ -128,5 +135,10 @@ def _describe_swap(effect: Estimate, _after: Fit) -> Mapping[str, float]:
 
 
 EFFECTS = (
-    Effect("marker_swap", "two labels are exchanged for a while", search=find_swaps, details=_describe_swap),
+    Effect(
+        kind="marker_swap",
+        meaning="two labels are exchanged for a while",
+        search=find_swaps,
+        details=_describe_swap,
+    ),
 )

@@ -18,7 +18,7 @@ def propose_marker_offsets(scene: Scene) -> Iterator[Candidate]:
     for marker in scene.markers:
         columns = make_shifts(of_markers(marker), most=80.0)
         for trials in scene.scopes:
-            yield Candidate("marker_offset", (marker,), columns, trials=trials)
+            yield Candidate(kind="marker_offset", where=(marker,), columns=columns, trials=trials)
 
 
 def propose_skin_artefacts(scene: Scene) -> Iterator[Candidate]:
@@ -28,12 +28,15 @@ def propose_skin_artefacts(scene: Scene) -> Iterator[Candidate]:
         for driver in scene.drivers_of(segment.name):
             for group in groups:
                 columns = make_shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
-                yield Candidate("soft_tissue_artefact", group, columns, (driver,))
+                yield Candidate(kind="soft_tissue_artefact", where=group, columns=columns, driver=(driver,))
         for drivers in combinations(scene.drivers_of(segment.name), 2):
             for group in groups:
                 if len(group) > 1:
                     yield Candidate(
-                        "soft_tissue_artefact", group, _make_following_shifts(group, drivers), drivers
+                        kind="soft_tissue_artefact",
+                        where=group,
+                        columns=_make_following_shifts(group, drivers),
+                        driver=drivers,
                     )
 
 
@@ -48,16 +51,24 @@ def _make_following_shifts(group: Sequence[str], drivers: Sequence[str]) -> tupl
 
 def propose_capture_scale(_scene: Scene) -> Iterator[Candidate]:
     """The whole recording: a calibration wand of another length."""
-    column = Column("factor", 1.0, (Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
-    yield Candidate("capture_scale", ("markers",), (column,))
+    column = Column(name="factor", unit=1.0, parts=(Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
+    yield Candidate(kind="capture_scale", where=("markers",), columns=(column,))
 
 
 EFFECTS = (
-    Effect("marker_offset", "the marker sits elsewhere on its segment", propose_marker_offsets),
     Effect(
-        "soft_tissue_artefact",
-        "the skin under the marker moves over the bone with a joint's angle",
-        propose_skin_artefacts,
+        kind="marker_offset",
+        meaning="the marker sits elsewhere on its segment",
+        candidates=propose_marker_offsets,
     ),
-    Effect("capture_scale", "all measured positions are scaled by one factor", propose_capture_scale),
+    Effect(
+        kind="soft_tissue_artefact",
+        meaning="the skin under the marker moves over the bone with a joint's angle",
+        candidates=propose_skin_artefacts,
+    ),
+    Effect(
+        kind="capture_scale",
+        meaning="all measured positions are scaled by one factor",
+        candidates=propose_capture_scale,
+    ),
 )

@@ -29,8 +29,8 @@ def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
         tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
         every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
         load = Inertial(segment.name, tuple((every / segment.mass).tolist()))
-        column = Column("kg", 1.0, load=load, low=-0.9 * segment.mass, high=20.0)
-        yield Candidate("segment_mass", (segment.name,), (column,))
+        column = Column(name="kg", unit=1.0, load=load, low=-0.9 * segment.mass, high=20.0)
+        yield Candidate(kind="segment_mass", where=(segment.name,), columns=(column,))
 
 
 def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
@@ -38,10 +38,10 @@ def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.heavy:
         loads = [Inertial(segment.name, tuple(_differentiate_inertia(segment, k).tolist())) for k in range(3)]
         columns = tuple(
-            Column(f"{letter}_mm", MM, load=load, low=-200.0, high=200.0)
+            Column(name=f"{letter}_mm", unit=MM, load=load, low=-200.0, high=200.0)
             for letter, load in zip(LETTERS, loads, strict=True)
         )
-        yield Candidate("segment_com", (segment.name,), columns)
+        yield Candidate(kind="segment_com", where=(segment.name,), columns=columns)
 
 
 def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
@@ -50,10 +50,18 @@ def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
     names = (("kg", 1.0, 0.0, 60.0), *((f"{axis}_kgmm", 1e3, -3e4, 3e4) for axis in LETTERS))
     for segment in scene.heavy:
         columns = tuple(
-            Column(name, scale, load=Inertial(segment.name, tuple(unit[k].tolist())), low=low, high=high)
+            Column(
+                name=name,
+                unit=scale,
+                load=Inertial(segment.name, tuple(unit[k].tolist())),
+                low=low,
+                high=high,
+            )
             for k, (name, scale, low, high) in enumerate(names)
         )
-        yield Candidate("carried_load", (segment.name,), columns, together=near(segment.name))
+        yield Candidate(
+            kind="carried_load", where=(segment.name,), columns=columns, together=near(segment.name)
+        )
 
 
 def is_within_reach(size: Array) -> bool:
@@ -118,9 +126,20 @@ def _spread(a: Array, b: Array) -> Array:
 
 
 EFFECTS = (
-    Effect("segment_mass", "the segment is heavier or lighter, of the same shape", propose_segment_masses),
-    Effect("segment_com", "the segment's centre of mass lies elsewhere", propose_centres_of_mass),
     Effect(
-        "carried_load", "the segment carries a load at a point", propose_carried_loads, details=_place_of_load
+        kind="segment_mass",
+        meaning="the segment is heavier or lighter, of the same shape",
+        candidates=propose_segment_masses,
+    ),
+    Effect(
+        kind="segment_com",
+        meaning="the segment's centre of mass lies elsewhere",
+        candidates=propose_centres_of_mass,
+    ),
+    Effect(
+        kind="carried_load",
+        meaning="the segment carries a load at a point",
+        candidates=propose_carried_loads,
+        details=_place_of_load,
     ),
 )

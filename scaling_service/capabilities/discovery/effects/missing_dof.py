@@ -57,8 +57,10 @@ def find_locked_motions(fit: Fit) -> Iterator[ScoredCandidate]:
                 axis, fitted, gains, held_out = made
                 motion = FreeMotion(segment.name, at, kind, axis)
                 where = (fit.model.segment(segment.name).joint_name,)
-                candidate = Candidate("missing_dof", where, (), note=_NOTES[at], change=motion)
-                yield ScoredCandidate(candidate, fitted, gains, held_out)
+                candidate = Candidate(
+                    kind="missing_dof", where=where, columns=(), note=_NOTES[at], change=motion
+                )
+                yield ScoredCandidate(candidate=candidate, fitted=fitted, gains=gains, held_out=held_out)
 
 
 def _compute_shares(courses: Sequence[tuple[list[FreeCourse], Array]]) -> Array:
@@ -136,8 +138,8 @@ def _size_in_results(motion: FreeMotion, size: float) -> Mapping[str, float]:
 
 EFFECTS = (
     Effect(
-        "missing_dof",
-        "the joint moves in a way that the model locks",
+        kind="missing_dof",
+        meaning="the joint moves in a way that the model locks",
         search=find_locked_motions,
         details=_describe_motion,
         spreads=_estimate_motion_spreads,

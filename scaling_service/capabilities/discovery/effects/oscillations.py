@@ -40,8 +40,10 @@ def propose_wobbling_skin(scene: Scene) -> Iterator[Candidate]:
                 parts = tuple(
                     Part(MarkerSpot(m, k), Oscillation(m, *pair, k)) for m in group for k in range(3)
                 )
-                column = Column("share", 1.0, parts, low=0.3, high=3.0, natural=1.0)
-                yield Candidate("skin_wobble", group, (column,), note=describe_oscillation(*pair))
+                column = Column(name="share", unit=1.0, parts=parts, low=0.3, high=3.0, natural=1.0)
+                yield Candidate(
+                    kind="skin_wobble", where=group, columns=(column,), note=describe_oscillation(*pair)
+                )
 
 
 def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
@@ -53,8 +55,13 @@ def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
         long = np.linalg.norm(segment.com) > _LONG_M
         for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
             load = Wobbling(segment.name, *pair, along)
-            column = Column("kg", 1.0, load=load, low=0.0, high=segment.mass)
-            yield Candidate("wobbling_mass", (segment.name,), (column,), note=describe_oscillation(*pair))
+            column = Column(name="kg", unit=1.0, load=load, low=0.0, high=segment.mass)
+            yield Candidate(
+                kind="wobbling_mass",
+                where=(segment.name,),
+                columns=(column,),
+                note=describe_oscillation(*pair),
+            )
 
 
 def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
@@ -85,28 +92,23 @@ def _compute_covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimat
     observation = choose_observation(whole)
     others = [s.candidate for s in observation.list_known(after) if s.candidate.name != whole.name]
     evidence = observation.gather(
-        observation.items(after),
-        others,
-        [whole],
-        after.settings.block_s,
-        together=False,
-        known=freed_of,
+        observation.items(after), others, [whole], after.settings.block_s, together=False, known=freed_of
     )
     return fit_each(evidence, [whole])[0].spread
 
 
 EFFECTS = (
     Effect(
-        "skin_wobble",
-        "the skin under the marker oscillates when the segment accelerates",
-        propose_wobbling_skin,
+        kind="skin_wobble",
+        meaning="the skin under the marker oscillates when the segment accelerates",
+        candidates=propose_wobbling_skin,
         details=_describe_oscillation,
         spreads=_estimate_oscillation_spreads,
     ),
     Effect(
-        "wobbling_mass",
-        "part of the segment's own mass oscillates on a spring",
-        propose_wobbling_masses,
+        kind="wobbling_mass",
+        meaning="part of the segment's own mass oscillates on a spring",
+        candidates=propose_wobbling_masses,
         details=_describe_oscillation,
         spreads=_estimate_oscillation_spreads,
     ),

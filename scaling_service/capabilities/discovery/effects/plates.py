@@ -40,12 +40,14 @@ def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
     """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(name, 1.0, load=PlateBias(plate, k), low=-most, high=most)
+            Column(name=name, unit=1.0, load=PlateBias(plate, k), low=-most, high=most)
             for k, (name, most) in enumerate(zip(_BIASES, _MOST_BIAS, strict=True))
         )
         for trials in scene.scopes_with_forces:
-            yield Candidate("plate_bias", (plate,), columns[:3], trials=trials)
-            yield Candidate("plate_bias", (plate,), columns, trials=trials, note="with moments")
+            yield Candidate(kind="plate_bias", where=(plate,), columns=columns[:3], trials=trials)
+            yield Candidate(
+                kind="plate_bias", where=(plate,), columns=columns, trials=trials, note="with moments"
+            )
 
 
 def contradict_bias(
@@ -80,20 +82,20 @@ def _list_unloaded_readings(plate: str, fit: WrenchFit) -> Array:
 def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
-        column = Column("factor", 1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
+        column = Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
         for trials in scene.scopes_with_forces:
-            yield Candidate("plate_gain", (plate,), (column,), trials=trials)
+            yield Candidate(kind="plate_gain", where=(plate,), columns=(column,), trials=trials)
 
 
 def propose_plate_positions(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k), low=-most, high=most)
+            Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k), low=-most, high=most)
             for k, most in enumerate(_MOST_SHIFT_MM)
         )
         for trials in scene.scopes_with_forces:
-            yield Candidate("plate_position", (plate,), columns, trials=trials)
+            yield Candidate(kind="plate_position", where=(plate,), columns=columns, trials=trials)
 
 
 def propose_plate_rotations(scene: Scene) -> Iterator[Candidate]:
@@ -103,27 +105,33 @@ def propose_plate_rotations(scene: Scene) -> Iterator[Candidate]:
     tried, too, that also shifts, the shift being that of the ground's origin.
     """
     for plate in scene.plates:
-        vertical = (Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),)
+        vertical = (
+            Column(name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),
+        )
         elsewhere = (
-            Column("about_vertical_deg", DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0),
+            Column(
+                name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0
+            ),
             # without bounds: far from the ground's origin a small turn goes with a large shift there
-            *(Column(f"{LETTERS[k]}_mm", MM, load=PlateShift(plate, k)) for k in (0, 2)),
+            *(Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in (0, 2)),
         )
         leaning = tuple(
-            Column(f"tilt_{letter}_deg", DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
+            Column(name=f"tilt_{letter}_deg", unit=DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
             for k, letter in ((0, "x"), (2, "z"))
         )
         for trials in scene.scopes_with_forces:
-            yield Candidate("plate_rotation", (plate,), vertical, trials=trials)
+            yield Candidate(kind="plate_rotation", where=(plate,), columns=vertical, trials=trials)
             yield Candidate(
-                "plate_rotation",
-                (plate,),
-                elsewhere,
+                kind="plate_rotation",
+                where=(plate,),
+                columns=elsewhere,
                 trials=trials,
                 note="about another point",
                 together=_is_turn_alone,
             )
-            yield Candidate("plate_rotation", (plate,), leaning, trials=trials, note="leaning")
+            yield Candidate(
+                kind="plate_rotation", where=(plate,), columns=leaning, trials=trials, note="leaning"
+            )
 
 
 def _is_turn_alone(size: Array) -> bool:
@@ -134,29 +142,46 @@ def _is_turn_alone(size: Array) -> bool:
 def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
-        columns = (Column("delay_s", 1.0, load=Late(), low=-0.3, high=0.3),)
+        columns = (Column(name="delay_s", unit=1.0, load=Late(), low=-0.3, high=0.3),)
         for trials in scene.scopes_with_forces:
-            yield Candidate("force_delay", ("forces",), columns, trials=trials)
+            yield Candidate(kind="force_delay", where=("forces",), columns=columns, trials=trials)
 
 
 def propose_gravity_tilt(scene: Scene) -> Iterator[Candidate]:
     """The whole world, about its two level axes."""
     if scene.plates:
         columns = tuple(
-            Column(name, DEG, load=Tilt(k), low=-15.0, high=15.0) for k, name in ((0, "x_deg"), (2, "z_deg"))
+            Column(name=name, unit=DEG, load=Tilt(k), low=-15.0, high=15.0)
+            for k, name in ((0, "x_deg"), (2, "z_deg"))
         )
-        yield Candidate("gravity_tilt", ("world",), columns)
+        yield Candidate(kind="gravity_tilt", where=("world",), columns=columns)
 
 
 EFFECTS = (
-    Effect("plate_bias", "something constant is added to what the plate measures", propose_plate_biases),
-    Effect("plate_gain", "the plate measures a multiple of the true force", propose_plate_gains),
     Effect(
-        "plate_position",
-        "the plate lies elsewhere, so that its centre of pressure is shifted",
-        propose_plate_positions,
+        kind="plate_bias",
+        meaning="something constant is added to what the plate measures",
+        candidates=propose_plate_biases,
     ),
-    Effect("plate_rotation", "the plate is turned", propose_plate_rotations),
-    Effect("force_delay", "the forces come later (or earlier) than the markers", propose_force_delays),
-    Effect("gravity_tilt", "the laboratory's vertical is not vertical", propose_gravity_tilt),
+    Effect(
+        kind="plate_gain",
+        meaning="the plate measures a multiple of the true force",
+        candidates=propose_plate_gains,
+    ),
+    Effect(
+        kind="plate_position",
+        meaning="the plate lies elsewhere, so that its centre of pressure is shifted",
+        candidates=propose_plate_positions,
+    ),
+    Effect(kind="plate_rotation", meaning="the plate is turned", candidates=propose_plate_rotations),
+    Effect(
+        kind="force_delay",
+        meaning="the forces come later (or earlier) than the markers",
+        candidates=propose_force_delays,
+    ),
+    Effect(
+        kind="gravity_tilt",
+        meaning="the laboratory's vertical is not vertical",
+        candidates=propose_gravity_tilt,
+    ),
 )

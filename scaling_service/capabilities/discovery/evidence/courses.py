@@ -24,7 +24,7 @@ _RATE = 4.0  # frames looked at per period of the filter; chosen: products of wh
 _ROUNDS = 10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FreeCourse:
     """Three spots in one trial: what the residuals say of three directions in every frame."""
 
@@ -38,7 +38,11 @@ class FreeCourse:
         """A block of it."""
         part = slice(-(-rows.start // self.every), -(-rows.stop // self.every))
         return FreeCourse(
-            self.slope[part], self.curvature[part], self.square[part], self.freedom[part], self.every
+            slope=self.slope[part],
+            curvature=self.curvature[part],
+            square=self.square[part],
+            freedom=self.freedom[part],
+            every=self.every,
         )
 
     @property
@@ -71,7 +75,12 @@ def solve_courses(
         return np.asarray(every * squares)
 
     raw = np.sum(map_parallel(fill, range(0, len(gaps), _CHUNK)), axis=0)
-    found = [FreeCourse(slopes[:, g], curvatures[:, g], square, freedom, every) for g in range(groups)]
+    found = [
+        FreeCourse(
+            slope=slopes[:, g], curvature=curvatures[:, g], square=square, freedom=freedom, every=every
+        )
+        for g in range(groups)
+    ]
     return found, raw.reshape(groups, 3).max(axis=1)
 
 

@@ -40,7 +40,7 @@ class Recording:
     contacts: ContactAssignment | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SearchContext:
     """What a search is about, and what it keeps: the model it started from, recordings, settings, caches.
 
@@ -54,7 +54,7 @@ class SearchContext:
     advance: Callable[[], None] = report_nothing
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Fit:
     """What is assumed of the body and the recordings, and how well it follows them."""
 
@@ -104,7 +104,9 @@ class Fit:
         )
         plates = dict.fromkeys(name for item in self.wrenches for name in _list_loaded(item))
         trials, wrenches = (tuple(item.name for item in items) for items in (self.tracked, self.wrenches))
-        return Scene(model, names, moving, trials, tuple(plates), wrenches)
+        return Scene(
+            model=model, markers=names, moving=moving, trials=trials, plates=tuple(plates), wrenches=wrenches
+        )
 
 
 def fit_recordings(
@@ -122,7 +124,15 @@ def fit_recordings(
 
     found = tuple(map_parallel(track_again, context.recordings))
     context.advance()
-    return fit_wrenches(Fit(context, tuple(free), tuple(effects), found, near.wrenches if near else ()))
+    return fit_wrenches(
+        Fit(
+            context=context,
+            free=tuple(free),
+            effects=tuple(effects),
+            tracked=found,
+            wrenches=near.wrenches if near else (),
+        )
+    )
 
 
 def fit_wrenches(fit: Fit) -> Fit:
@@ -155,11 +165,11 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
     here = [s for s in fit.estimates if s.candidate.holds_in(item.name)]
     made = WrenchFit(
-        item,
-        with_inertial_changes(fit.model_in(item.name), here, item.name),
-        replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
-        tilt_gravity(here),
-        tuple(list_loads(here, Wobbling)),
+        tracked=item,
+        model=with_inertial_changes(fit.model_in(item.name), here, item.name),
+        contacts=replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
+        gravity=tilt_gravity(here),
+        oscillating=tuple(list_loads(here, Wobbling)),
         known_covariance=noise,
         cache=fit.context.cache,
     )

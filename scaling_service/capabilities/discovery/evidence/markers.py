@@ -64,7 +64,13 @@ class Markers(Observation[TrackedTrial]):
                 known.append((item, generators))
             here = products.of_columns(layout.active_in(item.name), layout.rough)
             step = _choose_step(item, items, layout, block_s)
-            made = _Columns(item, generators, here, evaluate_profiles(profiles, item), step)
+            made = _Columns(
+                item=item,
+                generators=generators,
+                products=here,
+                values=evaluate_profiles(profiles, item),
+                step=step,
+            )
             strays = list(made.strays(profiles, layout)) if layout.sizes.any() else []
             for stretch in made.stretches(item.blocks(block_s)):
                 block, *by_chance = (partial(one.blocks, stretch) for one in (made, *strays))
@@ -169,7 +175,7 @@ class _Freed(NamedTuple):
         return _Freed(left, hidden, values, self.residuals[some], self.square[some], self.numbers[some])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Columns:
     """Columns of one trial, of generators (spots) and values (n_profiles, n) of profiles."""
 

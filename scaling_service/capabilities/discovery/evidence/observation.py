@@ -24,7 +24,7 @@ from scaling_service.numerics.multibody.laws import Array
 Item = TypeVar("Item", TrackedTrial, WrenchFit)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Tally:
     """Squares of residuals and of their floors: places of one observation against blocks of time."""
 
@@ -150,4 +150,11 @@ class Observation(ABC, Generic[Item]):
         if not rows:
             return None
         table = np.array(rows)
-        return Tally(self.places(fit), table[:, 0], table[:, 1], table[:, 2], tuple(trials), tuple(starts))
+        return Tally(
+            places=self.places(fit),
+            square=table[:, 0],
+            floor=table[:, 1],
+            frames=table[:, 2],
+            trials=tuple(trials),
+            starts=tuple(starts),
+        )

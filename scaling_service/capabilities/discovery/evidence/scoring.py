@@ -23,7 +23,7 @@ from scaling_service.capabilities.discovery.observations.tracked import TrackedT
 from scaling_service.numerics.multibody.laws import Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ScoredCandidate:
     """What could be the next effect."""
 
@@ -79,7 +79,7 @@ def score_gathered(evidence: Evidence, choice: Sequence[Candidate]) -> list[Scor
     for k, fitted in keep_likely(evidence, choice):
         gains = explain(evidence, k, select_fitting_blocks(evidence.blocks, choice[k])).gains
         held_out = try_held_out(evidence, k, choice[k], fitted.by_chance / max(len(fitted.size), 1))
-        found.append(ScoredCandidate(choice[k], fitted, gains, held_out))
+        found.append(ScoredCandidate(candidate=choice[k], fitted=fitted, gains=gains, held_out=held_out))
     return found
 
 

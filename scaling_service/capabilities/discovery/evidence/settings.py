@@ -14,7 +14,7 @@ IDENTIFIABLE = 1e-3
 change of 10 mm shows as 0.3 mm, no more than the model's curvature leaves)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DiscoverySettings:
     """How strict the search is.
 

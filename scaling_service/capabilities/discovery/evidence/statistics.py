@@ -38,7 +38,7 @@ _FEWEST = 3
 """Blocks from which a spread of gains is estimated (chosen: one degree of freedom more than needed)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fitted:
     """One candidate, fitted to some blocks."""
 
@@ -53,7 +53,14 @@ class Fitted:
     @classmethod
     def of_any_course(cls, gain: float, by_chance: float, p: float) -> Fitted:
         """Of what has no columns, for its course is not known."""
-        return cls(np.zeros(0), np.zeros((0, 0)), gain, by_chance, p, 1.0)
+        return cls(
+            size=np.zeros(0),
+            covariance=np.zeros((0, 0)),
+            gain=gain,
+            by_chance=by_chance,
+            p=p,
+            identifiable=1.0,
+        )
 
     @property
     def expected(self) -> float:
@@ -74,7 +81,9 @@ class Fitted:
         return np.asarray(wider**2 * self.covariance)
 
 
-NOTHING = Fitted(np.zeros(0), np.zeros((0, 0)), 0.0, 0.0, 1.0, 0.0)
+NOTHING = Fitted(
+    size=np.zeros(0), covariance=np.zeros((0, 0)), gain=0.0, by_chance=0.0, p=1.0, identifiable=0.0
+)
 
 
 def fit_each(evidence: Evidence, candidates: Sequence[Candidate]) -> tuple[Fitted, ...]:
@@ -142,11 +151,26 @@ def fit_columns(scores: Array, own: Array, raw: Array, blocks: Sequence[Block] =
             freedom, by_chance, variance = few, rank * strays, strays * np.eye(rank)
     size = inverse @ scores.sum(axis=0)
     if not np.isfinite(by_chance):
-        return Fitted(size, np.zeros_like(inverse), gain, by_chance, p, identifiable)
+        return Fitted(
+            size=size,
+            covariance=np.zeros_like(inverse),
+            gain=gain,
+            by_chance=by_chance,
+            p=p,
+            identifiable=identifiable,
+        )
     covariance = directions @ variance @ directions.T
     shown = _share_shown(directions, raw) > _DETERMINED
     covariance *= np.outer(shown, shown)
-    return Fitted(size, covariance, gain, by_chance, p, identifiable, freedom)
+    return Fitted(
+        size=size,
+        covariance=covariance,
+        gain=gain,
+        by_chance=by_chance,
+        p=p,
+        identifiable=identifiable,
+        freedom=freedom,
+    )
 
 
 def _is_most_explained(gain: float, blocks: Sequence[Block]) -> bool:

@@ -25,7 +25,7 @@ from scaling_service.numerics.multibody.laws import Array
 _KEPT = 4  # chosen: the two halves of what is folded, of motion and of forces
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Block:
     """Sums over a block of time of one trial."""
 
@@ -138,7 +138,15 @@ class BlockSource:
             freedom += weight * numbers
         crossed = own[:known] if layout.together else cross
         raw += layout.squares(own, crossed)
-        return Block(self.trial, self.role, scores, crossed, own, square, freedom), raw
+        return Block(
+            trial=self.trial,
+            role=self.role,
+            scores=scores,
+            cross=crossed,
+            own=own,
+            square=square,
+            freedom=freedom,
+        ), raw
 
 
 def _without(block: Block, drawn: Sequence[Block]) -> Block:
@@ -174,7 +182,7 @@ def invert_curvature(curvature: Array, raw: Array) -> tuple[Array, float, Array]
     return directions @ directions.T, float(value.max(initial=0.0)), directions
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Layout:
     """The columns of nuisances (first) and candidates, and whose products with each other are wanted."""
 
@@ -204,7 +212,15 @@ class Layout:
         edges = np.cumsum([count, *(len(candidate.columns) for candidate in candidates)])
         freed_of = {column: size for s in known for column, size in s.columns if any(column.oscillators)}
         sizes = np.array([freed_of.get(column, 0.0) for column in columns])
-        return cls(columns, owners, count, edges, together, rough, sizes)
+        return cls(
+            columns=columns,
+            owners=owners,
+            nuisances=count,
+            edges=edges,
+            together=together,
+            rough=rough,
+            sizes=sizes,
+        )
 
     @property
     def groups(self) -> tuple[slice, ...]:

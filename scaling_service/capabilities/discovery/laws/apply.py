@@ -74,7 +74,7 @@ def _with_freedom(model: BodyModel, free: FreeMotion, name: str) -> BodyModel:
     """A coordinate of its own for a motion that the model locked."""
     joint = Joint(free.kind, free.axis, Law.of(name))
     model = put_joint(model, free.segment, free.at, joint)
-    return replace(model, coordinates=(*model.coordinates, Coordinate(name, free.kind)))
+    return replace(model, coordinates=(*model.coordinates, Coordinate(name=name, kind=free.kind)))
 
 
 def correct_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:

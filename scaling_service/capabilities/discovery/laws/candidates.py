@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -45,6 +45,7 @@ class Column:
 
     name: str  # as the results call it: ``x_mm``
     unit: float  # the number in the results for a coefficient of one (SI, rad)
+    _: KW_ONLY
     parts: tuple[Part, ...] = ()  # of the motion
     neutral: float = 0.0  # the number in the results where the effect is absent: 1 for a factor
     load: Load | None = None  # of the ground wrench, in place of parts
@@ -133,6 +134,7 @@ class Candidate:
     kind: str  # the catalogue's name
     where: tuple[str, ...]  # markers, segments, joints or plates
     columns: tuple[Column, ...]
+    _: KW_ONLY
     driver: tuple[str, ...] = ()  # the coordinates that it follows
     trials: tuple[str, ...] = ()  # those in which it is; all of them unless given
     note: str = ""  # what a person should know of this one: the frequency it was tried at
@@ -242,4 +244,4 @@ def _differentiate_shape(effect: Estimate, pair: tuple[float, float], k: int) ->
         load = Between(high.load, low.load, factor)
     up = tuple(replace(part, gain=factor * part.gain) for part in high.parts)
     down = tuple(replace(part, gain=-factor * part.gain) for part in low.parts)
-    return Column(SHAPES[k], 1.0, (*up, *down), load=load)
+    return Column(name=SHAPES[k], unit=1.0, parts=(*up, *down), load=load)

@@ -15,7 +15,7 @@ _SOFT = 0.2
 epicondyles and malleoli lie at 0.10 to 0.18, clusters at 0.22 and more)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
     """The body and what the recordings show of it."""
 

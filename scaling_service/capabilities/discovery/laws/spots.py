@@ -175,7 +175,15 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
         else:
             names.append(f"spot.{k}")
             model = spot.put(model, Law((Term(1.0, parameter=names[-1]),)))
-            added = Parameter(names[-1], 0.0, "1", -_OPEN, _OPEN, "effect", names[-1])
+            added = Parameter(
+                name=names[-1],
+                value=0.0,
+                unit="1",
+                lower=-_OPEN,
+                upper=_OPEN,
+                group="effect",
+                target=names[-1],
+            )
             model = replace(model, parameters=(*model.parameters, added))
     return model, tuple(names)
 

@@ -21,7 +21,7 @@ from scaling_service.numerics.wrench import compute_regressor_blocks
 _BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class InertialLoads:
     """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here."""
 

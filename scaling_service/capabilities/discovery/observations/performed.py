@@ -147,7 +147,7 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
 def _move_trial(like: TrackedTrial, q: Array, movement: str) -> TrackedTrial:
     times: Array = np.arange(len(q)) / RATE_HZ
     places = pose_markers(like.task.tree, q, like.task.p)
-    trial = Trial(movement, times, like.markers, places, RATE_HZ)
+    trial = Trial(name=movement, times=times, labels=like.markers, markers=places, rate_hz=RATE_HZ)
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
 
 
@@ -219,12 +219,12 @@ def _share_wrench(
         moments.append(np.cross(place, share * force) + share * free)
         places.append(place.mean(axis=0))
     return GroundForces(
-        made.name,
-        made.times,
-        tuple(sides),
-        np.stack(loads, axis=1),
-        np.stack(moments, axis=1),
-        np.array(places),
-        np.tile(_UP, (len(sides), 1)),
+        name=made.name,
+        times=made.times,
+        plates=tuple(sides),
+        force=np.stack(loads, axis=1),
+        moment=np.stack(moments, axis=1),
+        surfaces=np.array(places),
+        normals=np.tile(_UP, (len(sides), 1)),
         read=np.ones((len(need), len(sides))),
     )

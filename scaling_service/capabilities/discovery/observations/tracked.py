@@ -75,7 +75,7 @@ class LastingNoise(NamedTuple):
 WHITE = LastingNoise(0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TrackedTrial:
     """One trial, and the motion with which the model tracks it best."""
 
@@ -91,7 +91,13 @@ class TrackedTrial:
         plain = Task.of(model, trial, bounded=False)
         floor = estimate_marker_noise(plain.measured)
         task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor))
-        return cls(trial, role, task, solve_task(task, trial.times, _carry_over_motion(task, near)).q, floor)
+        return cls(
+            trial=trial,
+            role=role,
+            task=task,
+            q=solve_task(task, trial.times, _carry_over_motion(task, near)).q,
+            floor=floor,
+        )
 
     @property
     def name(self) -> str:
@@ -241,7 +247,7 @@ class TrackedTrial:
         key = (gravity.tobytes(), cutoff_hz)
         if key not in self._inertial_loads:
             self._inertial_loads[key] = InertialLoads(
-                self.task.model, self.trial.times, self.q, gravity, cutoff_hz
+                model=self.task.model, times=self.trial.times, q=self.q, gravity=gravity, cutoff_hz=cutoff_hz
             )
         return self._inertial_loads[key]
 

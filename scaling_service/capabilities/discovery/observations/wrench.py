@@ -65,7 +65,7 @@ class ContactAssignment:
     columns: dict[Load, Array] = field(init=False, default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class WrenchFit:
     """One trial with forces, its motion and what is left between the two."""
 

@@ -88,10 +88,12 @@ def discover(
     TrialUnusable
         A trial shows no marker of the model.
     """
-    steps = Steps(progress or show_nothing)
+    steps = Steps(report=progress or show_nothing)
     steps.begin("following the recordings", 0.0, _DONE)
-    before = fit_recordings(SearchContext(model, recordings, settings, advance=steps.advance), free)
-    search = Search(estimate(before, (), ROUGHLY) if free else before, steps)
+    before = fit_recordings(
+        SearchContext(model=model, recordings=recordings, settings=settings, advance=steps.advance), free
+    )
+    search = Search(fit=estimate(before, (), ROUGHLY) if free else before, steps=steps)
     scored = search.finish()
     steps.begin("settling all numbers", _SETTLING, _MEASURING)
     named, fit = drop_predictable(search.named, search.fit, before)
@@ -111,7 +113,7 @@ def discover(
     return Discovery(findings, before, fit)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, kw_only=True)
 class Search:
     """What was named so far, and what was tried without success."""
 

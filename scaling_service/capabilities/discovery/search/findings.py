@@ -23,7 +23,7 @@ def classify_place(place: str) -> Observable:
     return "force" if place.startswith("f") else "moment"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
     """Where simulation and measurement differ, before anything was added."""
 
@@ -38,7 +38,7 @@ class Disagreement:
     along: str = ""  # the coordinate that it follows best, if any, and how
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NamedEffect:
     """An effect that passed."""
 
@@ -76,7 +76,7 @@ class NamedEffect:
         return self.effect.candidate.key
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
     """Before and after, between what noise leaves and what is not explained."""
 
@@ -101,7 +101,7 @@ class Gap:
     absorbed: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
     """What is left above the floor and matches no effect."""
 
@@ -112,7 +112,7 @@ class Unexplained:
     floor: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Findings:
     """The whole story."""
 

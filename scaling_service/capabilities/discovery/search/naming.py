@@ -38,13 +38,13 @@ def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> N
     effect = Estimate(candidate, scored.fitted.size)
     equivalents = find_equivalents(scored, among.best, settings.equivalence_level)
     return NamedEffect(
-        effect,
-        scored.fitted.spread,
-        scored.fitted,
-        scored.p_family(among.count),
-        scored.held_out,
-        find_smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
-        equivalents,
+        effect=effect,
+        covariance=scored.fitted.spread,
+        fitted=scored.fitted,
+        p_family=scored.p_family(among.count),
+        held_out=scored.held_out,
+        smallest=find_smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
+        equivalents=equivalents,
         rivals=tuple(o.candidate for o in among.best if _are_comparable(o.candidate, candidate)),
     )
 

@@ -93,7 +93,12 @@ def _find_best(fit: Fit, laws: Iterable[Candidate], tries: int) -> _Pair | None:
 
 
 def _join_pair(one: Candidate, other: Candidate) -> Candidate:
-    return Candidate("pair", one.where, (*one.columns, *other.columns), note=f"{one.name} and {other.name}")
+    return Candidate(
+        kind="pair",
+        where=one.where,
+        columns=(*one.columns, *other.columns),
+        note=f"{one.name} and {other.name}",
+    )
 
 
 def _name_both(pair: _Pair, fit: Fit, name: Name, tries: int) -> list[NamedEffect]:

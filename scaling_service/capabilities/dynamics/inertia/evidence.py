@@ -39,7 +39,7 @@ class ForceRecording:
         return self.dynamics.find_used(self.frames)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Evidence:
     """Normal equations of the ground wrench about the root's origin, for each component by itself."""
 
@@ -75,7 +75,14 @@ def gather_evidence(model: BodyModel, recording: ForceRecording) -> Evidence:
         slope += np.einsum("cnp,nc->cp", by_component, error)
     repeats = np.array([count_repeats(errors[:, c]) for c in range(N_COMPONENTS)])
     squares = np.nansum(errors**2, axis=0)
-    return Evidence(dynamics.trial, int(used.sum()), curvature, slope, squares, repeats)
+    return Evidence(
+        trial=dynamics.trial,
+        frames=int(used.sum()),
+        curvature=curvature,
+        slope=slope,
+        squares=squares,
+        repeats=repeats,
+    )
 
 
 def count_repeats(errors: Array) -> float:

@@ -142,15 +142,21 @@ def identify_inertia(
         model, Inertias.of_parameters(prior.mean + solution.change.reshape(-1, N_PARAMETERS))
     )
     result = InertialIdentification(
-        changed,
-        describe_parameters(model, changed, prior, solution),
-        describe_combinations(prior, solution),
-        tuple(
-            WrenchFit(e.trial, out, e.frames, e.rms(np.zeros_like(solution.change)), e.rms(solution.change))
+        model=changed,
+        parameters=describe_parameters(model, changed, prior, solution),
+        combinations=describe_combinations(prior, solution),
+        fits=tuple(
+            WrenchFit(
+                trial=e.trial,
+                held_out=out,
+                frames=e.frames,
+                before=e.rms(np.zeros_like(solution.change)),
+                after=e.rms(solution.change),
+            )
             for e, out in [*((e, False) for e in evidence), *((e, True) for e in checks)]
         ),
-        tuple(components.tolist()),
-        np.where(components, solution.noise, np.nan),
+        components=tuple(components.tolist()),
+        noise=np.where(components, solution.noise, np.nan),
     )
     return replace(result, warnings=(*of_components, *repaired, *_warn(result, settings)))
 
@@ -218,7 +224,13 @@ def _solve(
             field="forces",
             remedy="Check the units of the forces and that markers and forces are of one recording",
         )
-    return Solution(prior.scale @ directions @ moves, directions, gains[kept], moves, size * assumed)
+    return Solution(
+        change=prior.scale @ directions @ moves,
+        directions=directions,
+        gains=gains[kept],
+        moves=moves,
+        noise=size * assumed,
+    )
 
 
 def _warn(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
@@ -230,8 +242,7 @@ def _warn(result: InertialIdentification, settings: IdentificationSettings) -> I
     if surprises:
         yield (
             f"{list_few(surprises)} moved by more than {SURPRISING:g} standard deviations of the tables: "
-            f"doubt "
-            "the motion or the forces first"
+            f"doubt the motion or the forces first"
         )
     ratio = result.relative_error(held_out=True)
     if ratio > WORSE:

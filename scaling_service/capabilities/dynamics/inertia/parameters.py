@@ -47,7 +47,7 @@ class PriorSpread:
     length: float = LENGTH_SD
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InertialPrior:
     """A Gaussian prior of all inertial parameters."""
 
@@ -75,7 +75,9 @@ def make_inertial_prior(
     basis = _find_moving_directions(model.segment_names, sd, symmetric)
     if mass_known:
         basis = basis @ null_space((scale[::N_PARAMETERS].sum(axis=0) @ basis)[None, :])
-    return InertialPrior(model.segment_names, inertias.parameters(), sd, scale, basis)
+    return InertialPrior(
+        segments=model.segment_names, mean=inertias.parameters(), sd=sd, scale=scale, basis=basis
+    )
 
 
 def _list_deviations(inertias: Inertias, spread: PriorSpread) -> Array:
@@ -147,7 +149,7 @@ _REPORTED = np.eye(N_PARAMETERS)
 _REPORTED[4:, 4:] = convert_second_moments()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class InertialParameter:
     """One number of one segment, in SI units."""
 
@@ -190,7 +192,7 @@ class Combination:
     sd: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class WrenchFit:
     """How well the ground wrench of one recording is explained."""
 
@@ -203,7 +205,7 @@ class WrenchFit:
     after: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class InertialIdentification:
     """The inertia that recordings and tables give together."""
 
@@ -233,7 +235,7 @@ class InertialIdentification:
         return float(np.sqrt(after / before))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
     """Where the parameters end, and how well the directions that moved are known."""
 
@@ -263,13 +265,13 @@ def describe_parameters(
         known = learnt > 0.5 * possible  # the variance is more than halved: the recordings outweigh the prior
         found += [
             InertialParameter(
-                segment,
-                QUANTITIES[j],
-                float(old[k, j]),
-                float(new[k, j]),
-                float(np.sqrt(alone[j])),
-                float(sd[j]),
-                bool(known[j]),
+                segment=segment,
+                quantity=QUANTITIES[j],
+                before=float(old[k, j]),
+                after=float(new[k, j]),
+                prior_sd=float(np.sqrt(alone[j])),
+                sd=float(sd[j]),
+                identifiable=bool(known[j]),
             )
             for j in np.flatnonzero(alone > 0.0).tolist()
         ]

@@ -152,7 +152,7 @@ def _differentiate_vectors(
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LinearUncertainty:
     """What linear propagation says of one recording; arrays (6,) as ``WrenchUncertainty`` has them."""
 
@@ -189,7 +189,9 @@ def propagate_linearly(
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
     dispersion = np.array([_compute_dispersion(error, level, errors, indicators) for level in levels])
     slopes, r2, _ = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
-    return LinearUncertainty(error, dr, slopes, 1e2 * error * slopes, r2)
+    return LinearUncertainty(
+        error_m=error, dr=dr, slopes_per_cm=slopes, kinematic=1e2 * error * slopes, r2=r2
+    )
 
 
 def factor_noise(autocovariance: Array) -> Array:

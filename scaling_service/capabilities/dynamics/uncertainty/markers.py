@@ -54,7 +54,7 @@ INDEPENDENT = 2.0
 """Samples per period of the cutoff that are independent after the filter (Nyquist)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerUncertainty:
     """How the markers' errors show in the residual wrench."""
 
@@ -101,11 +101,11 @@ def propagate_marker_errors(
         variance += (own**2).sum(axis=(0, 1, 4)).T + weight.T @ by_segment
         frames.append(block.rows)
     return MarkerUncertainty(
-        names,
-        sizes,
-        np.concatenate(frames),
-        np.concatenate(covariances),
-        variance / variance.sum(axis=0),
+        markers=names,
+        sd_m=sizes,
+        frames=np.concatenate(frames),
+        covariance=np.concatenate(covariances),
+        shares=variance / variance.sum(axis=0),
     )
 
 
@@ -148,10 +148,7 @@ def _filter_residuals(reference: Reference) -> Array:
     known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
     left = np.where(known[:, None], reference.measured - placed, np.nan)
     filtered = filter_butterworth(
-        np.moveaxis(left, -1, 0),
-        rate_hz=low_pass.rate_hz,
-        cutoff_hz=low_pass.cutoff_hz,
-        order=low_pass.order,
+        np.moveaxis(left, -1, 0), rate_hz=low_pass.rate_hz, cutoff_hz=low_pass.cutoff_hz, order=low_pass.order
     )
     return np.asarray(np.moveaxis(filtered.values, 0, -1))
 

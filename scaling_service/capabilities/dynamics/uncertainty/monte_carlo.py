@@ -39,7 +39,7 @@ CHUNK = 125
 _PILOTS = 3  # motions that the largest perturbation is found with; their errors differ by few per cent
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MotionDatabase:
     """Perturbed motions, reduced to what is asked of them."""
 
@@ -74,7 +74,7 @@ def draw_database(
     error, dr = compute_error_and_indicator(reference)
     largest = _find_largest(reference, seed, error, reach + BEYOND)
     rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
-    return MotionDatabase(error, dr, rows[:, 0], rows[:, 1], rows[:, 2:])
+    return MotionDatabase(error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:])
 
 
 def compute_error_and_indicator(reference: Reference) -> tuple[float, Array]:
@@ -187,7 +187,7 @@ class PlateNoise:
     surface_m: float = 0.0  # height of the plates' surface
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Plates:
     """Residual (6, n), and each load's force and lever from the root (k, 3, n), over the frames used.
 
@@ -228,7 +228,14 @@ def _prepare_plates(reference: Reference, noise: PlateNoise) -> _Plates:
     load = np.linalg.norm(force, axis=1)
     sigma = np.where(loaded, np.maximum(noise.share * load, noise.least_n) / SIGMAS, 0.0)[:, None]
     spread = np.where(loaded, noise.centre_m / SIGMAS, 0.0)[:, None]
-    return _Plates(residual[:, used], force, centre - root, sigma, spread, reference.scale)
+    return _Plates(
+        residual=residual[:, used],
+        force=force,
+        lever=centre - root,
+        sigma=sigma,
+        centre=spread,
+        scale=reference.scale,
+    )
 
 
 def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:

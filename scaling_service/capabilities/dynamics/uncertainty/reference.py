@@ -59,7 +59,7 @@ def make_trees(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Se
     return whole, alone
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PointBody:
     """A body model as vectors that move: its net wrench from positions alone, for many perturbed motions.
 
@@ -99,7 +99,14 @@ class PointBody:
             signs[row, 1:][moments < 0] = -1.0
         masses = np.array([s.mass for s in heavy])
         links = whole.marker_link[len(markers) :]
-        return cls(tree, links, list_parameter_values(model), masses, vectors, signs)
+        return cls(
+            tree=tree,
+            links=links,
+            p=list_parameter_values(model),
+            masses=masses,
+            vectors=vectors,
+            signs=signs,
+        )
 
     @cached_property
     def nodes(self) -> NDArray[np.intp]:
@@ -179,7 +186,7 @@ at 256; a block takes 15 MB)."""
 _PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recording:
     """One recording with its external loads."""
 
@@ -194,7 +201,7 @@ class Recording:
     order: int = ORDER
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Reference:
     """The reference data as arrays, frames last."""
 
@@ -241,19 +248,19 @@ class Reference:
         measured, seen = _list_measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
         return cls(
-            motion.trial,
-            PointBody.of(model, motion.markers),
-            LowPass(1.0 / step, recording.cutoff_hz, recording.order),
-            step,
-            np.ascontiguousarray(rated.q.T),
-            _list_varied(model, motion, noise_on),
-            spans,
-            measured,
-            seen,
-            recording.loads,
-            np.where(np.isfinite(external), external, 0.0),
-            used,
-            scale,
+            trial=motion.trial,
+            body=PointBody.of(model, motion.markers),
+            low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
+            step_s=step,
+            q=np.ascontiguousarray(rated.q.T),
+            varied=_list_varied(model, motion, noise_on),
+            spans=spans,
+            measured=measured,
+            seen=seen,
+            loads=recording.loads,
+            external=np.where(np.isfinite(external), external, 0.0),
+            used=used,
+            scale=scale,
         )
 
     @property

@@ -42,7 +42,7 @@ LARGER = np.sqrt(2.0)
 both errors are independent, so the residual's variance is then more than twice the measurement's."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class UncertaintySettings:
     """How uncertainty is sampled."""
 
@@ -73,7 +73,7 @@ class UncertaintySettings:
         return PER_SAMPLE * self.samples if self.motions is None else self.motions
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class WrenchUncertainty:
     """The residual of one recording and its uncertainty, six components each."""
 
@@ -128,17 +128,17 @@ def propagate(
     kinematic = 1e2 * database.error_m * slopes
     total = kinematic + plate
     return WrenchUncertainty(
-        reference.trial,
-        int(reference.used.sum()),
-        database.error_m,
-        database.dr,
-        kinematic,
-        plate,
-        total,
-        slopes,
-        r2,
-        centred,
-        levels,
+        trial=reference.trial,
+        frames=int(reference.used.sum()),
+        reconstruction_error_m=database.error_m,
+        dr=database.dr,
+        kinematic=kinematic,
+        plate=plate,
+        total=total,
+        slopes_per_cm=slopes,
+        r2=r2,
+        r2_centred=centred,
+        levels=levels,
     )
 
 

@@ -40,7 +40,7 @@ Motions = Mapping[str, Mapping[str, Motion]]
 """Method to trial to motion."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Curves:
     """One quantity of one trial by method, mm or degrees, at the times ``x``, s; NaN where unknown."""
 
@@ -51,7 +51,7 @@ class Curves:
     values: Mapping[str, Array]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CycleCurves:
     """A joint angle over the gait cycle, by each method.
 
@@ -86,7 +86,7 @@ def describe_test(test: CurveTest | None) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gait:
     """Joint angles over the gait cycles of one person.
 
@@ -145,7 +145,11 @@ def _make_curves_over_time(
     rows = slice(None, None, max(1, -(-trial.n_frames // MOST_POINTS)))
     known = {method: v[rows] for method, v in values.items() if np.isfinite(v[rows]).any()}
     held_out = trial.name in results.held_out
-    return [Curves(name, trial.name, held_out, trial.times[rows], known)] if known else []
+    return (
+        [Curves(name=name, trial=trial.name, held_out=held_out, x=trial.times[rows], values=known)]
+        if known
+        else []
+    )
 
 
 def make_gait_curves(results: Results, reference: str) -> Gait:
@@ -176,7 +180,9 @@ def _make_gait(results: Results, trials: Sequence[Trial], reference: str, *, hel
                 _make_cycle_curves(angle, degrees[:, :, k], reference, results)
                 for k, angle in enumerate(angles)
             ]
-    return Gait(tuple(curves), reference, tuple(dict.fromkeys(used)), held_out)
+    return Gait(
+        curves=tuple(curves), reference=reference, trials=tuple(dict.fromkeys(used)), held_out=held_out
+    )
 
 
 def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:
@@ -193,8 +199,14 @@ def _make_cycle_curves(angle: str, values: Array, reference: str, results: Resul
         )
         anova = tested.anova
         pairs = {method: pair.test for pair in tested.pairs for method in pair.methods if method != reference}
-    by_method = dict(zip(methods, mean, strict=True)), dict(zip(methods, spread, strict=True))
-    return CycleCurves(angle, *by_method, n, anova, pairs)
+    return CycleCurves(
+        name=angle,
+        mean=dict(zip(methods, mean, strict=True)),
+        sd=dict(zip(methods, spread, strict=True)),
+        n_cycles=n,
+        anova=anova,
+        pairs=pairs,
+    )
 
 
 def _list_angles(results: Results) -> tuple[str, ...]:

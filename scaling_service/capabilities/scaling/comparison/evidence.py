@@ -34,7 +34,7 @@ class Following:
     trials: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MethodEvidence:
     """What is known of one method's model.
 
@@ -112,7 +112,7 @@ class Evidence:
         return tuple(name for name, ends in pairs.items() if set(ends) <= self.imaged)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
     """A limit that a usable model keeps: necessary, not sufficient."""
 
@@ -155,7 +155,7 @@ class ImageAgreement:
         return max((abs(v) for v in (*self.lengths.values(), *self.hips.values())), default=float("nan"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """Which method to use for a person, why, and how far to trust it.
 
@@ -178,8 +178,11 @@ def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) 
 
     Examples
     --------
-    >>> errors = {"hip": KinematicError(0.004, 0.0, 0.004, 0.01, {}, 0.004, 0.004, 1)}
-    >>> average_errors(errors, ["hip", "walk"])
+    >>> error = KinematicError(
+    ...     mean=0.004, sd=0.0, rms=0.004, max=0.01, per_marker={}, anatomical_mean=0.004,
+    ...     tracking_mean=0.004, n_frames=1,
+    ... )
+    >>> average_errors({"hip": error}, ["hip", "walk"])
     Following(mean=0.004, rms=0.004, max=0.01, trials=1)
     """
     known = [errors[name] for name in trials if name in errors and not math.isnan(errors[name].mean)]

@@ -58,8 +58,12 @@ def list_gates(evidence: Evidence) -> tuple[Gate, ...]:
         if judged is not None:
             held_out = method.held_out is not None
             found += [
-                Gate(method.method, "rms", judged.rms, RMS_LIMIT, held_out),
-                Gate(method.method, "max", judged.max, MAX_LIMIT, held_out),
+                Gate(
+                    method=method.method, quantity="rms", value=judged.rms, limit=RMS_LIMIT, held_out=held_out
+                ),
+                Gate(
+                    method=method.method, quantity="max", value=judged.max, limit=MAX_LIMIT, held_out=held_out
+                ),
             ]
     return tuple(found)
 

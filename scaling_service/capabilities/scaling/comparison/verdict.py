@@ -63,10 +63,11 @@ def judge(evidence: Evidence) -> Verdict:
     --------
     >>> from scaling_service.capabilities.scaling.comparison.evidence import Following
     >>> near, far = Following(0.004, 0.005, 0.012, 2), Following(0.009, 0.011, 0.025, 2)
-    >>> found = judge(Evidence((
-    ...     MethodEvidence("EB", from_images=True, fitted=far, held_out=far),
-    ...     MethodEvidence("EB_am", "EB", from_images=True, fitted=near, held_out=near, parameters=50),
-    ... ), frozenset({"hip_r", "knee_r", "ankle_r"})))
+    >>> bones = MethodEvidence(method="EB", from_images=True, fitted=far, held_out=far)
+    >>> fitted = MethodEvidence(
+    ...     method="EB_am", start="EB", from_images=True, fitted=near, held_out=near, parameters=50
+    ... )
+    >>> found = judge(Evidence((bones, fitted), frozenset({"hip_r", "knee_r", "ankle_r"})))
     >>> found.method, found.strength
     ('EB_am', 'decided')
     """

@@ -64,7 +64,9 @@ def choose_calibration_frames(
         )
     chosen = usable[np.unique(np.linspace(0, len(usable) - 1, min(count, len(usable))).round().astype(int))]
     clock = np.arange(len(chosen), dtype=float)  # several trials: their order is all they share
-    recording = Trial("calibration", clock, tuple(markers), measured[chosen], 1.0)
+    recording = Trial(
+        name="calibration", times=clock, labels=tuple(markers), markers=measured[chosen], rate_hz=1.0
+    )
     return CalibrationFrames(recording, _number_blocks(trials)[chosen])
 
 
@@ -79,7 +81,7 @@ _ROUNDS = 12  # chosen: the weight of the prior settles in three or four
 _SETTLED = 0.1  # chosen: relative change of the noise that no longer matters
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fit:
     """The bordered problem of one calibration, and where it starts."""
 
@@ -102,19 +104,21 @@ class Fit:
         upper = np.array([p.upper for p in freed.parameters])
         wide = [np.inf if p.prior_sd is None or not settings.prior else p.prior_sd for p in freed.parameters]
         problem = Problem(
-            task.tree,
-            task.measured,
-            task.weights,
-            np.flatnonzero(task.free),
-            np.arange(len(freed.parameters)),
-            0.5 * (upper - lower),
-            lower,
-            upper,
-            np.zeros(len(freed.parameters)),
-            task.bounds,
+            tree=task.tree,
+            measured=task.measured,
+            weights=task.weights,
+            coordinates=np.flatnonzero(task.free),
+            parameters=np.arange(len(freed.parameters)),
+            scale=0.5 * (upper - lower),
+            lower=lower,
+            upper=upper,
+            prior_weight=np.zeros(len(freed.parameters)),
+            coordinate_bounds=task.bounds,
             loss=loss,
         )
-        return cls(task, problem, q0, task.p, np.array(wide), frames.blocks)
+        return cls(
+            task=task, problem=problem, q0=q0, p0=task.p, prior_sd=np.array(wide), blocks=frames.blocks
+        )
 
     def with_prior(self, variance: float) -> Fit:
         """The same fit with the prior weighed against this noise (m2)."""
@@ -142,7 +146,7 @@ class Fitted:
 def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
-    solution = Solution(fit.q0, fit.p0, np.inf, 0, Outcome.MAX_STEPS)
+    solution = Solution(q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=Outcome.MAX_STEPS)
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
@@ -172,7 +176,7 @@ def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | No
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:
             outcome = Outcome.CONVERGED
-    return Fitted(fit, Solution(q, p, cost, loop, outcome), fit.noise(q, p))
+    return Fitted(fit, Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
 
 
 STRATEGIES = {"joint": fit_together, "alternating": fit_in_turn}

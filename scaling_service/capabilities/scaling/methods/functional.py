@@ -117,7 +117,7 @@ class Posture:
         """The posture as a recording of one frame."""
         labels = tuple(self.points)
         places = np.array([self.points[label] for label in labels]).reshape(1, -1, 3)
-        return Trial("posture", np.zeros(1), labels, places, 1.0)
+        return Trial(name="posture", times=np.zeros(1), labels=labels, markers=places, rate_hz=1.0)
 
 
 HIP_RANGE_DEG = 20.0

@@ -51,7 +51,7 @@ from scaling_service.numerics.multibody.rigid import rotate_about
 _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Leg:
     """One leg as imaged: frames of thigh and shank, and the knee's axis in the thigh."""
 
@@ -72,7 +72,7 @@ def _measure_leg(evidence: ImageEvidence, side: str) -> _Leg:
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
     tibia = _carry_shank(femur, knee, ankle, tilt)
     local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
-    return _Leg(femur, tibia, _to_vector(local[0]), _to_vector(local[1]), tilt)
+    return _Leg(femur=femur, tibia=tibia, knee=_to_vector(local[0]), ankle=_to_vector(local[1]), tilt=tilt)
 
 
 def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
@@ -168,10 +168,10 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
         for name in model.segment_names
     }
     return Calibration(
-        "EB",
-        model,
-        start.generic,
-        factors,
+        method="EB",
+        model=model,
+        generic=start.generic,
+        scale_factors=factors,
         warnings=(*start.warnings, *_list_osim_notes(found, sides, imaged_bones, placed)),
         image_poses=found.poses,
         bone_sized={name: "own" if name in imaged_bones else "other leg" for name in found.ratios},
@@ -287,7 +287,7 @@ def _to_vector(values: Array) -> Vector:
     return (x, y, z)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImageBased:
     """Joint centres, knee axes and markers from images, the rest from markers."""
 
@@ -354,11 +354,11 @@ class ImageBased:
             model = place_on(model, standing, frozenset(model.segment_names) - seen)
         notes += [*_list_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
         return Calibration(
-            "EB",
-            model,
-            start.generic,
-            _list_factors(start, model),
-            tilts,
+            method="EB",
+            model=model,
+            generic=start.generic,
+            scale_factors=_list_factors(start, model),
+            axis_tilts=tilts,
             wall_s=time.perf_counter() - clock,
             warnings=tuple(notes),
             image_poses={

@@ -87,11 +87,11 @@ def scale_linearly(
     model, more = _with_markers(model, session, standing, centres)
     notes.extend(more)
     return Calibration(
-        "MB",
-        model,
-        session.model,
-        factors,
-        tilts,
+        method="MB",
+        model=model,
+        generic=session.model,
+        scale_factors=factors,
+        axis_tilts=tilts,
         wall_s=time.perf_counter() - clock,
         warnings=tuple(notes),
         sizes={} if sizing is None else sizing.sizes,
@@ -207,7 +207,7 @@ def _pair_factor(
     return float(np.mean(ratios))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MarkerBased:
     """Linear scaling from marker distances."""
 

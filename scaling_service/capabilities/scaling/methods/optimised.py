@@ -42,15 +42,7 @@ from scaling_service.numerics.least_squares.estimator import (
 )
 from scaling_service.numerics.multibody.laws import Array
 
-SELECTED_COORDINATES = {
-    "PSIS": "xz",
-    "ASIS": "xz",
-    "LFE": "",
-    "MFE": "xz",
-    "FH": "xz",
-    "LM": "",
-    "MM": "x",
-}
+SELECTED_COORDINATES = {"PSIS": "xz", "ASIS": "xz", "LFE": "", "MFE": "xz", "FH": "xz", "LM": "", "MM": "x"}
 """Local coordinates that MB_lam frees, by landmark without its side (Puchaud 2019, table 1)."""
 
 OTHER_COORDINATES = "xz"
@@ -173,14 +165,14 @@ def _list_parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[Es
         known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
         found.append(
             EstimatedParameter(
-                parameter.name,
-                float(p[k]),
-                parameter.unit,
-                float(doubt.sd[k]),
-                at_bound,
-                known,
-                parameter.group,
-                parameter.target,
+                name=parameter.name,
+                value=float(p[k]),
+                unit=parameter.unit,
+                sd=float(doubt.sd[k]),
+                at_bound=at_bound,
+                identifiable=known,
+                group=parameter.group,
+                target=parameter.target,
             )
         )
     return tuple(found)
@@ -242,7 +234,7 @@ def _list_warnings(
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Optimised:
     """Optimisation from another method's model."""
 
@@ -297,40 +289,40 @@ class Optimised:
         warnings = [*start.warnings, *self._note_kept_knees(start.model)]
         warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
         return Calibration(
-            self.name,
-            fold(freed, values),
-            start.generic,
-            _list_factors(start, values),
-            _list_tilts(start, values),
-            estimated,
-            fit.error(solution),
-            solution.steps,
-            time.perf_counter() - clock,
-            tuple(warnings),
-            start.image_poses,
-            {} if self.freedom.lengths else start.sizes,
-            start.centres,
-            start.bone_sized,
-            start.joint_moves,
+            method=self.name,
+            model=fold(freed, values),
+            generic=start.generic,
+            scale_factors=_list_factors(start, values),
+            axis_tilts=_list_tilts(start, values),
+            parameters=estimated,
+            cost=fit.error(solution),
+            iterations=solution.steps,
+            wall_s=time.perf_counter() - clock,
+            warnings=tuple(warnings),
+            image_poses=start.image_poses,
+            sizes={} if self.freedom.lengths else start.sizes,
+            centres=start.centres,
+            bone_sized=start.bone_sized,
+            joint_moves=start.joint_moves,
         )
 
 
 MB_LAM = Optimised(
-    "MB_lam",
-    "lengths, knee axes and selected marker coordinates fitted to movement",
-    "MB",
-    Freedom(lengths=True, all_markers=False),
+    name="MB_lam",
+    title="lengths, knee axes and selected marker coordinates fitted to movement",
+    needs="MB",
+    freedom=Freedom(lengths=True, all_markers=False),
 )
 MB_AM = Optimised(
-    "MB_am",
-    "knee axes and all marker coordinates fitted to movement",
-    "MB",
-    Freedom(lengths=False, all_markers=True),
+    name="MB_am",
+    title="knee axes and all marker coordinates fitted to movement",
+    needs="MB",
+    freedom=Freedom(lengths=False, all_markers=True),
 )
 EB_AM = Optimised(
-    "EB_am",
-    "knee axes and all marker coordinates of the image-based model fitted to movement",
-    "EB",
-    Freedom(lengths=False, all_markers=True),
+    name="EB_am",
+    title="knee axes and all marker coordinates of the image-based model fitted to movement",
+    needs="EB",
+    freedom=Freedom(lengths=False, all_markers=True),
     needs_images=True,
 )

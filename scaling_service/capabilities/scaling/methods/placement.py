@@ -184,7 +184,13 @@ def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
     shown = find_shown(chosen)
     mean = np.full(chosen.shape[1:], np.nan)
     mean[shown] = np.nanmean(chosen[:, shown], axis=0)
-    return Trial(trial.name, trial.times[rows][:1], trial.labels, mean[None], trial.rate_hz)
+    return Trial(
+        name=trial.name,
+        times=trial.times[rows][:1],
+        labels=trial.labels,
+        markers=mean[None],
+        rate_hz=trial.rate_hz,
+    )
 
 
 def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:

@@ -48,4 +48,9 @@ def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
 
 
 def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
-    return Table(name, ("time", *columns), np.column_stack([times, *columns.values()]), in_degrees=False)
+    return Table(
+        name=name,
+        columns=("time", *columns),
+        data=np.column_stack([times, *columns.values()]),
+        in_degrees=False,
+    )

@@ -132,10 +132,10 @@ def _tabulate_tests(tested: Sequence[CycleCurves], gait: Gait) -> Table:
         cells = [str(curve.n_cycles), p, describe_spans(test.spans), "; ".join(pairs) or "not tested"]
         rows.append(Row(spell_name(curve.name), cells))
     return Table(
-        "Do the methods differ along the curve?",
-        ["angle", "cycles", "p", "where, % of the cycle", f"pairs with {gait.reference}"],
-        rows,
-        "Statistical parametric mapping by permutation; pairs share 5 % (Bonferroni).",
+        caption="Do the methods differ along the curve?",
+        columns=["angle", "cycles", "p", "where, % of the cycle", f"pairs with {gait.reference}"],
+        rows=rows,
+        note="Statistical parametric mapping by permutation; pairs share 5 % (Bonferroni).",
         words=True,
     )
 
@@ -326,7 +326,11 @@ def _build_scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
     ]
     totals.append(_make_row("GPS, both sides", [d.gps_deg for d in documents]))
     if any(totals):
-        yield Table("Gait Profile Score by method, degrees", columns, [row for row in totals if row])
+        yield Table(
+            caption="Gait Profile Score by method, degrees",
+            columns=columns,
+            rows=[row for row in totals if row],
+        )
     rows = [
         _make_row(
             f"{WAYS[angle][0]}, {_SIDES[s][0]}", [None if x is None else x.gvs_deg.get(angle) for x in of]
@@ -334,7 +338,9 @@ def _build_scores(found: Mapping[str, ClinicalDocument]) -> Iterator[Block]:
         for s, of in sides.items()
         for angle in VARIABLES
     ]
-    table = Table("Gait Variable Scores by method, degrees", columns, [row for row in rows if row])
+    table = Table(
+        caption="Gait Variable Scores by method, degrees", columns=columns, rows=[row for row in rows if row]
+    )
     yield Details("The scores of each angle", [table])
 
 

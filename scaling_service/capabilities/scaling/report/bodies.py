@@ -107,7 +107,9 @@ def _tabulate_heat_map(
         known = [own.get(marker) for own in values.values()]
         cells = [Cell(number(v), shade=None if v is None else v / darkest) for v in known]
         rows.append(Row(marker, cells))
-    return Table(caption, ["marker", *list_method_columns(list(values))], rows, note)
+    return Table(
+        caption=caption, columns=["marker", *list_method_columns(list(values))], rows=rows, note=note
+    )
 
 
 def build_geometry_section(
@@ -170,19 +172,20 @@ def _build_sources(methods: Methods) -> Iterator[Block]:
     if method is None:
         return
     yield Table(
-        f"What the lengths of {escape_plain(method.method)} rest on, %",
-        ["", "own distances", "other segments", "persons of this size"],
-        [
+        caption=f"What the lengths of {escape_plain(method.method)} rest on, %",
+        columns=["", "own distances", "other segments", "persons of this size"],
+        rows=[
             Row(spell_name(name), [f"{100 * share:.0f}" for share in (e.measured, e.others, e.expected)])
             for name, e in method.length_estimates.items()
         ],
-        "A share may be negative where distances of other segments correct a marker that two segments share.",
+        note="A share may be negative where distances of other segments correct a marker that two "
+        "segments share.",
     )
     if method.person_centres:
         yield Table(
-            "Joint centres that distances were measured from",
-            ["", "found by", "± forward, up, right, mm"],
-            [
+            caption="Joint centres that distances were measured from",
+            columns=["", "found by", "± forward, up, right, mm"],
+            rows=[
                 Row(
                     spell_name(name),
                     [escape_plain(centre.source), ", ".join(number(sd) for sd in centre.sd_mm)],
@@ -260,10 +263,11 @@ def _tabulate_hips(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mappin
                     cells.append(Cell(f"{gap:.1f}", shade=gap / FAR_MM))
                 rows.append(Row(Cell(method, colour=known[method].colour), cells))
     return Table(
-        "Hip centres in the frame of the pelvis, mm",
-        ["", "x forward", "y up", "z right", *(["from the image"] if imaged else [])],
-        rows,
-        "Origin half-way between the front spines in the built-in models; models from files keep their own.",
+        caption="Hip centres in the frame of the pelvis, mm",
+        columns=["", "x forward", "y up", "z right", *(["from the image"] if imaged else [])],
+        rows=rows,
+        note="Origin half-way between the front spines in the built-in models; models from files "
+        "keep their own.",
     )
 
 

@@ -68,10 +68,10 @@ def tabulate_differences(document: MuscleDocument, quantity: MuscleQuantity) -> 
         if each.quantity == quantity
     ]
     return Table(
-        f"{title}, {unit}: largest difference from {document.reference}",
-        ["", "difference", document.reference, "RMS", "at, degrees", "where"],
-        rows,
-        "RMS of the difference over the trial.",
+        caption=f"{title}, {unit}: largest difference from {document.reference}",
+        columns=["", "difference", document.reference, "RMS", "at, degrees", "where"],
+        rows=rows,
+        note="RMS of the difference over the trial.",
     )
 
 

@@ -92,9 +92,9 @@ def _build_verdict(verdict: Verdict, truth: TruthDocument | None) -> Iterator[Bl
     """Which method to use for this person, why, and how far to trust it; the quality gates and the rules."""
     yield Callout(verdict.headline, [Bullets(verdict.why)], _TONES[verdict.strength])
     yield Table(
-        f"How far to trust {verdict.method}",
-        ["", "trust", "because"],
-        [
+        caption=f"How far to trust {verdict.method}",
+        columns=["", "trust", "because"],
+        rows=[
             Row(t.topic, [Cell("not known" if t.level == "unknown" else t.level, tone=t.level), t.text])
             for t in verdict.trust
         ],
@@ -108,7 +108,9 @@ def _build_verdict(verdict: Verdict, truth: TruthDocument | None) -> Iterator[Bl
         rows = [
             Row(f.method, [f.rule, Cell(f.speaks, tone=_SPEAKS[f.speaks]), f.text]) for f in verdict.findings
         ]
-        table = Table("Findings", ["method", "rule", "speaks", "what was found"], rows, words=True)
+        table = Table(
+            caption="Findings", columns=["method", "rule", "speaks", "what was found"], rows=rows, words=True
+        )
         yield Details("What each rule says of each method", [table])
     yield Details("The rules", [Bullets(RULES_IN_WORDS, numbered=True)])
 
@@ -123,10 +125,10 @@ def _tabulate_gates(gates: tuple[Gate, ...]) -> Table:
         rows.setdefault(("RMS" if gate.quantity == "rms" else "largest", 1e3 * gate.limit), []).append(cell)
     where = "held-out trials" if all(gate.held_out for gate in gates) else "the trials that were fitted"
     return Table(
-        f"Quality gates: marker error on {where}, mm",
-        ["", *list_method_columns(list(dict.fromkeys(gate.method for gate in gates)))],
-        [Row(f"{title}, below {limit:.0f}", cells) for (title, limit), cells in rows.items()],
-        "Limits of OpenSim's best practices. Necessary, not sufficient: a wrong model can pass them.",
+        caption=f"Quality gates: marker error on {where}, mm",
+        columns=["", *list_method_columns(list(dict.fromkeys(gate.method for gate in gates)))],
+        rows=[Row(f"{title}, below {limit:.0f}", cells) for (title, limit), cells in rows.items()],
+        note="Limits of OpenSim's best practices. Necessary, not sufficient: a wrong model can pass them.",
     )
 
 
@@ -167,9 +169,9 @@ def _build_numbers(methods: Mapping[str, MethodResult]) -> Iterator[Block]:
             f"{name}: all {len(method.parameters)}",
             [
                 Table(
-                    f"Fitted numbers of {name}",
-                    ["", "value", "SD", "determined", "at a bound"],
-                    [_make_parameter_row(p) for p in method.parameters],
+                    caption=f"Fitted numbers of {name}",
+                    columns=["", "value", "SD", "determined", "at a bound"],
+                    rows=[_make_parameter_row(p) for p in method.parameters],
                     long=True,
                 )
             ],
@@ -197,20 +199,23 @@ def build_provenance_section(document: ComparisonDocument, titles: Mapping[str, 
 
 def _build_provenance(document: ComparisonDocument, titles: Mapping[str, str]) -> Iterator[Block]:
     yield Table(
-        "Methods",
-        ["method", "what it does"],
-        [Row(name, [titles[name]]) for name in document.methods],
+        caption="Methods",
+        columns=["method", "what it does"],
+        rows=[Row(name, [titles[name]]) for name in document.methods],
         words=True,
     )
     yield from build_origin_blocks(document, document.all_warnings)
     times = [
-        Row(
-            name,
-            [str(m.iterations), f"{m.wall_s.calibration:.2f}", f"{m.wall_s.inverse_kinematics:.2f}"],
-        )
+        Row(name, [str(m.iterations), f"{m.wall_s.calibration:.2f}", f"{m.wall_s.inverse_kinematics:.2f}"])
         for name, m in document.methods.items()
     ]
     yield Details(
         "Computing time",
-        [Table("Iterations and seconds", ["", "iterations", "fitting, s", "following, s"], times)],
+        [
+            Table(
+                caption="Iterations and seconds",
+                columns=["", "iterations", "fitting, s", "following, s"],
+                rows=times,
+            )
+        ],
     )

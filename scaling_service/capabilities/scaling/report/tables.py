@@ -120,13 +120,11 @@ def name_measure(name: str) -> str:
 
 
 def _make_table(
-    caption: str,
-    methods: Mapping[str, object],
-    rows: Sequence[Row],
-    note: str = "",
-    more: Sequence[str] = (),
+    caption: str, methods: Mapping[str, object], rows: Sequence[Row], note: str = "", more: Sequence[str] = ()
 ) -> Table:
-    return Table(caption, ["", *list_method_columns(list(methods)), *more], rows, note)
+    return Table(
+        caption=caption, columns=["", *list_method_columns(list(methods)), *more], rows=rows, note=note
+    )
 
 
 def _list_roles(methods: Methods) -> dict[str, str]:

@@ -28,7 +28,7 @@ Pair = tuple[tuple[str, ...], tuple[str, ...]]
 """The two ends of a distance, each the mean of some points."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentMeasurement:
     """Distances of one kind of segment.
 
@@ -68,45 +68,51 @@ def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
     lateral, heel = (f"{s}ELB",), (f"{s}HEE",)
     foot, forearm = ("talus", "calcn", "toes", "foot"), ("ulna", "radius", "hand")
     return (
-        SegmentMeasurement((f"femur_{side}", f"patella_{side}"), ((hip, knee),), _PUCHAUD),
         SegmentMeasurement(
-            (f"tibia_{side}",),
-            ((knee, between),),
-            _PUCHAUD,
+            segments=(f"femur_{side}", f"patella_{side}"), pairs=((hip, knee),), source=_PUCHAUD
+        ),
+        SegmentMeasurement(
+            segments=(f"tibia_{side}",),
+            pairs=((knee, between),),
+            source=_PUCHAUD,
             instead=((knee, lateral_ankle),),
             besides=((knee, lateral_ankle),),
         ),
         SegmentMeasurement(
-            tuple(f"{name}_{side}" for name in foot),
-            ((heel, (f"{s}MT5",)), (heel, (f"{s}MT1",))),
-            _CHOSEN,
-            _LIMB_SHAPE,
-            ((heel, (f"{s}TOE",)),),
+            segments=tuple(f"{name}_{side}" for name in foot),
+            pairs=((heel, (f"{s}MT5",)), (heel, (f"{s}MT1",))),
+            source=_CHOSEN,
+            shape_m=_LIMB_SHAPE,
+            instead=((heel, (f"{s}TOE",)),),
         ),
         SegmentMeasurement(
-            (f"humerus_{side}",), ((shoulder, elbow),), _CHOSEN, _LIMB_SHAPE, ((shoulder, lateral),)
+            segments=(f"humerus_{side}",),
+            pairs=((shoulder, elbow),),
+            source=_CHOSEN,
+            shape_m=_LIMB_SHAPE,
+            instead=((shoulder, lateral),),
         ),
         SegmentMeasurement(
-            tuple(f"{name}_{side}" for name in forearm),
-            ((elbow, wrist),),
-            _CHOSEN,
-            _LIMB_SHAPE,
-            ((lateral, wrist),),
+            segments=tuple(f"{name}_{side}" for name in forearm),
+            pairs=((elbow, wrist),),
+            source=_CHOSEN,
+            shape_m=_LIMB_SHAPE,
+            instead=((lateral, wrist),),
         ),
     )
 
 
 _PELVIS = SegmentMeasurement(
-    ("pelvis",),
-    (
+    segments=("pelvis",),
+    pairs=(
         (("RASIS",), ("LASIS",)),
         (("RPSIS",), ("LPSIS",)),
         (("RASIS",), ("RPSIS",)),
         (("LASIS",), ("LPSIS",)),
     ),
-    _PUCHAUD,
-    _PELVIS_SHAPE,
-    ((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
+    source=_PUCHAUD,
+    shape_m=_PELVIS_SHAPE,
+    instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
 )
 _LIMBS = (*_list_side("r"), *_list_side("l"))
 
@@ -116,9 +122,19 @@ _HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
 _HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
 
 _RIGID_TRUNK = SegmentMeasurement(
-    _TRUNK, (_BREADTH, _HEIGHT), _CHOSEN, _TRUNK_SHAPE, (_BREADTH, _HEIGHT_FROM_SACRUM)
+    segments=_TRUNK,
+    pairs=(_BREADTH, _HEIGHT),
+    source=_CHOSEN,
+    shape_m=_TRUNK_SHAPE,
+    instead=(_BREADTH, _HEIGHT_FROM_SACRUM),
 )
-_JOINTED_TRUNK = SegmentMeasurement(_TRUNK, (_HEIGHT,), _CHOSEN, _TRUNK_HEIGHT_SHAPE, (_HEIGHT_FROM_SACRUM,))
+_JOINTED_TRUNK = SegmentMeasurement(
+    segments=_TRUNK,
+    pairs=(_HEIGHT,),
+    source=_CHOSEN,
+    shape_m=_TRUNK_HEIGHT_SHAPE,
+    instead=(_HEIGHT_FROM_SACRUM,),
+)
 """With a joint in its middle, where a trunk that is too long folds."""
 
 
@@ -175,11 +191,13 @@ AXES: Mapping[str, str] = {
 
 _ASIS, _PSIS = ("RASIS", "LASIS"), ("RPSIS", "LPSIS")
 _WIDTH = SegmentMeasurement(
-    ("pelvis",),
-    (((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
-    "side to side, as Puchaud 2019, 2.2.2",
+    segments=("pelvis",),
+    pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
+    source="side to side, as Puchaud 2019, 2.2.2",
 )
-_DEPTH = SegmentMeasurement(("pelvis",), ((_ASIS, _PSIS),), "chosen: Harrington 2007's pelvic depth")
+_DEPTH = SegmentMeasurement(
+    segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
+)
 
 
 def open_axes(
@@ -213,7 +231,9 @@ def open_axes(
         for segment, ends in ((f"femur_{side}", ("LFE", "MFE")), (f"tibia_{side}", ("LM", "MM"))):
             if segment in factors:
                 lateral, medial = (f"{side.upper()}{name}" for name in ends)
-                across = SegmentMeasurement((segment,), (((lateral,), (medial,)),), "breadth")
+                across = SegmentMeasurement(
+                    segments=(segment,), pairs=(((lateral,), (medial,)),), source="breadth"
+                )
                 length, breadth = factors[segment][1], measure_first(partial(compute_ratio, across))
                 if breadth is None:
                     notes.append(f"MB: {segment}: breadth not measured ({lateral}, {medial}): as its length")

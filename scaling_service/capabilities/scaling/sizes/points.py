@@ -34,7 +34,7 @@ UNKNOWN_SIZES = BodySizes()
 _NOTHING: Points = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PersonPoints:
     """Landmarks of one recording, and the joint centres that they give.
 
@@ -95,7 +95,15 @@ def find_person_points(
         sizes = sizes.with_leg_lengths(measure_standing_legs(landmarks))
     hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
     centres = construct_centres(landmarks, sizes, regression, hips=hips)
-    return PersonPoints(landmarks, sizes, regression, standing, scale, hips, centres)
+    return PersonPoints(
+        landmarks=landmarks,
+        sizes=sizes,
+        regression=regression,
+        standing=standing,
+        scale=scale,
+        hips=hips,
+        centres=centres,
+    )
 
 
 def read_landmarks(trial: Trial) -> dict[str, Array]:

@@ -146,12 +146,12 @@ def estimate_sizes(
         mine = [j for j, row in enumerate(rows) if row == dimension]
         share = float(gain[k, mine].sum())
         sizes[segment] = SegmentSize(
-            dimension,
-            float(np.exp(logs[k])),
-            float(np.sqrt(covariance[k, k])),
-            share,
-            float(gain[k].sum()) - share,
-            bool(mine),
+            dimension=dimension,
+            factor=float(np.exp(logs[k])),
+            sd=float(np.sqrt(covariance[k, k])),
+            measured=share,
+            others=float(gain[k].sum()) - share,
+            own=bool(mine),
         )
     return _with_followers(model, sizes)
 
@@ -183,7 +183,7 @@ def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Sizing:
     """Factors of all segments, and how they came about.
 
@@ -251,7 +251,9 @@ def size_segments(
     for segment, along in factors.items():
         for factor in along:
             _check(factor, segment)
-    return Sizing(factors, sizes, _list_centres(people), people, tuple(notes))
+    return Sizing(
+        factors=factors, sizes=sizes, centres=_list_centres(people), people=people, notes=tuple(notes)
+    )
 
 
 def estimate_body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
@@ -305,8 +307,7 @@ def _write_notes(
     if unmeasured:
         notes.append(
             f"MB: {list_few(unmeasured)}: not measured; the size is that of {like}, as far as the other "
-            f"segments "
-            f"allow (standard deviation {_format_percent([sizes[n].sd for n in unmeasured])})"
+            f"segments allow (standard deviation {_format_percent([sizes[n].sd for n in unmeasured])})"
         )
     following = [name for name in sizes if find_dimension(model.bone_of(name)) is None]
     if following:

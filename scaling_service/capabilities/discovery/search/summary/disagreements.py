@@ -80,15 +80,15 @@ def _place(
 ) -> Disagreement:
     name, total = tally.places[k], float(tally.frames[:, k].sum())
     return Disagreement(
-        name,
-        classify_place(name),
-        float((tally.square[:, k].sum() / total) ** 0.5),
-        float((tally.floor[:, k].sum() / total) ** 0.5),
-        share,
-        p,
-        {trial: rms for trial, rms, _ in by_trial(tally, k)},
-        _describe_time(tally, k),
-        _name_coordinate(fit, observation, name),
+        where=name,
+        observable=classify_place(name),
+        rms=float((tally.square[:, k].sum() / total) ** 0.5),
+        floor=float((tally.floor[:, k].sum() / total) ** 0.5),
+        share=share,
+        p=p,
+        trials={trial: rms for trial, rms, _ in by_trial(tally, k)},
+        when=_describe_time(tally, k),
+        along=_name_coordinate(fit, observation, name),
     )
 
 

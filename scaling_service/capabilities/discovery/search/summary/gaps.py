@@ -95,12 +95,12 @@ def _measure_level(old: Tally, new: Tally, part: slice, left: float) -> Level:
     low, high = _estimate_interval(after, _count(new, part))
     mean = float(before.sum() / frames.sum())
     return Level(
-        mean**0.5,
-        float((after.sum() / _count(new, part).sum()) ** 0.5),
-        float((floor / frames.sum()) ** 0.5),
-        (mean * left) ** 0.5,
-        low,
-        high,
+        before=mean**0.5,
+        after=float((after.sum() / _count(new, part).sum()) ** 0.5),
+        floor=float((floor / frames.sum()) ** 0.5),
+        ceiling=(mean * left) ** 0.5,
+        low=low,
+        high=high,
     )
 
 
@@ -132,7 +132,14 @@ def _measure_whitened(pairs: Mapping[str, tuple[Tally, Tally, slice]], bound: Ma
         weight += float(_count(old, part).sum())
     squares, frames = (np.concatenate([b[k] for b in blocks]) for k in (0, 1))
     low, high = _estimate_interval(squares, frames)
-    return Level((before / weight) ** 0.5, (after / weight) ** 0.5, 1.0, (best / weight) ** 0.5, low, high)
+    return Level(
+        before=(before / weight) ** 0.5,
+        after=(after / weight) ** 0.5,
+        floor=1.0,
+        ceiling=(best / weight) ** 0.5,
+        low=low,
+        high=high,
+    )
 
 
 def fit_black_box(before: Fit, count: int) -> dict[Role, float]:
@@ -144,7 +151,11 @@ def fit_black_box(before: Fit, count: int) -> dict[Role, float]:
     scene = before.scene
     profiles: tuple[Profile, ...] = (ALWAYS, *(Following(c) for c in scene.moving))
     choice = [
-        Candidate("black_box", (marker,), (Column("a", 1.0, (Part(MarkerSpot(marker, k), profile),)),))
+        Candidate(
+            kind="black_box",
+            where=(marker,),
+            columns=(Column(name="a", unit=1.0, parts=(Part(MarkerSpot(marker, k), profile),)),),
+        )
         for marker in scene.markers
         for k in range(3)
         for profile in profiles

@@ -52,16 +52,16 @@ def summarise(
     spent = any(sum(o.shows(n.candidate) for n in named) >= settings.most for o in OBSERVATIONS)
     ended = _SPENT.format(settings.most) if spent else _NOTHING_MORE
     return Findings(
-        verdict,
-        places,
-        tuple(named),
-        by_role[roles[0]],
-        by_role[roles[-1]],
-        folds,
-        tuple(o for o in scored.best if o.candidate.key not in {n.key for n in named}),
-        left,
-        _DISTURBED if disturbance else ended,
-        (*notes, *_describe_limits(before, folds), *([_DISTURBED] if disturbance else [])),
+        verdict=verdict,
+        disagreements=places,
+        named=tuple(named),
+        fit=by_role[roles[0]],
+        held_out=by_role[roles[-1]],
+        folds=folds,
+        tried=tuple(o for o in scored.best if o.candidate.key not in {n.key for n in named}),
+        unexplained=left,
+        reason=_DISTURBED if disturbance else ended,
+        notes=(*notes, *_describe_limits(before, folds), *([_DISTURBED] if disturbance else [])),
     )
 
 

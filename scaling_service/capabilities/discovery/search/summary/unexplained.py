@@ -65,7 +65,13 @@ def _describe_disturbance(fit: Fit, disturbance: Disturbance) -> Unexplained:
     frames = max(float(tally.frames[:, rows].sum()), 1.0)
     rms, floor = ((float(x[:, rows].sum()) / frames) ** 0.5 for x in (tally.square, tally.floor))
     observable: Observable = "marker" if observation is MARKERS else "force"
-    return Unexplained(disturbance.where, observable, disturbance.law, max(rms, disturbance.rms), floor)
+    return Unexplained(
+        where=disturbance.where,
+        observable=observable,
+        law=disturbance.law,
+        rms=max(rms, disturbance.rms),
+        floor=floor,
+    )
 
 
 def _list_repaired(fit: Fit) -> Iterator[Unexplained]:
@@ -89,7 +95,9 @@ def _list_largest(
         law = f"{repair.where} {repair.detail}, in {repair.frames} of {frames} frames of {source.name}"
         usual = found.get(repair.where)
         if rms > fit.settings.unexplained_ratio * floor and (usual is None or rms > usual.rms):
-            found[repair.where] = Unexplained(where, classify_place(where[-1]), law, rms, floor)
+            found[repair.where] = Unexplained(
+                where=where, observable=classify_place(where[-1]), law=law, rms=rms, floor=floor
+            )
     yield from found.values()
 
 
@@ -112,7 +120,11 @@ def _list_left(fit: Fit, floors: Floors) -> tuple[Unexplained, ...]:
             if rms > fit.settings.unexplained_ratio * floor:
                 place = tally.places[k]
                 law = _describe_law(fit, observation, place)
-                found.append(Unexplained((place,), classify_place(place), law, rms, floor))
+                found.append(
+                    Unexplained(
+                        where=(place,), observable=classify_place(place), law=law, rms=rms, floor=floor
+                    )
+                )
     return tuple(sorted(found, key=lambda u: -u.rms / u.floor))
 
 

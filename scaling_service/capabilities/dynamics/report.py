@@ -382,16 +382,7 @@ def _tabulate_shares(name: str, trial: TrialDynamicsDocument) -> Table:
     columns = ["residual", "motion", "plates", "uncertainty", "slope per cm", "R²", "can calibrate inertia"]
     return Table(
         caption=f"{name}: shares of body weight (forces) and of weight times height (moments), %",
-        columns=[
-            "",
-            "residual",
-            "motion",
-            "plates",
-            "uncertainty",
-            "slope per cm",
-            "R²",
-            "calibrates inertia",
-        ],
+        columns=["", *columns],
         rows=rows,
         note=f"Mean reconstruction error {trial.reconstruction_error_mm:.1f} mm.",
     )

@@ -61,7 +61,7 @@ def test_the_subject_file_counts_before_the_recordings_and_says_so(tmp_path):
     file = tmp_path / "walk.c3d"
     stated = MeasuredSizes(1.48, 45.8, {"knee_width_r": 0.104})
     trial = random_trial(3, ("RASI",), missing=0.0)
-    trials = {file: type(trial)(trial.name, trial.times, trial.labels, trial.markers, 100.0, (), stated)}
+    trials = {file: replace(trial, rate_hz=100.0, sizes=stated)}
     known, notes = with_stated_sizes(Subject(id="S", model="lower_limb_14dof", height_m=1.50), trials)
     assert (known.height_m, known.mass_kg, known.sizes_m) == (1.50, 45.8, {"knee_width_r": 0.104})
     assert notes == ("walk.c3d states another height than the subject file, which counts",)

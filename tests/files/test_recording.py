@@ -67,7 +67,9 @@ def test_a_format_of_another_distribution_is_read(tmp_path):
         "from scaling_service.files.recording import Recording\n"
         "def read_odd(path):\n"
         "    values = np.loadtxt(path, ndmin=2)\n"
-        "    return Recording(path.stem, values[:, 0], ('A',), values[:, None, 1:], 100.0, unit='m')\n"
+        "    markers = values[:, None, 1:]\n"
+        "    return Recording(name=path.stem, times=values[:, 0], labels=('A',), markers=markers,\n"
+        "                     rate_hz=100.0, unit='m')\n"
     )
     (tmp_path / "walk.ODD").write_text("0 1 2 3\n0.01 1 2 4\n")
     code = (

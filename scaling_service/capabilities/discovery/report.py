@@ -272,8 +272,8 @@ def _build_unseen(document: DiscoveryDocument) -> Iterator[Block]:
         verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
         yield Text(
             f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
-            f"{format_figures(held_out.absorbed)} times the noise floor would be left on what did not fit, "
-            f"against {format_figures(level.after)}: {verdict}."
+            f"{format_figures(held_out.absorbed)} times the noise floor would be left on what did not fit "
+            f"it, against {format_figures(level.after)}: {verdict}."
         )
     yield _tabulate_levels(gaps)
 

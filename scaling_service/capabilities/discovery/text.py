@@ -251,8 +251,8 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
             f", following {list_few([spell_name(f) for f in expected.follows])}" if expected.follows else ""
         )
         yield (
-            f"{spell_name(expected.coordinate)} is expected about the posture in which markers were placed"
-            f"{follows}, ± {format_figures(expected.sd_deg, 2)} deg ({expected.source})"
+            f"{spell_name(expected.coordinate)} is expected about the posture in which the "
+            f"markers were placed{follows}, ± {format_figures(expected.sd_deg, 2)} deg ({expected.source})"
         )
     if known.skin_mm:
         least, most = min(known.skin_mm.values()), max(known.skin_mm.values())

@@ -38,7 +38,7 @@ class CustomBuildHook(BuildHookInterface[Any]):  # type: ignore[misc]
             shutil.rmtree(web / "built", ignore_errors=True)
             self.app.display_warning(f"{WITHOUT} is set: the package has no web page")
         elif not (root / "PKG-INFO").is_file() and not is_fresh(web):  # PKG-INFO: a source distribution
-            bundle_page(web)
+            bundle(web)
 
 
 def is_fresh(web: Path) -> bool:
@@ -62,7 +62,7 @@ def _list_times(web: Path) -> Iterator[int]:
             yield file.stat().st_mtime_ns
 
 
-def bundle_page(web: Path) -> None:
+def bundle(web: Path) -> None:
     """Fetch npm's packages as the lock file names them, and bundle the page.
 
     Parameters

@@ -26,7 +26,7 @@ class TinyRequest(JobRequest):
     def subjects(self) -> tuple[str, ...]:
         return () if self.subject is None else (self.subject,)
 
-    def needed(self, _documents: Documents) -> Needed:
+    def list_needed(self, _documents: Documents) -> Needed:
         named = {f"files.{k}": name for k, name in enumerate(self.files)}
         return {} if self.subject is None else {self.subject: named}
 

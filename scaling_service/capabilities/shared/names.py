@@ -57,8 +57,7 @@ def check_start(start: str | None) -> str | None:
     if start is not None and start not in STARTS:
         raise ValueError(
             f"there is no method '{start}'; methods are {', '.join(list_method_names())}, and '{AS_IT_IS}' "
-            f"takes "
-            "the model as it is"
+            f"takes the model as it is"
         )
     return start
 

@@ -153,8 +153,7 @@ def _predicted(study: FutamureDocument) -> Answer:
     ratio = held.mean(axis=0) / fitted.mean(axis=0)
     figures = (
         f"{_describe_errors(held.mean(axis=0))} against {_describe_errors(classical.mean(axis=0))} "
-        f"with the table, "
-        f"p {_describe_errors(p, 3)}; {_describe_errors(ratio, 2)} of fitted"
+        f"with the table, p {_describe_errors(p, 3)}; {_describe_errors(ratio, 2)} of fitted"
     )
     return _compare_tested(figures, p, bool((ratio <= WITHIN).all()))
 

@@ -198,8 +198,7 @@ def _explain_choice(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]
         )
         yield (
             f"On held-out trials {chosen.method} follows the markers to "
-            f"{format_mm(chosen.held_out.mean)} mm on "
-            f"average{against}."
+            f"{format_mm(chosen.held_out.mean)} mm on average{against}."
         )
         refused = list(_explain_nearer_but_refused(chosen, evidence, chosen.held_out.mean))
         yield from refused

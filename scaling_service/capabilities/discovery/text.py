@@ -263,9 +263,8 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
     if known.undetermined:
         yield (
             f"What the skin of {list_few(known.undetermined)} does as a whole over the bone, its turn about "
-            f"the "
-            "long axis above all, is not determined by these recordings: it is not named, and counts with "
-            "its published size in standard deviations"
+            "the long axis above all, is not determined by these recordings: it is not named, and counts "
+            "with its published size in standard deviations"
         )
     if known.left_out:
         yield (

@@ -218,8 +218,8 @@ def _list_warnings(
     if far:
         found.append(
             f"{method}: the movement pulls the size of {list_few(far)} more than {_FAR:.0f} standard "
-            f"deviations "
-            "from what markers and stature say. Skin does so, or a joint that the model lacks: look at MB's"
+            "deviations from what markers and stature say. Skin does so, or a joint that the model lacks: "
+            "look at MB's"
         )
     if bound:
         found.append(

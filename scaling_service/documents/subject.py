@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import PurePath
 from types import MappingProxyType
@@ -139,6 +140,9 @@ class Trials(_Strict):
         return tuple(dict.fromkeys((*static, *self.calibration, *self.evaluation)))
 
 
+_OTHER_BONES = re.compile(r"calc|heel|patella|fibula|sacrum|foot|toe", re.IGNORECASE)
+
+
 class Bones(_Strict):
     """Surface meshes of the person's bones, in one common image frame."""
 
@@ -150,6 +154,18 @@ class Bones(_Strict):
     tibia_l: Name | None = None
     talus_r: Name | None = None
     talus_l: Name | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_other_bones(cls, value: object) -> object:
+        for name in value if isinstance(value, Mapping) else ():
+            if isinstance(name, str) and _OTHER_BONES.search(name):
+                raise _make_error(
+                    "nothing is measured on this bone",
+                    "Leave it out: femur and tibia give the knee, the talus the ankle and the subtalar axis",
+                    name,
+                )
+        return value
 
     @property
     def meshes(self) -> dict[str, str]:

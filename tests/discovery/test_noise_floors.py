@@ -13,10 +13,12 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchConte
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
 from scaling_service.capabilities.discovery.observations.tracked import estimate_marker_noise
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
 from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import person, recorded
+from tests.jobs.test_discover_forces import ground_of
 
 NOISE_M = 1e-3
 
@@ -74,3 +76,37 @@ def test_a_smoothed_marker_is_not_believed_to_have_no_noise() -> None:
     path[:, 2] *= 0.01
     path[:, 3] *= 50.0
     np.testing.assert_allclose(estimate_marker_noise(path) / NOISE_M, [1.0, 1.0, 0.5, 2.0, 1.0], rtol=0.15)
+
+
+def standing_on(plates: int, surfaces: Array) -> WrenchFit:
+    """The person, seen by perfect cameras, with the same load on every plate."""
+    recording = recorded(person(), person().model, noise_m=0.0)[0]
+    n = len(recording.trial.times)
+    ground = replace(ground_of([[300.0] * plates] * n), times=recording.trial.times, surfaces=surfaces)
+    usable = np.ones(n, dtype=bool)
+    given = replace(recording, contacts=ContactAssignment(ground, usable))
+    return fit_recordings(SearchContext(model=person().model, recordings=[given])).wrenches[0]
+
+
+def test_what_plates_forces_are_off_by_is_a_moment_about_the_trunk() -> None:
+    """0.5 N and 0.2 N m of a second plate, as the comparison's filter leaves them, drawn and moved.
+
+    What two plates leave beyond one is the second one's; what cameras do is in both. Drifting, each may have
+    three times as much.
+    """
+    surfaces = np.array([[0.3, 0.0, 0.1], [-0.2, 0.0, -0.1]])
+    item, one = standing_on(2, surfaces), standing_on(1, surfaces[:1])
+    rng, n, draws = np.random.default_rng(0), len(item.times), 100
+    square = np.zeros((6, 6))
+    for _ in range(draws):
+        own = item.filter(rng.normal(size=(n, 6)))
+        own *= np.array([0.5] * 3 + [0.2] * 3) / own[item.usable].std()
+        own[:, 3:] += np.cross(surfaces[1], own[:, :3])
+        moved = item.move_moment(own)[item.usable]
+        square += moved.T @ moved / len(moved) / draws
+    size = np.sqrt(np.diag(square))
+    np.testing.assert_allclose(
+        (item.covariance - one.covariance) / np.outer(size, size), square / np.outer(size, size), atol=0.05
+    )
+    drift = [i.drifting_floor**2 - i.floor**2 for i in (item, one)]
+    np.testing.assert_allclose(drift[0] - drift[1], (3.0**2 - 1.0) * size**2, rtol=0.08)

@@ -82,6 +82,8 @@ MISTAKES: list[tuple[str, object, str, str]] = [
     ("subject/height_cm", 170, "subject.height_cm", "Did you mean 'height_m'?"),
     ("trials/Calibration", [], "trials.Calibration", "Did you mean 'calibration'?"),
     ("bones", {"units": "mm", "femur": "f.stl"}, "bones.femur", "Did you mean 'femur_"),
+    ("bones", {"units": "mm", "calcn_r": "c.stl"}, "bones.calcn_r", "the talus the ankle and the subtalar"),
+    ("bones", {"units": "mm", "Calcaneus": "c.stl"}, "bones.Calcaneus", "Leave it out"),
     ("qwerty", 1, "qwerty", "Keys here are subject, model"),
     ("subject/height_m", 170, "subject.height_m", "metres"),
     ("subject/height_m", 1700.0, "subject.height_m", "metres"),

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.observation import Observation
-from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Seen
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.numerics.multibody.laws import Array
@@ -58,7 +58,7 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     of an instrument's noise are the same everywhere: how much more there is than third differences tell is
     taken from the quieter places, and no place may have much more. Where there is no more, or places differ
     so much that even the quieter ones hold something of what is missing, the instrument's noise is the floor,
-    if it shows.
+    if it shows. Plates may drift, whatever the cameras do.
     """
     found = {observation.name: measure_noise_floor(fit, observation, moving) for observation in OBSERVATIONS}
     own = {observation.name: _measure_instrument(fit, observation) for observation in OBSERVATIONS}
@@ -69,13 +69,17 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     lasting = usual > 1.0 and median <= _ALIKE * usual
     shown = any(item.shows_noise for item in fit.tracked)
     most = _SLACK * max(1.0, usual) if lasting or not shown else 1.0
+    limits = {name: {trial: most * noise for trial, noise in by.items()} for name, by in own.items()}
+    for item in fit.wrenches:
+        limit = limits[WRENCH.name][item.name]
+        limits[WRENCH.name][item.name] = np.maximum(limit, item.drifting_floor**2)
     return {
-        name: replace(floor, noise={t: np.minimum(n, most * own[name][t]) for t, n in floor.noise.items()})
+        name: replace(floor, noise={t: np.minimum(n, limits[name][t]) for t, n in floor.noise.items()})
         for name, floor in found.items()
     }
 
 
-def _measure_instrument(fit: Fit, observation: Observation[Any]) -> Mapping[str, Array]:
+def _measure_instrument(fit: Fit, observation: Observation[Any]) -> dict[str, Array]:
     """Mean square per frame that third differences' noise would leave at every place of every trial."""
     found = {}
     for item in observation.items(fit):

@@ -36,6 +36,10 @@ _PLATE_N, _PLATE_NM = 0.5, 0.2
 """Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
 0.2 mm of 1000 N are 0.2 N m."""
 
+_DRIFTING = 3.0
+"""How many times as much a plate may drift (chosen: plates with nobody on them leave 0.1 to 1.4 N below
+5 Hz in walks of public recordings)."""
+
 BAND_HZ = 15.0
 """Of the light filter of coordinates and forces (chosen: holds gait to its 15th harmonic; above it double
 differentiation makes more noise than the comparison's filter takes off)."""
@@ -192,13 +196,34 @@ class WrenchFit:
         """Of what marker noise and plates leave, (6, 6), N and N m, the moment about :attr:`about`."""
         if self.known_covariance is not None:
             return self.known_covariance
-        own = np.array([_PLATE_N] * 3 + [_PLATE_NM] * 3)
         changes = [
             self.move_moment(self.filter(np.nan_to_num(other.needed - self.needed)))[self.usable]
             for other in self.noise_replicates(DRAWS)
         ]
         square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
-        return np.asarray(np.diag(own**2) + square)
+        return np.asarray(self._compute_plate_covariance() + square)
+
+    @cached_property
+    def drifting_floor(self) -> Array:
+        """As :attr:`floor`, of plates that drift as much as plates may, (6,), N and N m."""
+        more = (_DRIFTING**2 - 1.0) * self._compute_plate_covariance()
+        return np.asarray(np.sqrt(np.diag(self.covariance + more)))
+
+    def _compute_plate_covariance(self) -> Array:
+        """Of the least noise of the plates, (6, 6), N and N m, the moment about :attr:`about`.
+
+        A plate's noise is its force's and its moment's about its own surface: what its force is off by turns
+        the body about the trunk with the height of the trunk as lever.
+        """
+        ground, rows = self.contacts.ground, self.usable
+        read = np.nan_to_num(ground.readings[rows])
+        share = np.where(read.any(axis=1, keepdims=True), read, 1.0 / len(ground.plates))
+        arms = ground.surfaces - self.about[rows, None]
+        force = np.broadcast_to(_PLATE_N * np.eye(3), (*arms.shape, 3))  # (n, k, 3 noises, 3 axes)
+        turned = np.concatenate([force, np.cross(arms[:, :, None], force)], axis=3)
+        count = max(int(rows.sum()), 1)
+        own = np.diag([0.0] * 3 + [share.sum() / count * _PLATE_NM**2] * 3)
+        return np.asarray(own + np.einsum("nk,nkci,nkcj->ij", share, turned, turned) / count)
 
     def noise_replicates(self, draws: int) -> Iterator[WrenchFit]:
         """The same recording with as much noise of the markers once more, anew in every draw."""

@@ -41,7 +41,11 @@ from scaling_service.capabilities.discovery.search.estimation import (
 )
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tell_classes
-from scaling_service.capabilities.discovery.search.pairs import find_marker_pair, replace_by_plate_pair
+from scaling_service.capabilities.discovery.search.pairs import (
+    find_marker_pair,
+    is_plate_pair,
+    replace_by_plate_pair,
+)
 from scaling_service.capabilities.discovery.search.rivals import rename
 from scaling_service.capabilities.discovery.search.selection import score_all, select
 from scaling_service.capabilities.discovery.search.summary.summarise import summarise
@@ -167,7 +171,8 @@ class Search:
                 return True
         selection = select(fit, scored, self.named, self.refused)
         self.refused |= selection.refused
-        self.disturbance = find_disturbance(fit, scored)
+        law = find_disturbance(fit, scored)
+        self.disturbance = None if law is None or is_plate_pair(law, fit, scored.count) else law
         if self.disturbance is not None:
             return False
         masked = [e for e in fit.effects if isinstance(e.candidate.change, Masked)]

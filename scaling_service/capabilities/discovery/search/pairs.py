@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.disturbances.free_marker import FreeMarker
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -63,8 +64,7 @@ def replace_by_plate_pair(
     tries = 1 if len(several) > 1 else count  # one more effect than is named must stand as any other
     gone = {n.key for n in several}
     bare = WRENCH.refit(fit, fit.free, [e for e in fit.effects if e.candidate.key not in gone])
-    faults = [c for c in propose_candidates(bare.scene) if not c.trials and c.where[0] in bare.scene.plates]
-    pair = _find_best(bare, faults, tries)
+    pair = _find_best(bare, _list_plate_faults(bare), tries)
     if pair is None:
         return list(named), fit
     tried = estimate(bare, pair.both, ROUGHLY, observations=(WRENCH,))
@@ -74,6 +74,16 @@ def replace_by_plate_pair(
     if not sure:
         return list(named), fit
     return [n for n in named if n not in several] + sure, tried
+
+
+def is_plate_pair(law: Disturbance, fit: Fit, count: int) -> bool:
+    """Whether two faults of one plate explain more than a disturbance of forces that resembles them."""
+    pair = _find_best(fit, _list_plate_faults(fit), count) if law.seen_in == WRENCH.name else None
+    return pair is not None and pair.expected >= law.expected
+
+
+def _list_plate_faults(fit: Fit) -> list[Candidate]:
+    return [c for c in propose_candidates(fit.scene) if not c.trials and c.where[0] in fit.scene.plates]
 
 
 def _find_best(fit: Fit, laws: Iterable[Candidate], tries: int) -> _Pair | None:

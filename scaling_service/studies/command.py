@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -88,18 +87,21 @@ def reproduce(
     from scaling_service.studies.claims import save_study
 
     check_folder(out)
-    report = import_module(f"scaling_service.studies.{study}.report")
     document: StudyDocument
+    tables: Iterable[Table]
     if study == "puchaud2019":
         from scaling_service.capabilities.cohort.screen import show_progress
+        from scaling_service.studies.puchaud2019 import report as puchaud2019
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
         with show_progress() as watcher:
             document = reproduce_puchaud2019(
                 settings, subjects=subjects, generic=generic, worker_count=workers, watcher=watcher
             )
+        page, tables = puchaud2019.build_page(document), puchaud2019.make_tables(document)
     elif study == "muller2017":
         from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
+        from scaling_service.studies.muller2017 import report as muller2017
         from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(
@@ -109,7 +111,9 @@ def reproduce(
             worker_count=workers,
             finished=_show_person,
         )
+        page, tables = muller2017.build_page(document), muller2017.make_tables(document)
     else:
+        from scaling_service.studies.futamure import report as futamure
         from scaling_service.studies.futamure.study import reproduce_futamure
 
         document = reproduce_futamure(
@@ -119,8 +123,9 @@ def reproduce(
             worker_count=workers,
             finished=_show_person,
         )
-    files = save_study(document, report.page(document), out)
-    _show_study(document, report.tables(document), out, files)
+        page, tables = futamure.build_page(document), futamure.make_tables(document)
+    files = save_study(document, page, out)
+    _show_study(document, tables, out, files)
 
 
 def _show_person(name: str, done: int, count: int) -> None:

@@ -96,22 +96,15 @@ CASES = (
     Case("consistent", ("consistent S01.yaml --start none --out consistent",), subject="forces"),
     Case("discover", ("discover S02.yaml --out discover",), subject="hidden"),
     Case("demo_discover", ("demo --discover --out demo",), costly=True),
-    Case(
-        "dynamics_scaled",
-        ("dynamics S01.yaml --start MB --samples 20 --out dynamics",),
-        "forces",
-        costly=True,
-    ),
-    Case("discover_forces", ("discover S01.yaml --start none --out discover",), "forces", costly=True),
+    Case("dynamics_scaled", ("dynamics S01.yaml --start MB --samples 20 --out dynamics",), "forces"),
+    Case("discover_forces", ("discover S01.yaml --start none --out discover",), "forces"),
     Case(
         "puchaud2019",
         ("reproduce puchaud2019 --subjects 7 --frames 20 --workers 2 --out study",),
         costly=True,
     ),
-    Case(
-        "muller2017", ("reproduce muller2017 --subjects 2 --samples 4 --workers 2 --out study",), costly=True
-    ),
-    Case("futamure", ("reproduce futamure --subjects 2 --workers 2 --out study",), costly=True),
+    Case("muller2017", ("reproduce muller2017 --subjects 1 --samples 4 --workers 1 --out study",)),
+    Case("futamure", ("reproduce futamure --subjects 1 --workers 1 --out study",)),
     Case("walker", ("compare S.yaml --out compare",), documents={"S.yaml": _WALKER}, costly=True),
     Case(
         "clinic",

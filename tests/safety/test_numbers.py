@@ -1,6 +1,6 @@
 """Everything that the program writes and says is what it was, asked of the public surface alone.
 
-All of it, costly cases included (about ten minutes on two cores; real recordings in $SCALING_SERVICE_DATA):
+All of it, costly cases included (about two minutes on two cores; real recordings in $SCALING_SERVICE_DATA):
 
     pytest tests/safety -m ""
 

@@ -3,24 +3,23 @@
 Segment frames follow the ISB as the built-in leg model has them: the thigh's y axis runs from knee
 to hip centre and its z lies in the plane of the epicondyles; the shank is carried by the thigh's
 hinge to where the image shows it, so that the hinge reproduces the pose of the image. A leg without
-images, and everything beside the legs, stays as the marker-based model has it.
+images, and everything beside the legs, is sized as in persons with such bones, as far as markers allow.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.image_lengths import size_by_lengths
+from scaling_service.capabilities.scaling.methods.image_lengths import size_beside_legs, size_by_lengths
 from scaling_service.capabilities.scaling.methods.image_points import (
     doubt_sizes,
     find_epicondyles,
     find_imaged_pelvis,
     find_whole_legs,
-    measure_marked_length,
 )
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     Registration,
@@ -42,7 +41,6 @@ from scaling_service.model.anatomy.lengths import find_segment, measure_segment_
 from scaling_service.model.body import BodyModel, Marker, Vector, to_vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
 from scaling_service.model.results import Calibration
-from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -114,27 +112,14 @@ def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
     return move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_other_leg(
-    model: BodyModel, evidence: ImageEvidence, pelvis: Frames, side: str, standing: Trial | None
-) -> BodyModel:
-    """The leg that was not imaged, made like the imaged one as far as markers say that they are alike.
-
-    Its hip centre is the pelvis's own or the imaged one mirrored, its knee axis the other mirrored; its
-    lengths are the imaged leg's, times the ratio of the two legs' marker distances, so that what
-    palpation does to both cancels.
-    """
+def _with_other_leg(model: BodyModel, evidence: ImageEvidence, pelvis: Frames, side: str) -> BodyModel:
+    """The hip of the leg that was not imaged: the pelvis's own, or the imaged one mirrored."""
     imaged = "l" if side == "r" else "r"
     own = evidence.centres.get(f"hip_{side}")
+    if own is not None:
+        return with_centre(model, f"femur_{side}", _to_vector(pelvis.to_local(own)[0]))
     x, y, z = _to_vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
-    hips = {imaged: (x, y, z), side: _to_vector(pelvis.to_local(own)[0]) if own is not None else (x, y, -z)}
-    model = with_centre(model, f"femur_{side}", hips[side])
-    lengths = measure_segment_lengths(model)
-    for name, segment in (("femur", "femur"), ("shank", "tibia")):
-        theirs, ours = (measure_marked_length(name, s, hips[s], standing) for s in (imaged, side))
-        if theirs is not None and ours is not None:
-            factor = lengths[f"{name}_{imaged}"] * ours / theirs / lengths[f"{name}_{side}"]
-            model = scale_model(model, {f"{segment}_{side}": (factor, factor, factor)})
-    return model
+    return with_centre(model, f"femur_{side}", (x, y, -z))
 
 
 def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
@@ -146,10 +131,8 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
     register_pelvis(found, evidence, pelvis)
     for side in sides:
         register_leg(found, evidence, side, _find_rightward(evidence, side))
-    imaged_bones = frozenset(found.ratios)
     others = [s for s in "rl" if s not in sides and None not in names[s]]
     for side in others:
-        found.resize(_scale_like_imaged(found.model, names[side], evidence, pelvis, side, standing))
         mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in found.poses}
     placed = {
@@ -158,7 +141,8 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
     new = [name for name in placed if name not in found.model.marker_names]
     added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
     model = move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
-    legs = frozenset(name for side in others for name in names[side] if name is not None)
+    alike = {f"{part}_{side}" for side in others for part in ("femur", "shank")}
+    legs = frozenset(name for name, size in start.sizes.items() if size.dimension in alike)
     if standing is not None:
         model = place_on(model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()})
     factors = {
@@ -172,11 +156,13 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
         model=model,
         generic=start.generic,
         scale_factors=factors,
-        warnings=(*start.warnings, *_list_osim_notes(found, sides, imaged_bones, placed)),
+        warnings=(*start.warnings, *_list_osim_notes(found, sides, legs, placed)),
         image_poses=found.poses,
-        bone_sized={name: "own" if name in imaged_bones else "other leg" for name in found.ratios},
+        bone_sized=dict.fromkeys(found.ratios, "own") | dict.fromkeys(legs, "other leg"),
         joint_moves=found.moves,
-        sizes={name: size for name, size in start.sizes.items() if name not in found.ratios},
+        sizes={
+            n: size for n, size in start.sizes.items() if n not in found.ratios.keys() | found.poses.keys()
+        },
     )
 
 
@@ -186,40 +172,15 @@ def _find_rightward(evidence: ImageEvidence, side: str) -> Array:
     return lateral - medial if side == "r" else medial - lateral
 
 
-def _scale_like_imaged(
-    model: BodyModel,
-    names: Sequence[str | None],
-    evidence: ImageEvidence,
-    pelvis: Frames,
-    side: str,
-    standing: Trial | None,
-) -> dict[str, float]:
-    """What the segments of a leg that was not imaged are resized by, to be like the imaged one.
-
-    The imaged leg's lengths, times the ratio of the two legs' marker distances, so that what palpation does
-    to both cancels; empty where no standing trial shows both legs.
-    """
-    imaged = "l" if side == "r" else "r"
-    x, y, z = to_vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
-    own = evidence.centres.get(f"hip_{side}")
-    hips = {imaged: (x, y, z), side: (x, y, -z) if own is None else to_vector(pelvis.to_local(own)[0])}
-    lengths, ratios = measure_segment_lengths(model), {}
-    for length, segment in zip(("femur", "shank"), names, strict=True):
-        theirs, ours = (measure_marked_length(length, s, hips[s], standing) for s in (imaged, side))
-        if segment is not None and theirs is not None and ours is not None:
-            ratios[segment] = lengths[f"{length}_{imaged}"] * ours / theirs / lengths[f"{length}_{side}"]
-    return ratios
-
-
 _WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 
 def _list_osim_notes(
-    found: Registration, sides: list[str], own: frozenset[str], placed: Mapping[str, Vector]
+    found: Registration, sides: list[str], others: frozenset[str], placed: Mapping[str, Vector]
 ) -> list[str]:
     """Which segments lie on bones, what scaling could not do, and what is not from images.
 
-    ``own``: segments that their own bone sized.
+    ``others``: segments of a leg that was not imaged.
     """
     words = {"r": "right", "l": "left"}
     joints = {segment.name: segment.joint_name for segment in found.model.segments}
@@ -234,15 +195,14 @@ def _list_osim_notes(
         said = [words.format(size) for size, words in sizes if size >= _WORTH_SAYING]
         if said:
             notes.append(f"EB: beyond scaling, the image moves {joint}: {', '.join(said)}")
-    like = [name for name in found.ratios if name not in own]
-    if like:
+    if others:
         notes.append(
-            f"EB: sized as the bones of the {' and '.join(words[s] for s in sides)} leg: {list_few(like)} "
-            "(of a leg that was not imaged, times the ratio of the legs' marker distances)"
+            f"EB: {list_few(sorted(others))}: of a leg that was not imaged, sized as in persons with such a "
+            f"{' and '.join(words[s] for s in sides)} leg, as far as markers allow"
         )
-    rest = [name for name in found.model.segment_names if name not in found.ratios]
+    rest = [name for name in found.model.segment_names if name not in found.ratios.keys() | others]
     if rest:
-        notes.append(f"EB: without a bone's length, sized by markers as in MB: {list_few(rest)}")
+        notes.append(f"EB: without a bone's length, sized by markers: {list_few(rest)}")
     carried = [
         m for m in found.model.markers if m.weight > 0.0 and m.segment in found.poses and m.name not in placed
     ]
@@ -272,8 +232,8 @@ def _list_notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]
     if other:
         names = " and ".join("right" if s == "r" else "left" for s in other)
         notes.append(
-            f"EB: the {names} leg was not imaged whole: its lengths are the other leg's times the ratio of "
-            "their marker distances, its knee axis the other one mirrored, its markers are from the "
+            f"EB: the {names} leg was not imaged whole: its lengths are those of persons with such another "
+            "leg, as far as markers allow, its knee axis the other one mirrored, its markers are from the "
             "standing trial"
         )
     skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
@@ -324,15 +284,16 @@ class ImageBased:
         sides = find_whole_legs(start.model, evidence)
         if not sides:
             return size_by_lengths(session, settings, start, evidence)
+        base = size_beside_legs(session, settings, start, evidence)
         if session.subject.model.lower().endswith(".osim"):
-            onto = _bring_onto_bones(start, evidence, standing)
+            onto = _bring_onto_bones(base, evidence, standing)
             doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
             return replace(onto, warnings=(*onto.warnings, *doubts), wall_s=time.perf_counter() - clock)
-        model, notes = start.model, [*start.warnings]
+        model, notes = base.model, [*base.warnings]
         pelvis = find_imaged_pelvis(evidence)
         assert pelvis is not None
         frames: dict[str, Frames] = {"pelvis": pelvis}
-        tilts: dict[str, Tilt] = dict.fromkeys(start.axis_tilts, (0.0, 0.0))
+        tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0))
         for side in sides:
             leg = _measure_leg(evidence, side)
             frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
@@ -342,7 +303,7 @@ class ImageBased:
             x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
             joint = model.segment(f"tibia_{side}").joint_name
             tilts[joint] = (-x, -y)
-            model = with_axis(_with_other_leg(model, evidence, pelvis, side, standing), joint, tilts[joint])
+            model = with_axis(_with_other_leg(model, evidence, pelvis, side), joint, tilts[joint])
         imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
         placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
         # Markers that the model does not have yet are placed from their segment alone.
@@ -356,14 +317,15 @@ class ImageBased:
         return Calibration(
             method="EB",
             model=model,
-            generic=start.generic,
-            scale_factors=_list_factors(start, model),
+            generic=base.generic,
+            scale_factors=_list_factors(base, model),
             axis_tilts=tilts,
             wall_s=time.perf_counter() - clock,
             warnings=tuple(notes),
             image_poses={
                 name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
             },
+            sizes={name: size for name, size in base.sizes.items() if name not in frames},
             bone_sized={
                 name: "own" if name in frames else "other leg"
                 for name in model.segment_names

@@ -1,4 +1,4 @@
-"""Bones that show no whole leg: their lengths among what a person's sizes are estimated from."""
+"""Lengths of imaged bones among what a person's other sizes are estimated from."""
 
 from __future__ import annotations
 
@@ -41,6 +41,20 @@ def find_lengths(evidence: ImageEvidence, model: BodyModel) -> dict[str, float]:
         for name, (first, second) in _ENDS.items()
         if name in measure_segment_lengths(model) and first in centres and second in centres
     }
+
+
+def size_beside_legs(
+    session: Session, settings: CalibrationSettings, start: Calibration, evidence: ImageEvidence
+) -> Calibration:
+    """The marker-based model of a person with such legs: what was not imaged is estimated beside what was.
+
+    How far apart the hips are says little of the rest of a pelvis, so that it plays no part. A scale set-up
+    sizes all segments itself.
+    """
+    legs = {
+        name: length for name, length in find_lengths(evidence, start.model).items() if name != "inter_hip"
+    }
+    return start if session.scale_setup is not None else scale_linearly(session, settings, legs)
 
 
 def size_by_lengths(

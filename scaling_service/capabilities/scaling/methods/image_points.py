@@ -10,8 +10,8 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.trial import ImageEvidence, Trial
+from scaling_service.model.body import BodyModel
+from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.multibody.laws import Array
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
@@ -53,20 +53,6 @@ def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[A
     right = pelvis.rotation[0, :, 2]
     outward = np.array(axis) * np.sign(np.array(axis) @ (right if side == "r" else -right))
     return knee + outward, knee - outward
-
-
-def measure_marked_length(name: str, side: str, hip: Vector, standing: Trial | None) -> float | None:
-    """A thigh or shank as markers show it in the standing trial (m), None if they do not."""
-    if standing is None:
-        return None
-    shown = {find_canonical(label): standing.position(label) for label in standing.labels}
-    ends = [[f"{side.upper()}{point}" for point in pair] for pair in (("LFE", "MFE"), ("LM", "MM"))]
-    if not all(point in shown for point in (*_PELVIS, *ends[0], *ends[1])):
-        return None
-    knee, ankle = (0.5 * (shown[a] + shown[b]) for a, b in ends)
-    centre = build_pelvis_frame(*(shown[point] for point in _PELVIS)).to_ground(hip)
-    distance = np.linalg.norm((centre - knee) if name == "femur" else (knee - ankle), axis=1)
-    return float(np.nanmean(distance)) if np.isfinite(distance).any() else None
 
 
 _DOUBTFUL, _IMPOSSIBLE = 0.15, 0.30

@@ -36,8 +36,8 @@ _PLATE_N, _PLATE_NM = 0.5, 0.2
 """Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
 0.2 mm of 1000 N are 0.2 N m."""
 
-_DRIFTING = 3.0
-"""How many times as much a plate may drift (chosen: plates with nobody on them leave 0.1 to 1.4 N below
+_DRIFTING = 2.0
+"""How many times as much a plate may drift (chosen: plates with nobody on them leave 0.3 to 1.1 N RMS below
 5 Hz in walks of public recordings)."""
 
 BAND_HZ = 15.0

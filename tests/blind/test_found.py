@@ -26,6 +26,7 @@ HIDDEN = [
     Case("effect", ("soft_tissue_artefact",), "middle", "gait", False, 0),
     Case("pair", PAIRS[0], "large", "gait", False, 0),
     Case("pair", PAIRS[10], "large", "gait", True, 0),
+    Case("opposed", OPPOSED[1], "large", "varied", True, 3),  # a curved gain resembles the two
     pytest.param(Case("opposed", OPPOSED[1], "large", "gait", True, 0), marks=COSTLY),
 ]
 NOTHING = [

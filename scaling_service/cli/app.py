@@ -14,7 +14,7 @@ import typer
 
 from scaling_service.capabilities import import_modules_named
 from scaling_service.capabilities.cohort.command import Interrupted
-from scaling_service.cli import demo, guide, service
+from scaling_service.cli import newcomers, service
 from scaling_service.core.errors import InputError
 from scaling_service.core.text import name_version
 from scaling_service.studies import command as studies
@@ -51,7 +51,7 @@ def _build_program() -> typer.Typer:
         rich_markup_mode="rich",
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    modules = [*import_modules_named("command"), demo, guide, studies, service]
+    modules = [*import_modules_named("command"), newcomers, studies, service]
     commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
     names = (*_FIRST, *(command.__name__ for command in commands))
     for command in sorted(commands, key=lambda command: names.index(command.__name__)):

@@ -1,10 +1,13 @@
-"""What all documents have in common, and tables of numbers that travel as binary files beside them."""
+"""What all documents have in common: names, versions, and tables of numbers that travel beside them."""
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from scaling_service.core.errors import InputError
 
 Rounded = Annotated[float, AfterValidator(lambda value: round(value, 4))]
 """In mm or degrees: a tenth of a micrometre, or less than a second of arc."""
@@ -48,3 +51,33 @@ class PlateEntry(Part):
     centre_m: list[float] | None = Field(default=None, description="Of its surface, x, y, z.")
     loaded_by: list[str] = Field(default=[], description="Who stood on it and when, in words.")
     offset_N: float | None = Field(default=None, description="Its reading while no foot is near it.")
+
+
+DOCUMENT = "subject.json"  # under this name a subject's document lies beside its files when a job computes
+
+PARTS = ".parts.json"
+"""Under this name it stands among the inputs how the parts of a job ended; no subject is called so."""
+
+_PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
+_MOST_BYTES = 255  # of a name, on the usual file systems
+
+
+def require_plain_name(name: str, field: str = "name") -> str:
+    """The name, if it is one that an uploaded file can have.
+
+    Raises InputError: it has a folder or a special character in it, is too long, or is reserved.
+
+    Examples
+    --------
+    >>> require_plain_name("Walking01.c3d")
+    'Walking01.c3d'
+    """
+    good = _PLAIN.fullmatch(name) is not None and not name.endswith((" ", "."))
+    if not good or len(name.encode()) > _MOST_BYTES or name.casefold() == DOCUMENT:
+        raise InputError(
+            f"'{name[:60]}' cannot be the name of an uploaded file",
+            field=field,
+            remedy="Use up to 200 letters, digits, spaces, dots and hyphens, without folders"
+            + (f"; '{DOCUMENT}' is taken" if name.casefold() == DOCUMENT else ""),
+        )
+    return name

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.model.body import Vector
-from scaling_service.numerics.least_squares.masks import find_shown
+from scaling_service.numerics.least_squares.problem import find_shown
 
 Array = NDArray[np.float64]
 

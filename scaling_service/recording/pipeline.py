@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Array, Repair, Trial, repair_each
-from scaling_service.numerics.least_squares.masks import Mask, find_seen
+from scaling_service.numerics.least_squares.problem import Mask, find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import (
     average_moving,

@@ -14,8 +14,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
 from scaling_service.documents.base import Part
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.report.blocks import Bullets, Callout, Cell, Row, Table, Text, Tone
-from scaling_service.report.page import Page, Section
+from scaling_service.report.blocks import Bullets, Callout, Cell, Page, Row, Section, Table, Text, Tone
 
 STUDY_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.inertia.cone import form_pseudo_inertia, list_bodies
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.identification import (
     IdentificationSettings,
+    form_pseudo_inertia,
     identify_inertia,
+    list_bodies,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, make_inertial_prior
 from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from scaling_service.capabilities.dynamics.inertia.cone import (
-    KEPT,
-    Body,
-    form_pseudo_inertia,
-    list_bodies,
-    minimise_within_cone,
-)
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     ForceRecording,
     count_repeats,
     estimate_noise,
     gather_evidence,
+)
+from scaling_service.capabilities.dynamics.inertia.identification import (
+    KEPT,
+    Body,
+    form_pseudo_inertia,
+    list_bodies,
+    minimise_within_cone,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import (
     COM_SD,

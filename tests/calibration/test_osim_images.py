@@ -12,7 +12,7 @@ import pytest
 from scaling_service.capabilities.dynamics.saving import write_massive_model
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.image_lengths import size_beside_legs
+from scaling_service.capabilities.scaling.methods.image_points import size_beside_legs
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     find_axis_in_parent,

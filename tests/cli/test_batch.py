@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from scaling_service.capabilities.cohort import subject as subject_item
+from scaling_service.capabilities.cohort import outcomes
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.screen import Screen
 from scaling_service.capabilities.scaling import saving
@@ -118,14 +118,14 @@ def test_a_broken_rule_ends_with_2_and_one_line(
 def test_an_interruption_says_what_is_kept(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole = subject_item.compare
+    whole = outcomes.compare
 
     def interrupted(file: Path, *rest: object, **options: object) -> object:
         if file.parent.name == "B":
             raise KeyboardInterrupt
         return whole(file, *rest, **options)
 
-    monkeypatch.setattr(subject_item, "compare", interrupted)
+    monkeypatch.setattr(outcomes, "compare", interrupted)
     assert _run(root / "cohort.csv", tmp_path / "out") == 130
     said = capsys.readouterr().err.splitlines()[-1]
     assert "1 of 2 subjects had ended" in said

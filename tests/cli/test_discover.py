@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.capabilities.discovery import demo as discover_demo
+from scaling_service.capabilities.discovery import run as discover_run
 from scaling_service.capabilities.discovery.command import show
 from scaling_service.capabilities.discovery.document import DiscoveryDocument, HiddenDocument, PlacedEffect
 from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
@@ -145,8 +145,8 @@ def test_the_demo_searches_what_it_hid(monkeypatch: pytest.MonkeyPatch) -> None:
         given.append(loaded)
         return found()
 
-    monkeypatch.setattr(discover_demo, "run", search)
-    results = discover_demo.run_hidden_demo(2, SHORT)
+    monkeypatch.setattr(discover_run, "run", search)
+    results = discover_run.run_hidden_demo(2, SHORT)
     assert results.hidden is not None
     assert [h.kind for h in results.hidden] == ["soft_tissue_artefact", "marker_swap"]
     recorded = given[0].session

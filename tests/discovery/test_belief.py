@@ -10,18 +10,18 @@ import pytest
 import yaml
 from scipy.stats import multivariate_normal
 
-from scaling_service.capabilities.discovery.belief import (
-    estimate_probability,
-    estimate_sign_probability,
-    find_carrying,
-)
 from scaling_service.capabilities.discovery.effects.catalogue import find_effects
 from scaling_service.capabilities.discovery.effects.plates import contradict_bias, propose_plate_biases
 from scaling_service.capabilities.discovery.effects.sizes import Range, look_up_usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.forces import assign_contacts
-from scaling_service.capabilities.discovery.result import make_discovery_document
+from scaling_service.capabilities.discovery.result import (
+    estimate_probability,
+    estimate_sign_probability,
+    find_carrying,
+    make_discovery_document,
+)
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.start import assign_contacts
 from scaling_service.capabilities.kinetics.forces import TrialForces
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import CONTACT_N

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.search.summary.disagreements import in_one_block
+from scaling_service.capabilities.discovery.search.unexplained import in_one_block
 from scaling_service.numerics.multibody.laws import Array
 
 FRAMES, TIMES, PLACES = 50, 2000, 30

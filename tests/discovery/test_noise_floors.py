@@ -14,7 +14,7 @@ from scaling_service.capabilities.discovery.evidence.markers import MARKERS
 from scaling_service.capabilities.discovery.evidence.noise_floors import measure_noise_floors
 from scaling_service.capabilities.discovery.observations.tracked import estimate_marker_noise
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
-from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
+from scaling_service.capabilities.discovery.search.unexplained import describe_unexplained
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from tests.discovery.hidden import person, recorded

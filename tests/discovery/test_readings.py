@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.evidence.noise_floors import measure
 from scaling_service.capabilities.discovery.evidence.scoring import score_candidates
 from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.search.summary.unexplained import describe_unexplained
+from scaling_service.capabilities.discovery.search.unexplained import describe_unexplained
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.forces import GroundForces

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.search.estimation import estimate
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.testing import Outcome, try_in_full
+from scaling_service.capabilities.discovery.search.selection import Outcome, try_in_full
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.body import BodyModel

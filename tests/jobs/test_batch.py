@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 import yaml
 
-from scaling_service.capabilities.cohort import subject as subject_item
+from scaling_service.capabilities.cohort import outcomes
 from scaling_service.capabilities.cohort.document import CohortDocument
 from scaling_service.capabilities.cohort.job import BatchRequest, summarise
-from scaling_service.capabilities.cohort.outcomes import Outcome
+from scaling_service.capabilities.cohort.outcomes import Outcome, read_record
 from scaling_service.capabilities.cohort.run import BatchResult, batch
 from scaling_service.capabilities.cohort.saving import TABLES
-from scaling_service.capabilities.cohort.subject import read_record
 from scaling_service.capabilities.scaling import saving
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.errors import InputError
@@ -133,7 +132,7 @@ def test_what_is_unchanged_is_kept_and_gives_the_same_numbers(
     first = _batch(root / "cohort.csv", tmp_path / "out")
     text = (root / "A" / "subject.yaml").read_text(encoding="utf-8")
     (root / "A" / "subject.yaml").write_text(f"# a remark\n{text}", encoding="utf-8")
-    monkeypatch.setattr(subject_item, "compare", lambda *_, **__: pytest.fail("done again"))
+    monkeypatch.setattr(outcomes, "compare", lambda *_, **__: pytest.fail("done again"))
     second = _batch(root / "cohort.csv", tmp_path / "out")
     assert _statuses(second) == dict.fromkeys(NAMES, "kept")
     assert second.document.statistics == first.document.statistics
@@ -206,18 +205,18 @@ def test_failures_and_skips_are_reported_and_stop_nobody(root: Path, tmp_path: P
 def test_an_interruption_leaves_what_is_finished(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = subject_item.compare
+    whole = outcomes.compare
 
     def interrupted(file: Path, *rest, **options):
         if file.parent.name == "C":
             raise KeyboardInterrupt
         return whole(file, *rest, **options)
 
-    monkeypatch.setattr(subject_item, "compare", interrupted)
+    monkeypatch.setattr(outcomes, "compare", interrupted)
     with pytest.raises(KeyboardInterrupt):
         _batch(root / "cohort.csv", tmp_path / "out")
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"A", "B"}
-    monkeypatch.setattr(subject_item, "compare", whole)
+    monkeypatch.setattr(outcomes, "compare", whole)
     assert _statuses(_batch(root / "cohort.csv", tmp_path / "out")) == {"A": "kept", "B": "kept", "C": "done"}
 
 
@@ -227,7 +226,7 @@ def test_an_interruption_before_anything_is_done_leaves_nothing(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(subject_item, "compare", interrupted)
+    monkeypatch.setattr(outcomes, "compare", interrupted)
     with pytest.raises(KeyboardInterrupt):
         _batch(root / "cohort.csv", tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.capabilities.scaling.demo import run_demo
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import run_demo
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import measure_segment_lengths

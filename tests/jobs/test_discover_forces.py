@@ -10,15 +10,14 @@ import pytest
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.forces import find_usable_frames
 from scaling_service.capabilities.discovery.laws.apply import correct_forces
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Contact, Estimate
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
 from scaling_service.capabilities.discovery.observations.performed import perform_on_plates
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.recordings import tabulate_forces, write_contacts, write_corrected
+from scaling_service.capabilities.discovery.saving import tabulate_forces, write_contacts, write_corrected
 from scaling_service.capabilities.discovery.search.naming import find_separating_movement
-from scaling_service.capabilities.discovery.start import Prepared, prepare
+from scaling_service.capabilities.discovery.start import Prepared, find_usable_frames, prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.files.forces import read_forces, read_forces_from_table
 from scaling_service.files.sto import read_sto

@@ -11,9 +11,9 @@ import pytest
 
 from scaling_service.capabilities.playback.drawing import find_knee_axes
 from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
-from scaling_service.capabilities.scaling.demo import run_demo
 from scaling_service.capabilities.scaling.report.page import choose_shown_trial
 from scaling_service.capabilities.scaling.result import Results
+from scaling_service.capabilities.scaling.run import run_demo
 from scaling_service.capabilities.scaling.scene import make_overlay
 from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker

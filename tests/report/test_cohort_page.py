@@ -14,9 +14,9 @@ from scaling_service.capabilities.cohort.document import (
     SubjectEntry,
 )
 from scaling_service.capabilities.cohort.report import build_cohort_page
+from scaling_service.capabilities.cohort.run import write_headline, write_reasons
 from scaling_service.capabilities.cohort.statistics import CohortSettings, compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import Following, MethodSummary, SubjectSummary
-from scaling_service.capabilities.cohort.verdict import write_headline, write_reasons
 from scaling_service.numerics.statistics.waveforms import WaveformSettings
 from tests.report.reading import Node, read
 

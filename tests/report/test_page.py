@@ -8,8 +8,7 @@ import re
 
 import pytest
 
-from scaling_service.report.blocks import Text
-from scaling_service.report.page import Page, Section
+from scaling_service.report.blocks import Page, Section, Text
 from tests.report.reading import Node, read
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.virtual.image import VirtualImage, make_virtual_image
+from scaling_service.virtual.example import VirtualImage, make_virtual_image
 from scaling_service.virtual.subject import make_virtual_subject
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged, seen
 

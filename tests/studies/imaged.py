@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from scaling_service.model.trial import ImageEvidence
-from scaling_service.virtual.image import VirtualImage, make_virtual_image, read_image_evidence
+from scaling_service.virtual.example import VirtualImage, make_virtual_image, read_image_evidence
 from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_virtual_subject
 
 SHORT = VirtualSettings(functional_s=0.1, static_s=0.1, gait_trials=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.virtual.image import make_virtual_image, read_image_evidence
+from scaling_service.virtual.example import make_virtual_image, read_image_evidence
 from scaling_service.virtual.subject import VirtualSettings, make_virtual_subject
 
 PERSONS = 26

@@ -15,11 +15,11 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.trial import Bone
-from scaling_service.virtual.example import make_demo_session
-from scaling_service.virtual.image import (
+from scaling_service.virtual.example import (
     MARKER_MM,
     SURFACE_MM,
     VirtualImage,
+    make_demo_session,
     make_virtual_image,
     read_image_evidence,
 )

@@ -25,9 +25,8 @@ from scaling_service.capabilities.shared.job import (
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import DOCUMENT, PARTS, Part
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.documents.names import DOCUMENT, PARTS
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
 
@@ -117,8 +116,7 @@ def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: 
 
     InputError: whatever in the subject, the model or the recordings cannot be used: the subject failed.
     """
-    from scaling_service.capabilities.cohort.outcomes import NothingPossible
-    from scaling_service.capabilities.cohort.subject import SubjectMember
+    from scaling_service.capabilities.cohort.outcomes import NothingPossible, SubjectMember
 
     clock = time.perf_counter()
     name = request.subject
@@ -168,8 +166,7 @@ def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
 
 
 def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
-    from scaling_service.capabilities.cohort.outcomes import Outcome
-    from scaling_service.capabilities.cohort.subject import read_summary
+    from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
     shown = f"{name}/{DOCUMENT}"
     if end["state"] != State.DONE:

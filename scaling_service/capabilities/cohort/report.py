@@ -18,7 +18,19 @@ from scaling_service.capabilities.cohort.document import (
 )
 from scaling_service.capabilities.cohort.summary import IMAGED
 from scaling_service.core.text import format_p
-from scaling_service.report.blocks import Block, Bullets, Callout, Cell, Details, Grid, Row, Table, Text
+from scaling_service.report.blocks import (
+    Block,
+    Bullets,
+    Callout,
+    Cell,
+    Details,
+    Grid,
+    Page,
+    Row,
+    Section,
+    Table,
+    Text,
+)
 from scaling_service.report.figures import Figure, describe_ranges, draw_cycle, escape_plain, make_chart
 from scaling_service.report.methods import (
     INK,
@@ -28,7 +40,6 @@ from scaling_service.report.methods import (
     make_method_legend,
     spell_name,
 )
-from scaling_service.report.page import Page, Section
 
 TITLES: Mapping[str, str] = {
     "kinematic_error_mm": "Kinematic error",

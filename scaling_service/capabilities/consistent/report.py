@@ -10,10 +10,21 @@ import plotly.graph_objects as go
 from scaling_service.capabilities.consistent.document import ConsistentDocument, GroundWrench
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.report.blocks import Block, Callout, Grid, Heading, Legend, Row, Table, Text, Tone
+from scaling_service.report.blocks import (
+    Block,
+    Callout,
+    Grid,
+    Heading,
+    Legend,
+    Page,
+    Row,
+    Section,
+    Table,
+    Text,
+    Tone,
+)
 from scaling_service.report.figures import Figure, escape_plain, make_chart
 from scaling_service.report.methods import INK
-from scaling_service.report.page import Page, Section
 from scaling_service.report.provenance import build_origin_blocks
 
 WAYS = (("classical", "#0072B2", "dash"), ("consistent", "#D55E00", "solid"), ("predicted", "#009E73", "dot"))

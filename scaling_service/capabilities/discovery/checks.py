@@ -11,7 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
 
 LARGEST_M = 0.08

@@ -75,7 +75,7 @@ def discover(
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     """Search for what is hidden in a virtual person; the answer comes after the verdict."""
     with running(out) as progress:
-        from scaling_service.capabilities.discovery.demo import run_hidden_demo
+        from scaling_service.capabilities.discovery.run import run_hidden_demo
         from scaling_service.capabilities.discovery.saving import save_discovery
 
         found = run_hidden_demo(seed, progress=progress)

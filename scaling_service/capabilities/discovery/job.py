@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.options import AS_MEASURED, Discover
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress, report_part
-from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.base import DOCUMENT
 
 _COMPUTING, _WRITING = 0.9, 0.97
 """Chosen: about the shares of the search and of writing; the rest is what is played back."""

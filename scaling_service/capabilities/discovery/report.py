@@ -34,12 +34,13 @@ from scaling_service.report.blocks import (
     Details,
     Grid,
     Heading,
+    Page,
     Row,
+    Section,
     Table,
     Text,
     Tone,
 )
-from scaling_service.report.page import Page, Section
 from scaling_service.report.provenance import build_input_blocks, repair_blocks
 from scaling_service.report.scene import Scene
 

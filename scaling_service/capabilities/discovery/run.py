@@ -1,21 +1,26 @@
-"""The search for what a model does not have, from the subject file to results in memory."""
+"""The search for what a model does not have, from the subject file to results; and on a virtual person."""
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from scaling_service.capabilities.discovery.bones import learn_bones, without_undetermined
+from scaling_service.capabilities.discovery.document import HiddenDocument
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
 from scaling_service.capabilities.discovery.start import prepare
+from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model.subject import Subject
+from scaling_service.virtual.example import RECORDED, make_hidden_session
+from scaling_service.virtual.subject import VirtualSettings
 
 USUAL = DiscoverySettings()
 """How strict the search is by default."""
@@ -114,3 +119,29 @@ def run(
         bones=bones,
         wall_s=time.perf_counter() - clock,
     )
+
+
+def run_hidden_demo(
+    seed: int = 0, settings: VirtualSettings = RECORDED, *, progress: Progress | None = None
+) -> DiscoverResults:
+    """Hide something in a person that the seed decides, and search for it without knowing what."""
+    report = progress or show_nothing
+    report("recording a virtual person", 0.0)
+    session, _person, hidden = make_hidden_session(seed, settings)
+    results = run(
+        Loaded(session=session),
+        DiscoverSettings(start=AS_IT_IS),
+        AS_MEASURED.model_copy(update={"seed": seed}),
+        progress=report,
+    )
+    truth = [
+        HiddenDocument(
+            kind=h.kind,
+            where=list(h.where),
+            driver=list(h.driver),
+            trials=None if h.trial is None else [h.trial],
+            parameters=dict(h.parameters),
+        )
+        for h in hidden
+    ]
+    return replace(results, hidden=truth)

@@ -6,28 +6,141 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
+from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
 from scaling_service.capabilities.discovery.evidence.fit import Recording
-from scaling_service.capabilities.discovery.forces import assign_contacts, read_ground_forces
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
 from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
-from scaling_service.capabilities.kinetics.forces import TrialForces
+from scaling_service.capabilities.dynamics.weight import FAR_OFF
+from scaling_service.capabilities.kinetics.forces import (
+    TrialForces,
+    assign_forces,
+    find_feet,
+    read_movement_forces,
+)
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.errors import ModelRefused
 from scaling_service.core.progress import Progress
+from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
+from scaling_service.model.forces import GroundForces
+from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.exchanged import without_exchanges
+from scaling_service.recording.faults import FAULTS
+from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
+
+NOT_TRIED = "effects of forces, masses and gravity were not tried"
+
+_NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
+"""Repairs of forces that bear on what the search may say."""
+
+_READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)
+_RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gone by then
+
+Mask = NDArray[np.bool_]
+
+
+def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+    """Forces of all movements that have some, by their stems, and notes on what could not be used.
+
+    ``model``: the person's, with mass. Refuses forces that are there and cannot be used (InputError).
+    """
+    read = read_movement_forces(loaded.session.subject, loaded.plates)
+    if not read:
+        return {}, (f"no recording has forces: {NOT_TRIED}",)
+    lacking = _describe_lack(model, loaded.session.subject.mass_kg)
+    if lacking:
+        return {}, (f"{lacking}: {NOT_TRIED}",)
+    found, unusable = assign_forces(loaded, read, lambda trial: choose_band_hz(trial.rate_hz))
+    recorded = {path.stem for path in read}
+    without = [trial.name for trial in loaded.session.dynamic if trial.name not in recorded]
+    notes = [f"{list_few(without)}: no forces, so only markers were compared"] if without else []
+    return found, (*notes, *unusable, *_note_repairs(found))
+
+
+def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
+    """Forces with the frames in which they are all that touches the body."""
+    usable = find_usable_frames(forces.ground, forces.contacts)
+    return ContactAssignment(forces.ground, usable, cutoff_hz, _find_unloaded(forces.ground, forces.contacts))
+
+
+def _find_unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
+    """Where a plate is read with nobody on it, and long before and after, (n, n_plates).
+
+    A load that was given to nobody, for its fault moves the pressure off the foot, is more than any bias.
+    """
+    least = np.linalg.norm(ground.force, axis=2) < MOST_BIAS_N
+    free = (ground.readings > _READ) & (contacts.foot == NOBODY) & least
+    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(ground.times))))) if len(free) > 1 else 1
+    return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
+
+
+def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
+    """What a model lacks to answer the forces on a person of this mass; empty where it has all."""
+    try:
+        find_feet(model)
+    except ModelRefused:
+        return f"model '{model.name}' ends above its feet, so the ground's forces act on nothing"
+    mass = sum_mass(model)
+    if mass_kg is not None and 0.0 < mass < mass_kg / FAR_OFF:
+        return (
+            f"model '{model.name}' weighs {mass:.1f} of the person's {mass_kg:.1f} kg, so it cannot answer "
+            "the forces on the whole person; use a model of the whole body"
+        )
+    return "" if mass > 0.0 else f"model '{model.name}' has no mass"
+
+
+def find_usable_frames(ground: GroundForces, contacts: FootContacts) -> Mask:
+    """Frames in which the plates should show all that the ground does, shape (n,).
+
+    A foot that steps beside the plates is no finding. A foot that never meets a plate while the other one
+    always does has lost its plate, and that is one: such frames stay.
+    """
+    loaded = ground.in_contact()
+    stray = (loaded & (contacts.foot == NOBODY)).any(axis=1)
+    bears = np.stack([(contacts.foot == k).any(axis=1) for k in range(len(contacts.feet))], axis=1)
+    beside = _drop_contact_edges(contacts.on_floor & ~bears, ground.times)
+    for k in range(len(contacts.feet)):
+        others = np.delete(beside, k, axis=1)
+        if not bears[:, k].any() and not others.any():
+            beside[:, k] = False
+    return np.asarray(ground.known.all(axis=1) & ~stray & ~beside.any(axis=1))
+
+
+def _drop_contact_edges(beside: Mask, times: NDArray[np.float64]) -> Mask:
+    """Without the frames in which a foot comes down and rolls off."""
+    step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    found = np.zeros_like(beside)
+    for k in range(beside.shape[1]):
+        for start, stop in find_runs(beside[:, k]).tolist():
+            found[start:stop, k] = (stop - start) * step > 2 * BRIEF_S
+    return found
+
+
+def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
+    return tuple(
+        f"{name}: {repair.where} {repair.detail}"
+        for name, forces in found.items()
+        for repair in forces.repairs
+        if repair.what in _NOTED
+    )
+
 
 NOTE = "as calibrated"
 """Marks what a calibration freed, so that it is not taken for an effect that was named."""

@@ -9,7 +9,7 @@ from scaling_service.capabilities.dynamics.document import DynamicsDocument
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared.job import Kind, OfForces
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.base import DOCUMENT
 
 
 class DynamicsRequest(OfForces, DynamicsSettings):

@@ -26,14 +26,15 @@ from scaling_service.report.blocks import (
     Grid,
     Heading,
     Legend,
+    Page,
     Row,
+    Section,
     Table,
     Text,
     Tone,
 )
 from scaling_service.report.figures import Figure, make_chart
 from scaling_service.report.methods import FAINT, INK
-from scaling_service.report.page import Page, Section
 from scaling_service.report.provenance import build_origin_blocks
 
 _HEADLINES: tuple[tuple[str, Tone], ...] = (

@@ -12,7 +12,7 @@ from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.service import MarkerLabels
 
 

@@ -13,7 +13,7 @@ from scaling_service.capabilities.intake.markers import guess_segment
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, look_up_meaning
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import find_shown
+from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import measure_shape
 from scaling_service.recording.plausibility import find_unit_factor
 

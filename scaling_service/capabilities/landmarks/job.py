@@ -14,7 +14,7 @@ from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfO
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT, require_plain_name
+from scaling_service.documents.base import DOCUMENT, require_plain_name
 
 
 class LandmarksRequest(OfOneSubject):

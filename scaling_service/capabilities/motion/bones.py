@@ -26,7 +26,7 @@ from scaling_service.capabilities.motion.uncertainty import (
 )
 from scaling_service.model.body import BodyModel, Expectation
 from scaling_service.model.compile import to_piecewise
-from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 

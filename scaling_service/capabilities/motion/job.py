@@ -13,7 +13,7 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import DOCUMENT, require_plain_name
+from scaling_service.documents.base import DOCUMENT, require_plain_name
 from scaling_service.documents.reading import check_document, read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, SubjectDocument
 

@@ -1,4 +1,4 @@
-"""What inverse kinematics solves: one model, one recording, the markers to follow and how."""
+"""What inverse kinematics solves: one model, one recording, the markers to follow, and where to start."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
@@ -17,9 +18,11 @@ from scaling_service.model.compile import (
     list_parameter_values,
 )
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss
-from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
+from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.numerics.multibody.plan import is_plain
+from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -88,3 +91,96 @@ def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -
     shown = trial.shown_labels
     found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in shown}
     return {name: weight for name, weight in found.items() if weight > 0.0}
+
+
+def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
+    """Coordinates with the root link where its markers are, in every frame.
+
+    The root is the first link with free translations and rotations; it is placed by a rigid fit of
+    its own markers or, where fewer than three are seen, of all markers of the neutral body. Frames
+    in which neither works take the nearest frame's guess.
+
+    ``measured``: (n_frames, n_markers, 3), m.
+    ``neutral``: (n_coordinates,).
+    ``p``: (n_parameters,).
+    ``free``: bool (n_coordinates,).
+    Returns (n_frames, n_coordinates).
+    """
+    q = np.tile(neutral, (len(measured), 1))
+    root = _free_root(tree, free)
+    if root is None:
+        return q
+    rotation, position = _place_root(tree, measured, neutral, p, root)
+    known = find_seen(position)
+    if not known.any():
+        return q
+    angles = _solve_root_turns(tree, root, rotation[known])
+    for coordinate, values in angles.items():
+        q[known, coordinate] = values
+    q[known] = _translate(tree, root, q[known], position[known], p)
+    return _fill_from_nearest(q, known)
+
+
+def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
+    for k, link in enumerate(tree.links):
+        own = [v for v in tree.variables[k] if v < tree.n_coordinates and free[v]]
+        if link.parent == NONE and len(own) >= 3:
+            return k
+    return None
+
+
+def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int) -> tuple[Array, Array]:
+    """Rotation (n, 3, 3) and origin (n, 3) of the root link; NaN where it cannot be placed."""
+    poses = pose_links(tree, neutral[:, None], p)
+    placed = place_tree_markers(tree, poses)[:, :, 0]
+    axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
+    local = (placed - origin) @ axes.T
+    own = tree.marker_rows[root]
+    rotation, position = fit_rigid(local[own], measured[:, own])
+    lost = ~find_seen(position)
+    if lost.any():
+        rotation[lost], position[lost] = fit_rigid(local, measured[lost])
+    return rotation, position
+
+
+def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
+    """Angles of the root's turns that give these rotations; none if the turns are not three in a row."""
+    axes, coordinates, offsets, gains = [], [], [], []
+    prefix = np.eye(3)
+    for move in tree.links[root].moves:
+        if isinstance(move, Fixed):
+            prefix = prefix @ move.rotation
+        elif isinstance(move, Turn):
+            term = move.terms[0]
+            if len(move.terms) != 1 or term.parameter != NONE or tree.factors[term.factor].shape is not None:
+                return {}
+            axes.append(prefix[:, move.axis])
+            coordinates.append(tree.factors[term.factor].coordinate)
+            offsets.append(move.constant)
+            gains.append(term.gain[0])
+    if len(axes) != 3 or abs(axes[0] @ axes[1]) > 1e-9 or abs(axes[1] @ axes[2]) > 1e-9:
+        return {}
+    target = Rotation.from_matrix(rotation @ prefix.T)
+    angles = target.as_davenport(np.array(axes), "intrinsic", suppress_warnings=True)
+    return {c: (angles[:, k] - offsets[k]) / gains[k] for k, c in enumerate(coordinates)}
+
+
+def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
+    """The root's translations set so that its origin lies at ``position``."""
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    shifts = [
+        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
+    ]
+    if len(shifts) == 3:
+        rates = poses.directions(shifts).transpose(2, 1, 0)
+        gap = position - poses.origins[root].T
+        own = [tree.factors[e.term.factor].coordinate for e in shifts]
+        q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
+    return q
+
+
+def _fill_from_nearest(q: Array, known: NDArray[np.bool_]) -> Array:
+    """Frames that could not be placed take the nearest one that could."""
+    rows = np.flatnonzero(known)
+    nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
+    return np.asarray(np.where(known[:, None], q, q[nearest]))

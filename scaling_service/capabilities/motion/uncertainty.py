@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.least_squares.masks import find_seen, find_shown
+from scaling_service.numerics.least_squares.problem import find_seen, find_shown
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from scaling_service.capabilities.scaling.comparisons import (
+from scaling_service.capabilities.scaling.comparison_views import (
     JointAngleComparison,
     KinematicErrorComparison,
     SegmentLengthComparison,
@@ -18,7 +18,7 @@ from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOption
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.names import check_methods, list_method_names
 from scaling_service.core.progress import Progress, report_part
-from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
 if TYPE_CHECKING:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
-from scaling_service.capabilities.scaling.comparison.geometry import list_doubts, measure_geometry
+from scaling_service.capabilities.scaling.comparison.geometry import (
+    compute_angle_errors,
+    compute_centre_errors,
+    compute_length_errors,
+    list_doubts,
+    measure_geometry,
+)
 from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
@@ -21,15 +28,16 @@ from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress, report_part, show_nothing
+from scaling_service.documents.results import TruthDocument
 from scaling_service.files.osim.models import render_osim
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
-
-if TYPE_CHECKING:
-    pass
+from scaling_service.virtual.example import make_demo_session
+from scaling_service.virtual.subject import VirtualSubject
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
@@ -284,3 +292,39 @@ def _find_total_mass(model: BodyModel, session: Session) -> float | None:
     if subject.model in BUILTIN_NAMES:
         return subject.mass_kg * own / load_generic_person(subject.model).mass_kg
     return subject.mass_kg
+
+
+_BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
+_STEPS = 10  # of five bones: making them, finding their landmarks
+
+
+def run_demo(
+    settings: Settings = Settings(), *, progress: Progress | None = None
+) -> tuple[Results, TruthDocument]:
+    """Scale a virtual person, bones imaged, by every method, and measure each against the truth.
+
+    ``settings``: its seed decides the person.
+    Distances from the truth are taken on the gait trials, which no method was fitted to.
+    """
+    report, steps = progress or show_nothing, count()
+    session, person = make_demo_session(
+        settings.seed,
+        images=True,
+        progress=lambda what: report(what, _BONES * min(1.0, next(steps) / _STEPS)),
+    )
+    results = run(Loaded(session=session), None, settings, progress=report_part(report, _BONES, 1 - _BONES))
+    lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
+    errors = {method: _list_errors(scaling, results, person) for method, scaling in results.scalings.items()}
+    return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
+
+
+def _list_errors(scaling: Scaling, results: Results, person: VirtualSubject) -> dict[str, float]:
+    model = scaling.calibration.model
+    held_out = [scaling.motions[trial.name] for trial in results.session.evaluation]
+    lengths = compute_length_errors(model, person.model).values()
+    found = {"lengths_mm": 1e3 * sum(map(abs, lengths)) / len(lengths)}
+    for name, gap in compute_centre_errors(model, held_out, person.model, person.motions).items():
+        found[f"{name}_centre_mm"] = 1e3 * gap
+    for name, gap in compute_angle_errors(held_out, person.model, person.motions).items():
+        found[f"{name}_deg"] = math.degrees(gap)
+    return {name: round(value, 4) for name, value in found.items()}

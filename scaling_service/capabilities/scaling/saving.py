@@ -29,8 +29,8 @@ from scaling_service.capabilities.scaling.clinical_gait import (
 )
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
 from scaling_service.capabilities.scaling.comparison.verdict import judge
+from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
-from scaling_service.capabilities.scaling.muscles.writing import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.options import PLAIN
 from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
-from scaling_service.documents.names import require_plain_name
+from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier, SubjectDocument
 

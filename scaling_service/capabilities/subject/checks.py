@@ -14,7 +14,7 @@ from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
-from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
 from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plausibility import find_moved_markers

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.least_squares.masks import find_seen
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 

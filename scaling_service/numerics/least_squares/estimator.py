@@ -22,13 +22,13 @@ from scaling_service.numerics.least_squares.border import (
     compute_step,
     linearise,
 )
-from scaling_service.numerics.least_squares.masks import find_seen
 from scaling_service.numerics.least_squares.problem import (
     Problem,
     compute_frame_costs,
     compute_prior_cost,
     compute_residuals,
     compute_total_cost,
+    find_seen,
 )
 from scaling_service.numerics.multibody.laws import Array
 

@@ -136,3 +136,23 @@ def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
 def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
     """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
     return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())
+
+
+Mask = NDArray[np.bool_]
+
+
+def find_seen(positions: NDArray[np.float64]) -> Mask:
+    """Whether each position is known.
+
+    ``positions`` (..., 3): NaN in any coordinate means that the point was not seen.
+    Returns bool (...).
+    """
+    return np.asarray(np.isfinite(positions).all(axis=-1))
+
+
+def find_shown(positions: NDArray[np.float64]) -> Mask:
+    """Which markers some frame shows.
+
+    ``positions`` (n_frames, n_markers, 3). Returns bool (n_markers,).
+    """
+    return np.asarray(find_seen(positions).any(axis=0))

@@ -15,7 +15,6 @@ from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
     documentation,
-    guide,
     jobs,
     laboratory,
     monitoring,
@@ -68,7 +67,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         contents.router,
         monitoring.router,
         documentation.router,
-        guide.router,
+        site.guide,
         site.router,
     ):
         app.include_router(router)

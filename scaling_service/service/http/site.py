@@ -1,4 +1,4 @@
-"""The web page as it was bundled when the package was built: files of one folder, and nothing else."""
+"""The web page as it was bundled when the package was built, and the guide as the package has it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from functools import lru_cache
 from pathlib import Path, PurePath
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse
 
+from scaling_service.guide.site import make_site
 from scaling_service.service.http.contents import is_cached
 from scaling_service.service.store.errors import NotFound
 
 router = APIRouter(include_in_schema=False)
+guide = APIRouter(prefix="/guide", include_in_schema=False)
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -65,6 +67,22 @@ def asset(name: str, request: Request) -> Response:
     if found is None:
         raise NotFound(f"the page has no file '{name[:100]}'", field="name", remedy="Load / again")
     return found
+
+
+@guide.get("")
+def guide_front() -> Response:
+    """Send to where links between pages work."""
+    return RedirectResponse("/guide/")
+
+
+@guide.api_route("/", methods=["GET", "HEAD"])
+@guide.api_route("/{name}", methods=["GET", "HEAD"])
+def guide_page(request: Request, name: str = "index.html") -> Response:
+    """Send a page, or what it draws with."""
+    content = make_site().get(name)
+    if content is None:
+        raise NotFound(f"the guide has no page '{name[:100]}'", field="name", remedy="Begin at /guide/")
+    return send(request, name, content, {"Cache-Control": "no-cache", "Content-Security-Policy": POLICY})
 
 
 def _send_file(request: Request, path: str, headers: dict[str, str]) -> Response | None:

@@ -29,16 +29,15 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scaling_service.core.errors import DependencyMissing
+from scaling_service.documents.base import DOCUMENT, PARTS
 from scaling_service.documents.jobs import Failure
-from scaling_service.documents.names import DOCUMENT, PARTS
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import Child
-from scaling_service.service.sandbox.launcher import warm_up
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome
-from scaling_service.service.sandbox.supervisor import supervise
+from scaling_service.service.sandbox.supervisor import supervise, warm_up
 from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.errors import StoreUnavailable, disk_errors

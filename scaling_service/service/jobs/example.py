@@ -10,10 +10,10 @@ from pathlib import Path
 
 from scaling_service.capabilities.shared.job import list_named_files
 from scaling_service.core.errors import InputError
-from scaling_service.documents.names import DOCUMENT
+from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.reading import check_document
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.sandbox.launcher import find_python
+from scaling_service.service.sandbox.supervisor import find_python
 from scaling_service.service.store.errors import InUse, NotFound
 
 NAME = "example"

@@ -13,7 +13,7 @@ from sqlalchemy.exc import IntegrityError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs.machine import Event, Standing, follow_event
-from scaling_service.service.store import jobs, parts, queueing
+from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Content, keep
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import report_needed
@@ -70,7 +70,7 @@ class Ledger:
             if row is not None and row.state not in _AGAIN:
                 return row, False
             room_from = most_waiting - max(len(new.parts), 1) + 1
-            if queueing.has_queued_at_least(connection, new.owner, room_from):
+            if jobs.has_queued_at_least(connection, new.owner, room_from):
                 raise QueueFull(
                     f"{most_waiting} jobs are waiting, which is the most",
                     remedy="Wait until some are done, or cancel some",
@@ -105,13 +105,13 @@ class Ledger:
     def lease(self, worker: str, host: str, kinds: Collection[str] | None = None) -> JobRow | None:
         """Take the next job, of any kind or of some; None where nothing waits."""
         with self.store.write() as connection:
-            row = queueing.lock_next(connection, kinds)
+            row = jobs.lock_next(connection, kinds)
             if row is None:
                 return None
             begun = {
                 "worker": worker,
                 "host": host,
-                "lease_until_us": queueing.compute_lease_end(self.lease_s),
+                "lease_until_us": jobs.compute_lease_end(self.lease_s),
                 "started_us": NowUs(),
                 "progress_what": "starting",
             }
@@ -169,7 +169,7 @@ class Ledger:
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         with self.store.write() as connection:
-            taken = queueing.lock_lost(connection, dead)
+            taken = jobs.lock_lost(connection, dead)
             for row in taken:
                 why = _list_failure_columns(report_worker_lost(row, "its worker ended"), None)
                 self._move(connection, row, Event.LOSE, why)

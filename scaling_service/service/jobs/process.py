@@ -16,7 +16,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import open_store
 from scaling_service.service.jobs.settings import ServiceSettings, load_settings
-from scaling_service.service.sandbox.launcher import find_python
+from scaling_service.service.sandbox.supervisor import find_python
 from scaling_service.service.store.errors import StoreUnavailable
 from scaling_service.service.store.store import Store
 

@@ -32,7 +32,7 @@ from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version, write_provenance
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
-from scaling_service.service.store import deletion, queueing
+from scaling_service.service.store import deletion, jobs
 from scaling_service.service.store.blobs import Content
 from scaling_service.service.store.errors import ContentMissing, StoreFull, StoreUnavailable, disk_errors
 from scaling_service.service.store.store import Store
@@ -146,7 +146,7 @@ class Runner:
         now = time.monotonic()
         often = self._settings.lease_s / _RENEWALS
         if self._held and now - self._renewed > often:
-            queueing.renew(self._store.database, self.name, self._settings.lease_s)
+            jobs.renew(self._store.database, self.name, self._settings.lease_s)
             self._renewed = now
         self._stop_and_report()
         self._end_finished()
@@ -158,7 +158,7 @@ class Runner:
 
     def _stop_and_report(self) -> None:
         """Stop what is no longer wanted, and pass progress on."""
-        rows = queueing.list_held(self._store.database, self.name)
+        rows = jobs.list_held(self._store.database, self.name)
         for job, held in self._held.items():
             row = rows.get(job)
             wanted = row is not None and row.attempt == held.row.attempt and row.state is State.RUNNING
@@ -173,7 +173,7 @@ class Runner:
             if (news := held.folder.read_progress()) is not None
         ]
         if progress:
-            queueing.report(self._store.database, self.name, progress)
+            jobs.report(self._store.database, self.name, progress)
 
     def _end_finished(self) -> None:
         """Record what has ended; what cannot be recorded now does not hold up the rest."""
@@ -226,7 +226,7 @@ class Runner:
 
     def _take_back(self) -> None:
         """Queue again what dead runners held."""
-        dead = self._lock.dead(queueing.list_holders(self._store.database))
+        dead = self._lock.dead(jobs.list_holders(self._store.database))
         for job in self._ledger.take_back(dead):
             log.warning("job taken back", extra={"job": job})
 
@@ -235,7 +235,7 @@ class Runner:
         while len(self._held) <= self._settings.workers:
             long = sum(held.row.kind not in self._brief for held in self._held.values())
             kinds = None if long < self._settings.workers else self._brief
-            if not queueing.has_queued(self._store.database, kinds):
+            if not jobs.has_queued(self._store.database, kinds):
                 return
             self._require_room()
             row = self._ledger.lease(self.name, socket.gethostname(), kinds)
@@ -249,10 +249,10 @@ class Runner:
             self._store.require_room(self._settings.reserve_mb * 1_000_000)
         except StoreFull as error:
             self._lacks_room = True
-            queueing.explain_wait(self._store.database, error.problem)
+            jobs.explain_wait(self._store.database, error.problem)
             raise
         if self._lacks_room:
-            queueing.explain_wait(self._store.database, WAITING)
+            jobs.explain_wait(self._store.database, WAITING)
             self._lacks_room = False
 
     def _start(self, row: JobRow, executor: Executor) -> None:

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from scaling_service.capabilities.shared.job import JobRequest
+from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.jobs import State
-from scaling_service.documents.names import require_plain_name
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.ledger import Ledger
 from scaling_service.service.jobs.settings import ServiceSettings

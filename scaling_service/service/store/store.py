@@ -1,21 +1,79 @@
-"""All of it together: one database, one data directory."""
+"""All of it together: one database with its tables up to date, one data directory."""
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
 
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from alembic.util import CommandError
 from sqlalchemy import URL, Connection, text
 
-from scaling_service.service.store import deletion, queueing
+from scaling_service.service.store import deletion, jobs
 from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
-from scaling_service.service.store.errors import disk_errors, report_full
-from scaling_service.service.store.migrate import upgrade
+from scaling_service.service.store.errors import StoreTooNew, disk_errors, report_full
+from scaling_service.service.store.tables import metadata
+
+LOCK_NUMBER = 0x5CA1_1A6
+"""Chosen: any number that other programs on the same PostgreSQL do not use for an advisory lock."""
+
+
+def upgrade(database: Database, folder: Path) -> None:
+    """Make or change the tables as this version of the program needs them; a failure changes nothing.
+
+    Programs that start at the same moment wait for the first; on SQLite by a lock file in the folder.
+    StoreTooNew is raised where a later version of the program has been here.
+    """
+    with _alone(database, folder), database.write() as connection:
+        config = configure(connection)
+        there = MigrationContext.configure(connection).get_current_revision()
+        if there is None:
+            metadata.create_all(connection)
+            command.stamp(config, "head")
+        else:
+            _refuse_later(config, there)
+            command.upgrade(config, "head")
+
+
+def configure(connection: Connection) -> Config:
+    """What Alembic's commands take, to work over a connection."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
+    config.attributes["connection"] = connection
+    return config
+
+
+def _refuse_later(config: Config, there: str) -> None:
+    try:
+        ScriptDirectory.from_config(config).get_revision(there)
+    except CommandError:
+        raise StoreTooNew(
+            f"the tables are of a later version of the program ({there})",
+            field="database_url",
+            remedy="Install that version, or give another data directory or database",
+        ) from None
+
+
+@contextmanager
+def _alone(database: Database, folder: Path) -> Iterator[None]:
+    if not database.is_sqlite:
+        with database.session_lock(LOCK_NUMBER):
+            yield
+        return
+    with disk_errors(folder), (folder / "migrate.lock").open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
 
 SQLITE_NAME = "store.sqlite"
 
@@ -60,7 +118,7 @@ class Store:
         with disk_errors(self.blobs.folder):
             self.blobs.remove_dead_uploads()
             found = list(self.blobs.work.iterdir())
-        alive = {f"{job}.{attempt}" for job, attempt in queueing.list_running_attempts(self.database)}
+        alive = {f"{job}.{attempt}" for job, attempt in jobs.list_running_attempts(self.database)}
         for folder in found:  # listed before the jobs were asked for: a new one is among the living
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)

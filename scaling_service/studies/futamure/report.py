@@ -8,10 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.report.blocks import Block, Grid, Legend, Row, Table
+from scaling_service.report.blocks import Block, Grid, Legend, Page, Row, Section, Table
 from scaling_service.report.figures import Figure, draw_grouped_bars, make_chart
 from scaling_service.report.methods import FAINT
-from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.futamure.claims import PAPER
 from scaling_service.studies.futamure.document import FutamureDocument, SquatterEntry, WayEntry

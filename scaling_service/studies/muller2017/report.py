@@ -8,10 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.report.blocks import Block, Cell, Grid, Legend, Row, Table, Text
+from scaling_service.report.blocks import Block, Cell, Grid, Legend, Page, Row, Section, Table, Text
 from scaling_service.report.figures import Figure, draw_grouped_bars, make_chart
 from scaling_service.report.methods import FAINT, INK
-from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
 

@@ -10,10 +10,9 @@ from scaling_service.capabilities.cohort.report import (
     describe_quantity,
 )
 from scaling_service.core.text import format_p
-from scaling_service.report.blocks import Cell, Grid, Row, Table
+from scaling_service.report.blocks import Cell, Grid, Page, Row, Section, Table
 from scaling_service.report.figures import Figure, draw_grouped_bars
 from scaling_service.report.methods import FAINT, list_method_columns, list_styles
-from scaling_service.report.page import Page, Section
 from scaling_service.studies.claims import build_study_page
 from scaling_service.studies.puchaud2019.paper import Beside, Puchaud2019Document
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scaling_service.capabilities.motion.start import guess_start
+from scaling_service.capabilities.motion.task import guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.tree import pose_markers

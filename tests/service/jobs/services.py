@@ -67,8 +67,8 @@ def all_done(service: Service) -> bool:
 
 RUNNING = """
 import sys
-from scaling_service.service.sandbox import launcher
-launcher.PRELOAD = "tests.service.jobs.tiny"  # warm at once: tiny jobs need little
+from scaling_service.service.sandbox import supervisor
+supervisor.PRELOAD = "tests.service.jobs.tiny"  # warm at once: tiny jobs need little
 from scaling_service.service.jobs.process import log_as_json
 from scaling_service.service.jobs.runner import Runner
 from scaling_service.service.jobs.service import open_store

@@ -16,7 +16,7 @@ import pytest
 from scaling_service.documents.jobs import State
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.store import queueing
+from scaling_service.service.store.jobs import list_holders
 from tests.service.jobs.services import all_done, children_of, runner_process, tiny_service, until
 
 
@@ -58,7 +58,7 @@ def at_work(service: Service, runner: int) -> None:
     """Wait until this very runner has a job running, or nothing is left to do."""
     database = service.store.database
     until(
-        lambda: any(f"-{runner}-" in name for name in queueing.list_holders(database)) or all_done(service),
+        lambda: any(f"-{runner}-" in name for name in list_holders(database)) or all_done(service),
         within_s=60.0,
     )
 

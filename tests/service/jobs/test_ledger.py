@@ -13,7 +13,7 @@ from sqlalchemy import update
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs.ledger import AttemptOutput, Ledger, QueueFull
 from scaling_service.service.jobs.machine import Event
-from scaling_service.service.store import jobs, queueing
+from scaling_service.service.store import jobs
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.jobs import NewJob
 from scaling_service.service.store.store import Store
@@ -140,9 +140,9 @@ def test_a_worker_that_renews_keeps_its_jobs(store: Store) -> None:
     assert other is not None
     for job in (held.id, other.id):
         outdate(store, job)
-    queueing.renew(store.database, "a", 60.0)
+    jobs.renew(store.database, "a", 60.0)
     assert ledger.take_back() == [other.id]
-    assert set(queueing.list_held(store.database, "a")) == {held.id}
+    assert set(jobs.list_held(store.database, "a")) == {held.id}
     assert ledger.take_back(dead=["a"]) == [held.id]
 
 

@@ -182,11 +182,11 @@ SUPERVISING = """
 import sys
 from pathlib import Path
 from scaling_service.service.sandbox.child import Child
-from scaling_service.service.sandbox import launcher
+from scaling_service.service.sandbox import supervisor
 from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.supervisor import supervise
 from tests.service.jobs import tasks
-launcher.PRELOAD = "scaling_service.service.sandbox.child"
+supervisor.PRELOAD = "scaling_service.service.sandbox.child"
 supervise(Child(tasks.grandchild, Path(sys.argv[1]), Limits()), stop=lambda: False, progress=lambda *_: None)
 """
 

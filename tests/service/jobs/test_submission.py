@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.jobs import State
-from scaling_service.documents.names import require_plain_name
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import RequestInvalid

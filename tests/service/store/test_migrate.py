@@ -11,10 +11,9 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import text
 
-from scaling_service.service.store import queueing
 from scaling_service.service.store.errors import StoreTooNew
-from scaling_service.service.store.migrate import configure
-from scaling_service.service.store.store import Store
+from scaling_service.service.store.jobs import lock_next
+from scaling_service.service.store.store import Store, configure
 from scaling_service.service.store.tables import metadata
 
 
@@ -66,7 +65,7 @@ def test_jobs_of_the_first_tables_stay(tmp_path: Path, database_url: str | None)
     store = Store.open(tmp_path, database_url)
     with store.write() as connection:
         assert compare_metadata(MigrationContext.configure(connection), metadata) == []
-        row = queueing.lock_next(connection)
+        row = lock_next(connection)
     assert row is not None
     assert row.id == "a"
     store.close()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from scaling_service.documents.jobs import State
-from scaling_service.service.store import jobs, queueing
+from scaling_service.service.store import jobs
 from scaling_service.service.store.store import Store
 from tests.service.store.postgres import server
 from tests.service.store.rows import add_job, add_many
@@ -37,8 +37,8 @@ def questions(store: Store, number: int) -> dict[str, Callable[[], object]]:
         "page of a kind": lambda: jobs.list_page(database, "lab", kind="landmarks"),
         "page of a subject": lambda: jobs.list_page(database, "lab", subject="S01"),
         "page of a stranger": lambda: jobs.list_page(database, "stranger"),
-        "anything queued": lambda: queueing.has_queued(database),
-        "held": lambda: queueing.list_held(database, "someone"),
+        "anything queued": lambda: jobs.has_queued(database),
+        "held": lambda: jobs.list_held(database, "someone"),
     }
 
 
@@ -74,8 +74,8 @@ def test_status_lists_choosing_and_counting_keep_what_is_promised(store: Store) 
     times = {name: median_s(ask) for name, ask in questions(store, PROMISED).items()}
     add_many(store, "crowd", PROMISED, state=State.QUEUED.value)
     with store.write() as connection:
-        times["next queued"] = median_s(lambda: queueing.lock_next(connection))
-        times["10,000 waiting"] = median_s(lambda: queueing.has_queued_at_least(connection, "crowd", 10_000))
+        times["next queued"] = median_s(lambda: jobs.lock_next(connection))
+        times["10,000 waiting"] = median_s(lambda: jobs.has_queued_at_least(connection, "crowd", 10_000))
     for name, taken in times.items():
         sys.stdout.write(f"{name}: {1e3 * taken:.2f} ms\n")
     assert {name: taken for name, taken in times.items() if taken > LIMIT_S} == {}

@@ -41,15 +41,14 @@ from scaling_service.capabilities.discovery.search.estimation import (
 )
 from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
 from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tell_classes
-from scaling_service.capabilities.discovery.search.pairs import (
+from scaling_service.capabilities.discovery.search.rivals import (
     find_marker_pair,
     is_plate_pair,
+    rename,
     replace_by_plate_pair,
 )
-from scaling_service.capabilities.discovery.search.rivals import rename
-from scaling_service.capabilities.discovery.search.selection import score_all, select
-from scaling_service.capabilities.discovery.search.summary.summarise import summarise
-from scaling_service.capabilities.discovery.search.testing import try_in_full
+from scaling_service.capabilities.discovery.search.selection import score_all, select, try_in_full
+from scaling_service.capabilities.discovery.search.summarise import summarise
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
 

@@ -28,7 +28,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
 from scaling_service.capabilities.discovery.search.estimation import SETTLED, compute_misfit, estimate, remove
 from scaling_service.capabilities.discovery.search.findings import NamedEffect
-from scaling_service.capabilities.discovery.search.testing import in_range
+from scaling_service.capabilities.discovery.search.selection import in_range
 from scaling_service.numerics.multibody.laws import Array
 
 

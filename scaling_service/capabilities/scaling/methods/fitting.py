@@ -30,8 +30,13 @@ from scaling_service.numerics.least_squares.estimator import (
     estimate_residual_variance,
     solve,
 )
-from scaling_service.numerics.least_squares.masks import find_seen
-from scaling_service.numerics.least_squares.problem import SQUARED, Huber, Problem, compute_total_cost
+from scaling_service.numerics.least_squares.problem import (
+    SQUARED,
+    Huber,
+    Problem,
+    compute_total_cost,
+    find_seen,
+)
 from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts

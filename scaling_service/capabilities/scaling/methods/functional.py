@@ -23,7 +23,7 @@ from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.poses import evaluate_marker, list_model_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import find_seen, find_shown
+from scaling_service.numerics.least_squares.problem import find_seen, find_shown
 from scaling_service.numerics.multibody.functional import (
     Poses,
     find_rotation_axis,

@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.scaling.methods.image_lengths import size_beside_legs, size_by_lengths
 from scaling_service.capabilities.scaling.methods.image_points import (
     doubt_sizes,
     find_epicondyles,
     find_imaged_pelvis,
     find_whole_legs,
+    size_beside_legs,
+    size_by_lengths,
 )
 from scaling_service.capabilities.scaling.methods.osim_image_based import (
     Registration,

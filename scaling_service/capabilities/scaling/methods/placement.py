@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
-from scaling_service.capabilities.motion.start import guess_start
-from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
@@ -17,7 +16,7 @@ from scaling_service.model.compile import compile_model, list_coordinate_ranges,
 from scaling_service.model.parameters import Tilt, fold, free_axis
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.masks import find_seen, find_shown
+from scaling_service.numerics.least_squares.problem import find_seen, find_shown
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
 from scaling_service.numerics.multibody.tree import pose_links

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_f
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.results import MuscleDifference, MuscleQuantity
+from scaling_service.documents.results import MuscleDifference, MuscleDocument, MuscleQuantity
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
+from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Array, Motion
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
@@ -198,3 +200,47 @@ def _list_peaks(
                 rms=round(factor * float(np.sqrt(np.nanmean(difference**2))), 4),
                 unit=unit,
             )
+
+
+_TOLD = 2  # of each method and quantity, in words; chosen: the tables have the rest
+
+
+def make_muscle_document(found: MuscleComparison) -> MuscleDocument:
+    """The part of ``comparison.json``."""
+    grouped: dict[tuple[str, str], list[MuscleDifference]] = {}
+    for each in found.differences:
+        grouped.setdefault((each.method, each.quantity), []).append(each)
+    return MuscleDocument(
+        reference=found.reference,
+        trials=list(found.courses[found.reference]),
+        differences=list(found.differences),
+        summary=[each.sentence for rows in grouped.values() for each in rows[:_TOLD]],
+        notes=list(found.notes),
+    )
+
+
+def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
+    """Write ``TRIAL_muscle_lengths.sto``, ``TRIAL_moment_arms.sto``, ``TRIAL_joint_moments.sto``; m, N m.
+
+    A moment arm's column is ``MUSCLE.COORDINATE``; joint moments only where there are forces.
+    """
+    for trial, own in courses.items():
+        tables = {
+            "muscle_lengths": {muscle: column for (muscle, _), column in own.courses("length").items()},
+            "moment_arms": {".".join(pair): column for pair, column in own.courses("moment arm").items()},
+            "joint_moments": {f"{name}_moment": column for name, column in own.moments.items()},
+        }
+        for what, columns in tables.items():
+            if columns:
+                write_sto(
+                    folder / f"{trial}_{what}.sto", _tabulate_muscles(f"{trial} {what}", own.times, columns)
+                )
+
+
+def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
+    return Table(
+        name=name,
+        columns=("time", *columns),
+        data=np.column_stack([times, *columns.values()]),
+        in_degrees=False,
+    )

@@ -22,6 +22,7 @@ from scaling_service.report.blocks import (
     Heading,
     Legend,
     Row,
+    Section,
     Table,
     Text,
 )
@@ -43,7 +44,6 @@ from scaling_service.report.methods import (
     number,
     spell_name,
 )
-from scaling_service.report.page import Section
 
 
 def build_angles_section(methods: Sequence[str], angles: Sequence[Curves], gait: Gait) -> Section:

@@ -17,7 +17,7 @@ from scaling_service.capabilities.scaling.report.tables import (
     tabulate_lengths,
 )
 from scaling_service.documents.results import ComparisonDocument, JointCentre, MethodResult
-from scaling_service.report.blocks import Block, Cell, Grid, Heading, Row, Table, Text
+from scaling_service.report.blocks import Block, Cell, Grid, Heading, Row, Section, Table, Text
 from scaling_service.report.figures import Figure, draw_lines, escape_plain, make_chart
 from scaling_service.report.methods import (
     INK,
@@ -28,7 +28,6 @@ from scaling_service.report.methods import (
     spell_name,
     unite_keys,
 )
-from scaling_service.report.page import Section
 
 _ROLES = (("evaluation", "Held out: never fitted"), ("calibration", "Used to fit"))
 _DARKEST = 30.0  # mm; chosen: beyond it a marker is lost rather than badly followed

@@ -1,4 +1,6 @@
-"""How much of the gap between simulation and measurement closed, between noise floor and black-box bound.
+"""What a search found, with its limits and how much of the gap it closed.
+
+How much of the gap between simulation and measurement closed, between noise floor and black-box bound.
 
 The black-box bound is what a correction of the same number of numbers would reach that may add to any marker
 a constant or a multiple of any coordinate, wherever it helps most: it knows nothing of bodies. Absorbing lets
@@ -11,20 +13,26 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from scaling_service.capabilities.discovery.disturbances.disturbance import Disturbance
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.noise_floors import Floors
+from scaling_service.capabilities.discovery.evidence.noise_floors import Floors, measure_noise_floors
 from scaling_service.capabilities.discovery.evidence.observation import Tally
+from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
 from scaling_service.capabilities.discovery.evidence.statistics import fit_each
 from scaling_service.capabilities.discovery.evidence.sums import Evidence, invert_curvature
-from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
+from scaling_service.capabilities.discovery.evidence.wrench import OBSERVATIONS, WRENCH
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate, Part
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Following, Profile
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
 from scaling_service.capabilities.discovery.observations.tracked import ROLES, Role
 from scaling_service.capabilities.discovery.search.estimation import SOON, estimate
-from scaling_service.capabilities.discovery.search.findings import Gap, Level, NamedEffect
+from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, NamedEffect, Verdict
+from scaling_service.capabilities.discovery.search.unexplained import (
+    describe_unexplained,
+    locate_disagreements,
+)
 from scaling_service.numerics.multibody.laws import Array
 
 _NORMAL_95 = 1.96
@@ -200,3 +208,64 @@ def _absorb_by_calibration(before: Fit) -> Fit:
         if not c.trials and c.name not in taken
     ]
     return estimate(before, added, SOON)
+
+
+_DISTURBED = (
+    "the recordings follow a law that the catalogue does not have, clearly better than any that it has: "
+    "repair what it describes and search again"
+)
+_SPENT = "{} effects of one kind were named, the most that are looked for"
+_NOTHING_MORE = "nothing in the catalogue explains what is left better than chance"
+
+
+def summarise(
+    named: Sequence[NamedEffect],
+    scored: ScoredCandidates,
+    disturbance: Disturbance | None,
+    fits: tuple[Fit, Fit, Fit],
+    notes: Sequence[str],
+) -> Findings:
+    """Where, what, how far the gap closed, and what is left.
+
+    Parameters
+    ----------
+    fits : tuple of Fit
+        Before, after, and as after but with the motion as it is without the markers that move independently.
+    """
+    before, after, seen = fits
+    settings, moving = before.settings, before.scene.moving
+    floors = measure_noise_floors(after, moving)
+    places = locate_disagreements(before, floors)
+    usual = floors if seen is after else measure_noise_floors(seen, moving)
+    left = describe_unexplained(seen, usual, disturbance)
+    verdict: Verdict = "found" if named else "unexplained" if left else "nothing"
+    folds = not any(item.role == "held_out" for item in before.tracked)
+    roles = ROLES[:1] if folds else ROLES
+    by_role = measure_gaps(named, before, after, roles, floors)
+    spent = any(sum(o.shows(n.candidate) for n in named) >= settings.most for o in OBSERVATIONS)
+    ended = _SPENT.format(settings.most) if spent else _NOTHING_MORE
+    return Findings(
+        verdict=verdict,
+        disagreements=places,
+        named=tuple(named),
+        fit=by_role[roles[0]],
+        held_out=by_role[roles[-1]],
+        folds=folds,
+        tried=tuple(o for o in scored.best if o.candidate.key not in {n.key for n in named}),
+        unexplained=left,
+        reason=_DISTURBED if disturbance else ended,
+        notes=(*notes, *_describe_limits(before, folds), *([_DISTURBED] if disturbance else [])),
+    )
+
+
+def _describe_limits(before: Fit, folds: bool) -> tuple[str, ...]:
+    said = []
+    if folds:
+        said.append(
+            "no trial was held out: effects were tried on blocks of time between those that fitted them"
+        )
+    longest = max(float(np.ptp(item.trial.times)) for item in before.tracked)
+    if len(before.tracked) == 1 and longest < 5.0:
+        undecided = "what changes from trial to trial, and small effects, cannot be decided"
+        said.append(f"one trial of {longest:.1f} s: {undecided}")
+    return tuple(said)

@@ -1,14 +1,15 @@
-"""The commands on a built-in person: a demonstration, and recordings to try every command on."""
+"""The commands for newcomers: a demonstration, recordings to try every command on, the guide."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from scaling_service.capabilities.discovery.command import find_hidden
 from scaling_service.capabilities.scaling.command import show
-from scaling_service.capabilities.shared.flags import Only, Out, Report, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, make_folder_parser, with_flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 
@@ -36,7 +37,7 @@ def demo(
         find_hidden(out, settings.seed, report=report)
         return
     with running(out) as progress:
-        from scaling_service.capabilities.scaling.demo import run_demo
+        from scaling_service.capabilities.scaling.run import run_demo
         from scaling_service.capabilities.scaling.saving import save
 
         results, truth = run_demo(settings, progress=progress)
@@ -88,4 +89,52 @@ def example(
         make_console().print(f"Written: {folder / 'subject.json'}", highlight=False, soft_wrap=True)
 
 
-COMMANDS = (demo, example)
+def guide(
+    page: Annotated[
+        str | None, typer.Argument(help="Page to read; a list of all unless given.", show_default=False)
+    ] = None,
+    search: Annotated[
+        str | None, typer.Option(metavar="WORDS", help="Find the sections that have these words.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Write it as web pages: open index.html.",
+            parser=make_folder_parser("--out"),
+        ),
+    ] = None,
+) -> None:
+    """Read the guide: here, in a browser, or at /guide of the service.
+
+    [bold]Examples[/bold]: scaling-service guide first-steps
+
+    scaling-service guide --search "soft tissue"
+
+    scaling-service guide --out guide
+    """
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    from scaling_service.guide import pages
+    from scaling_service.guide.site import write_site
+
+    console = Console()
+    if out is not None:
+        write_site(out)
+        console.print(f"Open {out / 'index.html'}", highlight=False, soft_wrap=True)
+    elif search is not None:
+        for section in pages.search(search):
+            console.print(f"[bold]{section.page}[/bold]  {section.title}", highlight=False, soft_wrap=True)
+    elif page is not None:
+        console.print(Markdown(pages.read_page(page)))
+    else:
+        for part, inside in pages.PARTS.items():
+            console.print(f"[bold]{part}[/bold]", highlight=False)
+            for name in inside:
+                console.print(f"  {name:<16}{pages.read_title(name)}", highlight=False, soft_wrap=True)
+
+
+COMMANDS = (demo, example, guide)

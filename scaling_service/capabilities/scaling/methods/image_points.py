@@ -60,9 +60,10 @@ def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[A
     return knee + outward, knee - outward
 
 
-_DOUBTFUL, _IMPOSSIBLE = 0.15, 0.30
-"""Chosen: how far a bone may be from its length by markers before it is warned of, and refused. Femurs by
-markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019, section 3.1), hips by up to 10 %."""
+_DOUBTFUL, _DOUBTFUL_HIPS, _IMPOSSIBLE = 0.10, 0.15, 0.30
+"""Chosen: how far a bone, or hips from each other, may be from the length by markers before it is warned of,
+and before it is refused. Femurs by markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019,
+section 3.1), three deviations of which are a tenth of a femur, hips by up to 10 %."""
 
 
 def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[str]) -> list[str]:
@@ -87,7 +88,7 @@ def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[s
                 field="bones",
                 remedy="Check that bones and recordings are of one person, and the unit of the bones",
             )
-        if parts[name] in imaged and abs(off) > _DOUBTFUL:
+        if parts[name] in imaged and abs(off) > (_DOUBTFUL_HIPS if name == "inter_hip" else _DOUBTFUL):
             notes.append(f"EB: {said}: check that they are of one person, and the unit of the bones")
     return notes
 

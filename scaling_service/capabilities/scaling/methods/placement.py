@@ -93,17 +93,18 @@ _NO_PLACE = (None, "T10")
 def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, tuple[str, ...]]:
     """Markers that are no known landmark moved to where a standing trial shows them.
 
-    Where tracking markers sit is each laboratory's own choice, so a generic model's positions say
-    nothing of them; the pose comes from the landmarks alone.
+    Where tracking markers sit is each laboratory's own choice, so a generic model's positions say little of
+    them: the pose comes from the landmarks, and tracking markers decide only what these leave open, such as
+    how far an arm is bent whose wrist has no landmark.
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
-    landmarks = {m.name: float(find_canonical(m.name) not in _NO_PLACE) for m in model.markers}
-    tracking = {m.name: m.segment for m in model.markers if not landmarks[m.name] and m.weight > 0.0}
-    shown = [n for n, known in landmarks.items() if known and n in _list_seen(trial, landmarks)]
-    if len(shown) < _FEWEST or not tracking:
+    landmarks = [m.name for m in model.markers if find_canonical(m.name) not in _NO_PLACE]
+    tracking = {m.name: m.segment for m in model.markers if m.name not in landmarks and m.weight > 0.0}
+    if len(_list_seen(trial, landmarks)) < _FEWEST or not tracking:
         return model, ()
-    found = _locate(model, trial, tracking, landmarks)
+    weights = dict.fromkeys(landmarks, 1.0) | dict.fromkeys(tracking, _FOLLOWER)
+    found = _locate(model, trial, tracking, weights)
     return move_markers(model, found), tuple(found)
 
 

@@ -185,6 +185,34 @@ def find_model_points(model: BodyModel) -> Points:
     return points
 
 
+_ABOVE_M: Mapping[str, float] = MappingProxyType({"knee": 0.0, "ankle": 0.013})
+"""Chosen: how far up the leg the middle of epicondyles or malleoli lies from the centre of the joint: the
+prominent points of the malleoli are 12 to 15 mm above the centre of the talus."""
+
+_MODEL_LANDMARK_SD_M = 0.008
+"""Chosen, along the leg: the epicondyles' middle lies 4, 8 and -8 mm above the knee in Rajagopal's, OpenCap's
+and OpenSim's gait2354 model, that of the malleoli 11, 17 and 31 mm above the ankle."""
+
+_SAME_M = 0.001  # chosen: far more than rounding
+
+
+def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
+    """Knees and ankles (``knee_r``) that are not in the middle of its landmarks, each with its deviation (m).
+
+    ``points``: the model's. Landmarks are put on a model by eye: they show the lengths of its bones to some
+    millimetres along the leg, and no better than they lie where a person's do.
+    """
+    frames, found = pose_neutral_frames(model), {}
+    for name, (segment, at) in find_joint_centres(model).items():
+        above = _ABOVE_M.get(name.partition("_")[0])
+        if above is not None and name in points:
+            rotation, origin = frames[segment]
+            apart = points[name][0] - (origin + rotation @ np.array(at))
+            if np.linalg.norm(apart) > _SAME_M:
+                found[name] = max(_MODEL_LANDMARK_SD_M, abs(float(apart[1]) - above))
+    return found
+
+
 def _place_ankles(points: Points, side: str) -> Points:
     """A model's ankle as it would be found between the malleoli, and from the lateral one."""
     ankle, knee = points.get(f"ankle_{side}"), points.get(f"knee_{side}")

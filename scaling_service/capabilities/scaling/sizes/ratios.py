@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -60,7 +61,12 @@ class Ratios:
 
 
 def measure_ratios(
-    people: Sequence[PersonPoints], model: Points, segments: Sequence[str], *, besides: bool = True
+    people: Sequence[PersonPoints],
+    model: Points,
+    segments: Sequence[str],
+    *,
+    besides: bool = True,
+    doubtful: Mapping[str, float] = MappingProxyType({}),
 ) -> Ratios:
     """Every distance that can be taken, each on the first recording that shows it (a plain mean: on one).
 
@@ -68,6 +74,7 @@ def measure_ratios(
     ``model``: the model's points, one frame.
     ``segments``: the model's; measurements of others are left out.
     ``besides``: whether to take what only a weighted estimate can use.
+    ``doubtful``: joint to the standard deviation of the middle of its landmarks on the model, along the leg.
     """
     taken: list[tuple[SegmentMeasurement, Pair, PersonPoints]] = []
     for measurement in list_measurements(segments):
@@ -81,7 +88,8 @@ def measure_ratios(
     errors = {id(person): _Propagated.propagate(person) for _, _, person in taken}
     inputs = sorted({key for found in errors.values() for key in found.inputs})
     column = {key: k for k, key in enumerate(inputs)}
-    logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs)))
+    logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs) + len(doubtful)))
+    moved = [_raise_joint(model, joint, sd) for joint, sd in doubtful.items()]
     own = np.empty(len(taken))
     for row, (measurement, pair, person) in enumerate(taken):
         seen = measure_distances(pair, person.points)
@@ -91,11 +99,18 @@ def measure_ratios(
         shifts = found.of_distance(pair)
         moving = 0.0 if person.standing else float(np.nanstd(seen) / np.nanmean(seen))
         own[row] = (measurement.shape_m / ours) ** 2 + moving**2
+        spread[row, len(inputs) :] = [np.log(ours / measure_distances(pair, points)[0]) for points in moved]
         if np.isfinite(shifts).all():
             spread[row, [column[key] for key in found.inputs]] = shifts
         else:
             own[row] += _UNKNOWN_SD**2
     return Ratios(tuple(m for m, _, _ in taken), logs, spread @ spread.T + np.diag(own))
+
+
+def _raise_joint(model: Points, joint: str, by: float) -> Points:
+    """The model's points with a joint higher up the leg, however it is found."""
+    up = np.array([0.0, by, 0.0])
+    return {name: at + up if name.startswith(joint) else at for name, at in model.items()}
 
 
 def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:

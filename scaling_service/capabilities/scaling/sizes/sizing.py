@@ -19,6 +19,7 @@ from scaling_service.capabilities.scaling.methods.functional import FunctionalJo
 from scaling_service.capabilities.scaling.sizes.measurements import open_axes
 from scaling_service.capabilities.scaling.sizes.points import (
     PersonPoints,
+    find_doubtful_joints,
     find_model_points,
     find_person_points,
     measure_standing_legs,
@@ -233,7 +234,8 @@ def size_segments(
     ours = find_model_points(model)
     weighted = settings.sizes == "weighted" or bool(lengths)
     bones = {model.bone_of(name): name for name in model.segment_names}
-    ratios = measure_ratios(people, ours, tuple(bones), besides=weighted)
+    doubtful = find_doubtful_joints(model, ours)
+    ratios = measure_ratios(people, ours, tuple(bones), besides=weighted, doubtful=doubtful)
     if not len(ratios.logs):
         raise TrialUnusable(
             "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there",

@@ -30,8 +30,12 @@ is noise (chosen: mean squares of thirty independent numbers differ by so much).
 
 _QUIETER = 0.1  # quantile of all places in all recordings (chosen: a fault shows less in one of ten)
 _SLACK = 1.25
-"""Of the mean square: how much noisier than those a place may be (chosen: in recordings of some hundred
-frames 95 % of places stay below)."""
+"""Of the mean square: how much noisier than those a place may be where places differ (chosen: in recordings
+of some hundred frames 95 % of places stay below)."""
+
+_BEYOND = 2.0
+"""Of the distance from the quieter places to the median, in logarithms: how far beyond it a place may be
+where they are alike (chosen: of places that are distributed log-normally one in two hundred is noisier)."""
 
 _KNOT_S = 2.0  # chosen: slower than the blocks that are left out
 _SHARE = (1e-3, 1e-2, 1e-1, 1.0)
@@ -68,7 +72,9 @@ def measure_noise_floors(fit: Fit, moving: Sequence[str]) -> Floors:
     usual, median = np.quantile(finite, (_QUIETER, 0.5)).tolist() if len(finite) else [1.0, 1.0]
     lasting = usual > 1.0 and median <= _ALIKE * usual
     shown = any(item.shows_noise for item in fit.tracked)
-    most = _SLACK * max(1.0, usual) if lasting or not shown else 1.0
+    most = 1.0 if shown else _SLACK * max(1.0, usual)
+    if lasting:
+        most = median * (median / usual) ** _BEYOND
     limits = {name: {trial: most * noise for trial, noise in by.items()} for name, by in own.items()}
     for item in fit.wrenches:
         limit = limits[WRENCH.name][item.name]

@@ -19,7 +19,7 @@ from scaling_service.model.body import to_tensor as as_tensor
 from scaling_service.model.compile import compile_model
 from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias, Mechanism
+from scaling_service.numerics.multibody.motion import TENSOR, Inertias, Mechanism
 from scaling_service.numerics.multibody.tree import Tree
 
 Sex = Literal["F", "M"]

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Mechanism
 from scaling_service.numerics.multibody.motion import (
+    N_PARAMETERS,
+    TENSOR,
     LinkMotion,
+    Mechanism,
     Motion,
     Screws,
     cross_twist,

@@ -12,7 +12,7 @@ from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, with_inertias
 from scaling_service.model.trial import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias
+from scaling_service.numerics.multibody.motion import N_PARAMETERS, Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.wrench import compute_root_wrench
 

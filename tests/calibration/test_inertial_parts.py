@@ -31,7 +31,7 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.inertia import apply_inertia_table
 from scaling_service.model.inertia import TABLE_NAMES, gather_inertias, with_inertias
-from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.motion import Inertias
 from tests.calibration.forced import BODY, other_person, recorded, wrench_error
 
 

@@ -57,6 +57,14 @@ def test_noise_that_lasts_is_measured_and_is_no_more(memory: float, share: float
     assert not describe_unexplained(fit, measure_noise_floors(fit, fit.scene.moving))
 
 
+def test_slow_noise_is_not_cut_where_it_is_larger_by_chance() -> None:
+    """In seconds there are few independent numbers of it, so places differ: a fixed bound cut 8 % off."""
+    fit = tracked(lambda trial, rng: noise(trial, rng, memory=0.98, share=0.7))
+    tally = MARKERS.tally(fit, None, measure_noise_floors(fit, fit.scene.moving)["markers"].noise)
+    assert tally is not None
+    assert np.sqrt(tally.square.sum() / tally.floor.sum()) == pytest.approx(1.0, abs=0.03)
+
+
 def test_a_marker_that_flickers_is_unexplained_and_lifts_no_floor() -> None:
     def flickering(trial: Trial, rng: np.random.Generator) -> Array:
         added = noise(trial, rng)

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument
-from scaling_service.capabilities.discovery.figures import draw_candidates, make_heat_maps
+from scaling_service.capabilities.discovery.figures import (
+    draw_candidates,
+    draw_largest_change,
+    make_heat_maps,
+)
 from scaling_service.capabilities.discovery.report import build_discovery_page
 from scaling_service.capabilities.discovery.saving import save_discovery
-from scaling_service.capabilities.discovery.scene import draw_largest_change
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.files.trc import read_trc
 from scaling_service.model.document import from_document

@@ -11,7 +11,7 @@ from scaling_service.cli import main
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import draw_person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.paper import METHODS, Beside, Puchaud2019Document, read_paper
+from scaling_service.studies.puchaud2019.report import METHODS, Beside, Puchaud2019Document, read_paper
 from scaling_service.studies.puchaud2019.report import build_page as study_page
 from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 from tests.report.reading import Node, read

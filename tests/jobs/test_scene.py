@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.discovery.scene import AFTER, BEFORE, write_discovery_scene
+from scaling_service.capabilities.discovery.figures import AFTER, BEFORE, write_discovery_scene
 from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
 from scaling_service.capabilities.playback.drawing import MOST_FACES, find_ends, make_simple_shape, to_glb
 from scaling_service.capabilities.scaling.result import Results

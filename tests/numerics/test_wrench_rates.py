@@ -19,8 +19,7 @@ from scaling_service.numerics.multibody.marker_rates import (
     list_twist_rows,
     shift_normal,
 )
-from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import Motion, list_screws, move_links
+from scaling_service.numerics.multibody.motion import Mechanism, Motion, list_screws, move_links
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.wrench import compute_root_wrench, differentiate_wrench
 

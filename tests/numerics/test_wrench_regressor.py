@@ -7,7 +7,7 @@ import pytest
 
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
-from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.wrench import compute_inverse_dynamics, compute_regressor_blocks
 from tests.numerics.bodies import leg
 from tests.numerics.massive import random_motion, with_random_masses

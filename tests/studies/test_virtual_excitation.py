@@ -11,8 +11,11 @@ from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.inertia import gather_inertias, sum_mass
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.studies.muller2017.excitation import ExcitationSettings, make_excited_person
-from scaling_service.virtual.sequence import simulate_sequence
+from scaling_service.studies.muller2017.excitation import (
+    ExcitationSettings,
+    make_excited_person,
+    simulate_sequence,
+)
 
 SHORT = ExcitationSettings(seconds=4.0)
 EXACT = ExcitationSettings(seconds=4.0, skin=0.0, noise=0.0, inertia=0.0, calibration=0.0)

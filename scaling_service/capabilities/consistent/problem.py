@@ -23,8 +23,15 @@ from scaling_service.numerics.multibody.marker_rates import (
     list_twist_rows,
     shift_normal,
 )
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Inertias, Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, Screws, list_screws, move_links
+from scaling_service.numerics.multibody.motion import (
+    N_PARAMETERS,
+    Inertias,
+    LinkMotion,
+    Mechanism,
+    Screws,
+    list_screws,
+    move_links,
+)
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
 from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, add_to_blocks, add_to_rows

@@ -37,7 +37,7 @@ from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, Mechanism
+from scaling_service.numerics.multibody.motion import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.wrench import GRAVITY, compute_regressor_blocks
 

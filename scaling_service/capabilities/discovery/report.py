@@ -18,12 +18,12 @@ from scaling_service.capabilities.discovery.figures import (
     draw_candidates,
     draw_gap,
     draw_heat_maps,
+    draw_largest_change,
     draw_ranking,
     make_heat_maps,
 )
 from scaling_service.capabilities.discovery.numbers import format_chance, format_figures, format_interval
 from scaling_service.capabilities.discovery.result import DiscoverResults
-from scaling_service.capabilities.discovery.scene import draw_largest_change
 from scaling_service.capabilities.discovery.text import describe_place
 from scaling_service.core.text import list_few
 from scaling_service.report.blocks import (

@@ -53,8 +53,14 @@ class Task:
 
         Markers of weight zero and markers that the trial never shows are left out.
 
-        Raises TrialUnusable: no marker of the model is seen in the trial.
+        Raises TrialUnusable: the model has no markers, or none of them is seen in the trial.
         """
+        if not model.markers:
+            raise TrialUnusable(
+                f"model '{model.name}' has no markers",
+                field="marker_set",
+                remedy="Say where your markers sit on it: an OpenSim MarkerSet file under `marker_set:`",
+            )
         chosen = _list_usable(model, trial, weights or {})
         if not chosen:
             raise TrialUnusable(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.files.mesh import Mesh, read_mesh
-from scaling_service.files.osim.process import TIME_LIMIT_S, ask
+from scaling_service.files.osim.models import TIME_LIMIT_S, ask
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.trial import Bone

@@ -16,7 +16,7 @@ from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.inertia import Sex, gather_inertias, sum_mass, take_six, with_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.motion import Inertias
 
 WHOLE, SQUAT = "full_body_35dof", "squat_4dof"
 

@@ -14,8 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import Mechanism
-from scaling_service.numerics.multibody.motion import LinkMotion, Screws, point_acceleration, point_velocity
+from scaling_service.numerics.multibody.motion import (
+    LinkMotion,
+    Mechanism,
+    Screws,
+    point_acceleration,
+    point_velocity,
+)
 from scaling_service.numerics.multibody.rigid import build_skew
 from scaling_service.numerics.multibody.tree import Tree, cross, evaluate_local_positions
 

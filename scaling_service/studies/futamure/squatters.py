@@ -19,7 +19,7 @@ from scaling_service.model.inertia import compile_mechanism, gather_inertias, wi
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import Inertias
+from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench

@@ -227,6 +227,12 @@ def test_progress_reaches_every_frame() -> None:
     assert reported[-1] == 300
 
 
+def test_a_model_without_markers_asks_for_them() -> None:
+    model = legs()
+    with pytest.raises(TrialUnusable, match=r"no markers.*marker_set"):
+        Task.of(model.with_markers(()), recorded(model, motion(model, 3)))
+
+
 def test_the_general_estimator_and_the_sweeps_agree() -> None:
     model = legs()
     trial = recorded(model, motion(model, 60), noise=0.003)

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import pytest
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable
-from scaling_service.files.osim import process
+from scaling_service.files.osim import models
 from scaling_service.files.osim.models import read_osim
 
 
@@ -50,7 +50,7 @@ def test_an_unexpected_error(monkeypatch, tmp_path, model_file):
 def test_a_hang(monkeypatch, tmp_path, model_file):
     stand_in(monkeypatch, tmp_path / "fake", "import time\ntime.sleep(60)\n")
     with pytest.raises(FileUnreadable, match="within 1 s"):
-        process.ask({"operation": "read", "file": str(model_file), "marker_set": None}, time_limit_s=1.0)
+        models.ask({"operation": "read", "file": str(model_file), "marker_set": None}, time_limit_s=1.0)
 
 
 def test_files_that_opensim_cannot_read(oracle, tmp_path):
@@ -90,7 +90,7 @@ def test_the_calling_process_never_imports_opensim(tmp_path):
         capture_output=True,
         text=True,
         check=True,
-        env=process._make_environment(),
+        env=models._make_environment(),
     )
     assert done.stdout.strip() == "False"
 
@@ -125,6 +125,6 @@ def test_the_worker_loads_only_what_it_uses():
         capture_output=True,
         text=True,
         check=True,
-        env=process._make_environment(),
+        env=models._make_environment(),
     )
     assert done.stdout.strip() == "[]"

@@ -17,7 +17,7 @@ from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.inertia import to_matrix
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import TENSOR
+from scaling_service.numerics.multibody.motion import TENSOR
 
 _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 

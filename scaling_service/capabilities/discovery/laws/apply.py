@@ -33,7 +33,7 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import gather_inertias, with_inertias
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import TENSOR, Inertias
+from scaling_service.numerics.multibody.motion import TENSOR, Inertias
 from scaling_service.numerics.wrench import GRAVITY
 
 _LOADED_COLUMNS = 4

@@ -23,7 +23,7 @@ from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
+from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ

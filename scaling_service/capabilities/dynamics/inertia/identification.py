@@ -42,7 +42,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.inertia import compile_whole_tree, gather_inertias, to_matrix, with_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Inertias
+from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
 from scaling_service.numerics.multibody.tree import pose_links
 
 KEPT = 0.1

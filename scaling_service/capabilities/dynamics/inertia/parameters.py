@@ -17,7 +17,7 @@ from scipy.linalg import null_space
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS, TENSOR, Inertias
+from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
 
 MASS_SD = 0.10
 """Of a segment's mass, relative. The standard deviation between Dumas 2007, Dumas & Wojtusch 2018, de Leva

@@ -25,7 +25,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import Recordin
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.mechanism import N_PARAMETERS
+from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth

@@ -1,4 +1,4 @@
-"""Virtual persons on two force plates who move every joint, with true inertia, motion and forces.
+"""Virtual persons on two force plates who move every joint in turn, with true inertia, motion and forces.
 
 Their true inertia is that of a regression, off by what regressions miss. What is recorded has skin that
 glides with the joint angles, marker noise and plate noise; the model that follows it has the lengths and

@@ -1,4 +1,4 @@
-"""The page of Puchaud 2019 done again: claims first, then the paper's tables and figures beside ours."""
+"""The page of Puchaud 2019 done again: the paper's numbers, claims, tables and figures beside ours."""
 
 from __future__ import annotations
 

@@ -3,8 +3,6 @@
 The first name is given while everything else is still missing, and what is missing may have spoken for the
 wrong place. With the others known, another candidate may explain clearly more.
 
-Two effects at one place at once, each of which hides behind the other.
-
 Effects are named one after the other. Where two of one place partly cancel, what is left looks like neither,
 and nothing is named, or several others in their stead: a plate that measures too little and has something
 added looks like another plate that measures too much; a marker that was stuck on elsewhere, over skin that

@@ -4,10 +4,9 @@ One effect after the other would be slow where much is missing, and would leave 
 others of the motion are named along with the best if they pass beside it and explain most of what they do
 without it: then they are no shadows of it.
 
-Effects tested in full: everything is estimated anew with them, and those that hold are added.
-
-What was promised is to first order, and of one sort of observation. Once everything has followed, numbers may
-have left their ranges, little may be kept of the promise, and a motion that brings the markers of recordings
+What is chosen is tested in full: everything is estimated anew with it, and what holds is added. What was
+promised is to first order, and of one sort of observation. Once everything has followed, numbers may have
+left their ranges, little may be kept of the promise, and a motion that brings the markers of recordings
 that were not fitted nearer may carry masses along as no force says they were.
 """
 

@@ -1,10 +1,9 @@
 """What a search found, with its limits and how much of the gap it closed.
 
-How much of the gap between simulation and measurement closed, between noise floor and black-box bound.
-
-The black-box bound is what a correction of the same number of numbers would reach that may add to any marker
-a constant or a multiple of any coordinate, wherever it helps most: it knows nothing of bodies. Absorbing lets
-the numbers that calibration frees (sizes, knee axes, places of all markers) take up what they can.
+The gap between simulation and measurement lies between noise floor and black-box bound. This bound is what
+a correction of the same number of numbers would reach that may add to any marker a constant or a multiple
+of any coordinate, wherever it helps most: it knows nothing of bodies. Absorbing lets the numbers that
+calibration frees (sizes, knee axes, places of all markers) take up what they can.
 """
 
 from __future__ import annotations

@@ -197,7 +197,7 @@ _SAME_M = 0.001  # chosen: far more than rounding
 
 
 def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
-    """Knees and ankles (``knee_r``) that are not in the middle of its landmarks, each with its deviation (m).
+    """Knees and ankles (``knee_r``) that a model does not have in the middle of its landmarks; deviations, m.
 
     ``points``: the model's. Landmarks are put on a model by eye: they show the lengths of its bones to some
     millimetres along the leg, and no better than they lie where a person's do.

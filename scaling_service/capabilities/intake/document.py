@@ -122,11 +122,12 @@ class MarkerProof(Part):
 
 
 class ExtraMarker(Part):
-    """A label that no marker of the model took, and the segment that it moves with."""
+    """A label that no marker of the model took, and the segment that it sits on and moves with."""
 
     label: str
     segment: str | None
-    spread_mm: float | None = Field(description="How much its distances to that segment's markers change.")
+    confidence: float = Field(ge=0.0, le=1.0, description="Probability of that segment.")
+    why: str
 
 
 class MarkerSetProof(Part):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from scaling_service.capabilities.intake.document import (
     Candidate,
@@ -18,17 +17,16 @@ from scaling_service.capabilities.intake.document import (
 )
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
 from scaling_service.model.anatomy.markers import (
+    SACRUM,
     describe_likeness,
     find_canonical,
     is_computed,
-    look_up_meaning,
     strip_prefix,
 )
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
-from scaling_service.model.poses import pose_neutral_markers
-from scaling_service.model.trial import Array, Trial, is_unlabelled
-from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.model.trial import Trial, is_unlabelled
+from scaling_service.recording.identity.identify import Identification, identify
 
 CONFIDENCE: Mapping[str, float] = {
     "": 1.0,
@@ -40,11 +38,8 @@ CONFIDENCE: Mapping[str, float] = {
 
 AMBIGUOUS = 0.4  # chosen: of a marker that two labels fit equally well
 
-NEAR_M, MOST_BY_PLACE = 0.12, 0.6
-"""Chosen: a label farther than this from where the model expects a marker is not proposed for it, and one
-right there is less sure than any name."""
-
-FEWEST_KNOWN = 4  # markers that tell where the model stands (three, and one to spare)
+FEWEST = 3  # markers without which a segment has no pose of its own
+SURE = 0.5  # of a label's segment: likelier than all others together
 
 _MOST_OTHERS = 3
 
@@ -60,25 +55,22 @@ class _Choice:
 def propose_markers(
     model: BodyModel,
     trials: Mapping[str, Trial],
-    standing: Trial | None,
     document: Mapping[str, str],
     laboratory: Mapping[str, str],
+    who: Identification,
 ) -> tuple[list[MarkerProof], list[str]]:
     """A label for every marker of a model.
 
-    ``trials``: name to recording, in one set of axes, m. ``standing``: the one in which places are
-    compared. ``document``: model marker to label, as the subject's document says. ``laboratory``: label to
-    model marker, as the laboratory has them. Returns ``unused``: labels that no marker took.
+    ``trials``: name to recording, in one set of axes, m. ``document``: model marker to label, as the
+    subject's
+    document says. ``laboratory``: label to model marker, as the laboratory has them. ``who``: what geometry
+    tells of the labels. Returns ``unused``: labels that no marker took.
     """
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]
     offers = {marker: list(_by_name(marker, labels, document, laboratory)) for marker in wanted}
     taken = _assign(offers)
-    if standing is not None:
-        for marker, choice in _by_place(
-            model, standing, taken, [m for m in wanted if m not in taken]
-        ).items():
-            taken[marker] = choice
+    taken |= _by_place([m for m in wanted if m not in taken], {c.label for c in taken.values()}, who)
     used = {choice.label for choice in taken.values()}
     unused = [label for label in labels if label not in used]
     entries = [_make_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
@@ -117,59 +109,14 @@ def _assign(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
     return taken
 
 
-def _by_place(
-    model: BodyModel, standing: Trial, taken: Mapping[str, _Choice], missing: Sequence[str]
-) -> dict[str, _Choice]:
-    """Labels that lie where the model, standing as the person does, expects a marker.
-
-    A label that a marker set knows stands for what it says, however near to another marker it lies.
-    """
-    used = {choice.label for choice in taken.values()}
-    seen = {
-        label: _find_middle(standing, label)
-        for label in standing.labels
-        if label in used or (look_up_meaning(label) is None and not is_computed(label))
+def _by_place(missing: Sequence[str], used: set[str], who: Identification) -> dict[str, _Choice]:
+    """Labels that lie where a landmark is, whatever they are called."""
+    landmarks = {name: marker for marker in missing if (name := find_canonical(marker)) is not None}
+    return {
+        landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
+        for one in who.labels.values()
+        if one.landmark in landmarks and one.label not in used
     }
-    seen = {label: at for label, at in seen.items() if np.isfinite(at).all()}
-    model_at = pose_neutral_markers(model)
-    known = [m for m, choice in taken.items() if choice.label in seen]
-    if len(known) < FEWEST_KNOWN:
-        return {}
-    expected = _place_like(
-        model_at, [*known, *missing], known, np.stack([seen[taken[m].label] for m in known])
-    )
-    pairs = sorted(
-        (float(np.linalg.norm(seen[label] - expected[marker])), marker, label)
-        for marker in missing
-        for label in seen
-        if label not in used
-    )
-    found: dict[str, _Choice] = {}
-    for distance, marker, label in pairs:
-        if distance < NEAR_M and marker not in found and label not in {c.label for c in found.values()}:
-            why = f"{1e3 * distance:.0f} mm from where the model expects it: check it"
-            found[marker] = _Choice(label, MOST_BY_PLACE * (1.0 - distance / NEAR_M), why, "place")
-    return found
-
-
-def _find_middle(trial: Trial, label: str) -> Array:
-    trajectory = trial.position(label)
-    known = trajectory[np.isfinite(trajectory).all(axis=1)]
-    return np.asarray(np.median(known, axis=0)) if len(known) else np.full(3, np.nan)
-
-
-def _place_like(
-    model_at: Mapping[str, Array], names: Sequence[str], known: Sequence[str], measured: Array
-) -> dict[str, Array]:
-    """Markers of the standing model, sized and placed so that the known ones lie as measured."""
-    local = np.stack([model_at[name] for name in known])
-    size = _measure_extent(measured) / _measure_extent(local)
-    R, t = fit_rigid(size * local, measured)
-    return {name: R @ (size * model_at[name]) + t for name in names}
-
-
-def _measure_extent(points: Array) -> float:
-    return float(np.linalg.norm(points - points.mean(axis=0)))
 
 
 def _make_entry(
@@ -198,71 +145,107 @@ def _make_entry(
     )
 
 
-RIGID_MM, STANDS_OUT = 5.0, 0.6
-"""Chosen: distances between markers of one thigh change by less, and by less than this share of what they
-change to the next segment's markers; else nothing is said."""
+def identify_labels(
+    trials: Mapping[str, Trial],
+    static: str | None,
+    stature: float | None,
+    document: Mapping[str, str],
+    laboratory: Mapping[str, str],
+) -> Identification:
+    """What geometry tells of the labels; known names, and what somebody mapped, are taken for granted.
 
-FEWEST = 3  # markers that a segment must have: a shank's marker keeps its distance from both epicondyles, too
+    ``document``: model marker to label. ``laboratory``: label to model marker.
+    """
+    standing = trials.get(static or "")
+    if standing is None:
+        return identify(None, ())
+    mapped = {label: marker for marker, label in document.items()} | dict(laboratory)
+    told: dict[str, str] = {}
+    for label in standing.labels:
+        marker = mapped.get(label, mapped.get(strip_prefix(label), label))
+        landmark = find_canonical(marker)
+        if landmark is not None and landmark not in told.values() and not is_computed(strip_prefix(label)):
+            told[label] = landmark
+    return identify(
+        standing, [t for name, t in trials.items() if name != static], stature=stature, landmarks=told
+    )
 
-_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
-"""Words in labels of tracking markers that no marker set knows, and where those sit."""
 
+def assign_extra_markers(unused: Sequence[str], who: Identification, model: BodyModel) -> list[ExtraMarker]:
+    """The segment of each further label: as its marker set says, else as geometry tells.
 
-def assign_extra_markers(
-    markers: Sequence[MarkerProof], unused: Sequence[str], trials: Mapping[str, Trial], model: BodyModel
-) -> list[ExtraMarker]:
-    """The segment of each further label: as its set or name says, else the one it keeps its distances to.
-
-    ``markers``: with the labels that were proposed. ``unused``: labels that no marker took; points that
-    software computed are left out. ``trials``: name to recording, m.
+    ``unused``: labels that no marker took; points that software computed are left out.
     """
     known = assign_tracking_segments(unused, model)
-    carried: dict[str, list[str]] = {}
-    for entry in markers:
-        if entry.label is not None:
-            carried.setdefault(entry.segment, []).append(entry.label)
     return [
-        _make_extra_entry(label, known.get(label), carried, trials)
+        ExtraMarker(
+            label=label,
+            segment=known.get(label) or (None if found is None else _find_own(model, found.segment)),
+            confidence=1.0 if label in known else 0.0 if found is None else round(found.confidence, 3),
+            why="as its marker set says" if label in known else "" if found is None else found.why,
+        )
         for label in unused
         if not is_computed(label) and not is_unlabelled(label)
+        for found in (who.labels.get(label),)
     ]
 
 
+def find_sacral_label(markers: Sequence[MarkerProof], who: Identification) -> dict[str, str]:
+    """The sacral marker to its label, where that stands for both PSIS and its name does not say so."""
+    if any(m.label is not None for m in markers if find_canonical(m.marker) in ("RPSIS", "LPSIS")):
+        return {}
+    return {
+        SACRUM: one.label
+        for one in who.labels.values()
+        if one.landmark == SACRUM and one.at_landmark > SURE and find_canonical(one.label) != SACRUM
+    }
+
+
+def _find_own(model: BodyModel, segment: str | None) -> str | None:
+    """A model's own segment for one of the whole body; None where it has none of that name."""
+    return next((s for s in model.segment_names if segment in (s, model.bone_of(s))), None)
+
+
 def with_extra_markers(
-    proposed: Mapping[str, Any], model: BodyModel, unused: Sequence[str], trials: Mapping[str, Trial]
+    proposed: Mapping[str, Any],
+    model: BodyModel,
+    markers: Sequence[MarkerProof],
+    extra: Sequence[ExtraMarker],
+    trials: Mapping[str, Trial],
 ) -> dict[str, Any]:
-    """A subject document with the tracking markers that its marker set knows, where it names none itself.
+    """A subject document with tracking markers, where it names none itself.
 
-    Only labels that are seen while standing, which places them, and in a movement, which they then follow.
+    Those that their marker set knows; and on a segment that the movements would show by fewer than three
+    markers, all that geometry puts there. Only labels that are seen while standing, which places them, and
+    in a
+    movement, which they then follow.
 
-    ``unused``: labels that no marker of the model took. ``trials``: file to recording.
+    ``trials``: file to recording.
     """
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:
         return dict(proposed)
-    standing = set(static.shown_labels)
     others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
-    moving = {label for trial in others for label in trial.shown_labels}
-    known = assign_tracking_segments([label for label in unused if label in standing & moving], model)
-    found = {strip_prefix(label): segment for label, segment in known.items()}
-    return {**proposed, **({"extra_markers": found} if found else {})}
+    moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
+    known = assign_tracking_segments([e.label for e in extra if e.label in moving], model)
+    shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
+    found = {
+        e.label: e.segment
+        for e in extra
+        if e.segment is not None
+        and e.label in moving
+        and (e.label in known or (shown[e.segment] < FEWEST and e.confidence > SURE))
+    }
+    renamed = {strip_prefix(label): segment for label, segment in found.items()}
+    return {**proposed, **({"extra_markers": renamed} if renamed else {})}
 
 
 def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
     return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
-def _make_extra_entry(
-    label: str, known: str | None, carried: Mapping[str, Sequence[str]], trials: Mapping[str, Trial]
-) -> ExtraMarker:
-    spreads = {name: _spread_mm(label, others, trials) for name, others in carried.items()}
-    segment = known or guess_segment(label)
-    if segment not in spreads and known is None:
-        segment = _clear({name: s for name, s in spreads.items() if len(carried[name]) >= FEWEST})
-    spread = float("inf") if segment is None else spreads.get(segment, float("inf"))
-    return ExtraMarker(
-        label=label, segment=segment, spread_mm=round(spread, 1) if np.isfinite(spread) else None
-    )
+_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
+"""Words in labels of tracking markers that no marker set knows, and where those sit."""
 
 
 def guess_segment(label: str) -> str | None:
@@ -276,29 +259,6 @@ def guess_segment(label: str) -> str | None:
     plain = strip_prefix(label).upper()
     segment = next((name for name, pattern in _SAID if pattern.search(plain)), None)
     return f"{segment}_{plain[0].lower()}" if segment is not None and plain[0] in "RL" else None
-
-
-def _clear(spreads: Mapping[str, float]) -> str | None:
-    """The segment that stands out by how little distances to it change."""
-    order = sorted(spreads, key=lambda name: spreads[name])
-    if not order or spreads[order[0]] >= RIGID_MM:
-        return None
-    stands_out = len(order) < 2 or spreads[order[0]] < STANDS_OUT * spreads[order[1]]
-    return order[0] if stands_out else None
-
-
-def _spread_mm(label: str, others: Sequence[str], trials: Mapping[str, Trial]) -> float:
-    """Largest standard deviation of a label's distance to others over all recordings; infinite if unknown."""
-    found = [0.0]
-    seen = False
-    for trial in (t for t in trials.values() if label in t.labels):
-        for other in (o for o in others if o in trial.labels):
-            distance = np.linalg.norm(trial.position(label) - trial.position(other), axis=1)
-            known = distance[np.isfinite(distance)]
-            if len(known) > 1:
-                found.append(1e3 * float(known.std()))
-                seen = True
-    return max(found) if seen else float("inf")
 
 
 _JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
@@ -373,14 +333,16 @@ tell, and the legs are the safe choice."""
 _FOREFOOT = ("TOE", "MT1", "MT5")
 
 
-def choose_model(movements: Sequence[Sequence[str]], forces: bool) -> tuple[str, str]:
+def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identification) -> tuple[str, str]:
     """A built-in model and why.
 
     ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
-    whether there are ground forces.
+    whether there are ground forces. ``who``: what geometry tells of the labels.
     """
+    names = {one.label: one.landmark for one in who.labels.values() if one.at_landmark > SURE}
     known = [
-        {find_canonical(label) or strip_prefix(label).upper() for label in labels} for labels in movements
+        {names.get(label) or find_canonical(label) or strip_prefix(label).upper() for label in labels}
+        for labels in movements
     ]
     common = set.intersection(*known) if known else set()
     whole = [m.name for m in load_builtin(WHOLE).markers if m.weight > 0.0]

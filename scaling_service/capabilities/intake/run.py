@@ -32,10 +32,13 @@ from scaling_service.capabilities.intake.files import (
     map_files,
 )
 from scaling_service.capabilities.intake.markers import (
+    SURE,
     assign_extra_markers,
     check_marker_set,
     choose_model,
     describe_consequences,
+    find_sacral_label,
+    identify_labels,
     propose_markers,
     with_extra_markers,
 )
@@ -69,6 +72,7 @@ from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, Trial
 from scaling_service.recording.exchanged import relabel
+from scaling_service.recording.identity.identify import Identification
 from scaling_service.recording.orientation import check_axes
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
@@ -166,13 +170,16 @@ def prove(
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
-    usual, why = look.usual_model()
+    mapped, stature = known.get("markers") or {}, sizes.height_m
+    who = identify_labels(trials, look.static, stature, mapped, labels or {})
+    usual, why = look.usual_model(who)
     model = look.read_model(usual)
-    standing = trials.get(look.static or "") or next(iter(trials.values()), None)
-    markers, unused = propose_markers(model, trials, standing, known.get("markers") or {}, labels or {})
-    proposed = propose_subject(known, found, look.roles, usual, _list_explicit_markers(markers, known))
+    markers, unused = propose_markers(model, trials, mapped, labels or {}, who)
+    extra = assign_extra_markers(unused, who, model)
+    explicit = _list_explicit_markers(markers, known) | find_sacral_label(markers, who)
+    proposed = propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
-        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, unused, trials), sizes))
+        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, extra, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compare(), *ask_for_person(sizes)]
     reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
@@ -194,7 +201,7 @@ def prove(
         sizes=sizes,
         markers=markers,
         unused_labels=unused,
-        extra_markers=assign_extra_markers(markers, unused, trials, model),
+        extra_markers=extra,
         readiness=readiness,
         headline=sum_up(look.problems, readiness),
         proposal=proposed,
@@ -205,7 +212,11 @@ def prove(
 def _list_explicit_markers(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
     """What must stand under ``markers:`` because scaling would not find it by the names."""
     named = dict(known.get("markers") or {})
-    sure = {m.marker: m.label for m in markers if m.label is not None and m.source == "laboratory"}
+    sure = {
+        m.marker: m.label
+        for m in markers
+        if m.label is not None and (m.source == "laboratory" or (m.source == "place" and m.confidence > SURE))
+    }
     return {marker: label for marker, label in sure.items() if label not in named.values()} | named
 
 
@@ -306,11 +317,11 @@ class _Look:
                 return Ground(file, self.forces[file])
         return None if item.forces is None else Ground(item.file, item.forces)
 
-    def usual_model(self) -> tuple[str, str]:
+    def usual_model(self, who: Identification) -> tuple[str, str]:
         """The built-in model for these recordings, and why."""
         moving = [t for file, t in self.trials.items() if file != self.static and file in self.roles]
         shown = [trial.shown_labels for trial in moving or self.trials.values()]
-        return choose_model(shown, any(recording.plates for recording in self.recordings))
+        return choose_model(shown, any(recording.plates for recording in self.recordings), who)
 
     def read_model(self, usual: str) -> BodyModel:
         """The model whose markers are looked for; the usual one where that cannot be had."""

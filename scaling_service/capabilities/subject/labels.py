@@ -11,13 +11,23 @@ from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.text import list_few, suggest_name
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
-from scaling_service.model.anatomy.markers import LabelMap, is_computed, match_labels, strip_prefix
+from scaling_service.model.anatomy.markers import (
+    SACRUM,
+    LabelMap,
+    find_canonical,
+    is_computed,
+    match_labels,
+    strip_prefix,
+)
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair, Trial
+from scaling_service.recording.identity.identify import identify
+from scaling_service.recording.orientation import apply, decide
 
 _LIMBS = ("femur", "tibia")
+_SURE = 0.5  # of a label's segment: likelier than all others together
 _FEWEST = 3  # markers without which a segment has no pose of its own
 
 
@@ -50,7 +60,7 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
     """A marker that the subject file maps is the model's, and its label in at least one recording."""
     present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
     for marker, label in subject.marker_map.items():
-        if marker not in model.marker_names and marker not in subject.extra_markers:
+        if marker not in (*model.marker_names, *subject.extra_markers, SACRUM):
             raise SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
@@ -68,10 +78,12 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
 def with_tracking_markers(
     subject: Subject, model: BodyModel, trials: Mapping[Path, Trial]
 ) -> tuple[Subject, tuple[str, ...]]:
-    """The subject with tracking markers of its marker set on thighs and shanks that movements hardly show.
+    """The subject with tracking markers on thighs and shanks that movements hardly show.
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
-    markers, those whose place the set tells are taken. Only for built-in models: others bring their own.
+    markers, those that the marker set puts there are taken, and those that sit there and move with it. Only
+    for
+    built-in models: others bring their own.
     """
     if subject.extra_markers or subject.model not in BUILTIN_NAMES:
         return subject, ()
@@ -79,17 +91,48 @@ def with_tracking_markers(
     labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
     matched = match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
-    known = assign_tracking_segments(sorted(labels - set(matched.values())), model)
-    added = {
-        strip_prefix(label): segment
-        for label, segment in known.items()
-        if segment.startswith(_LIMBS) and carried[segment] < _FEWEST
+    limbs = {s for s in model.segment_names if s.startswith(_LIMBS) and carried[s] < _FEWEST}
+    free = sorted(labels - set(matched.values()))
+    by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
+    still = {s for s in limbs if carried[s] + Counter(by_set.values())[s] < _FEWEST}
+    by_place = _find_clusters(subject, trials, set(free) - by_set.keys(), still)
+    notes = [
+        f"{list_few(list(found))}: {why}, used though no extra_markers name them"
+        for found, why in (
+            (by_set, "tracking markers of this marker set"),
+            (by_place, "they sit on thighs and shanks and move with them"),
+        )
+        if found
+    ]
+    added = {strip_prefix(label): segment for label, segment in (by_set | by_place).items()}
+    return (replace(subject, extra_markers=added) if added else subject), tuple(notes)
+
+
+def _find_clusters(
+    subject: Subject, trials: Mapping[Path, Trial], free: set[str], limbs: set[str]
+) -> dict[str, str]:
+    """Labels that geometry puts on segments, of those that no marker takes."""
+    if not limbs or not free or subject.static is None or subject.static not in trials:
+        return {}
+    standing = trials[subject.static]
+    upright = apply(decide(standing, roles=_list_roles(standing)), standing)
+    told = _list_roles(standing)
+    found = identify(
+        upright,
+        [trial for path, trial in trials.items() if path != subject.static],
+        stature=subject.height_m,
+        landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
+    )
+    return {
+        one.label: one.segment
+        for one in found.labels.values()
+        if one.label in free and one.segment in limbs and one.confidence > _SURE
     }
-    if not added:
-        return subject, ()
-    names = list_few(list(added))
-    note = f"{names}: tracking markers of this marker set, used though no extra_markers name them"
-    return replace(subject, extra_markers=added), (note,)
+
+
+def _list_roles(trial: Trial) -> dict[str, str]:
+    found = ((label, find_canonical(label)) for label in trial.labels)
+    return {label: role for label, role in found if role is not None}
 
 
 def with_model_names(

@@ -96,7 +96,7 @@ def load(
     subject, of_sizes = with_stated_sizes(subject, raw)
     labels.check_explicit(subject, model, list(raw.values()))
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
-    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
+    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _decide_axes(named, subject.static, settings)
     clusters = labels.sort_by_segment(model, subject)

@@ -30,6 +30,9 @@ _COMPUTED = re.compile(
 """Joint centres, projections, midpoints, axes and results, as the files of public recordings name them and
 Vicon's Plug-in Gait Reference Guide does."""
 
+SACRUM = "SACR"
+"""One marker that stands for both PSIS."""
+
 PLANAR_SOURCES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "TOE": ("RTOE", "LTOE"),

@@ -19,7 +19,7 @@ from scaling_service.model.anatomy.centres import (
 )
 from scaling_service.model.anatomy.hip_centre import solve_chord_centre
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
+from scaling_service.model.anatomy.markers import SACRUM, find_canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Trial
@@ -233,8 +233,6 @@ def _place_ankles(points: Points, side: str) -> Points:
 
 _OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
 """Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
-
-SACRUM = "SACR"
 
 
 def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:

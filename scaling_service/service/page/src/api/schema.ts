@@ -485,7 +485,8 @@ export interface ExpectationDocument {
 export interface ExtraMarker {
   label: string;
   segment: string | null;
-  spread_mm: number | null;
+  confidence: number;
+  why: string;
 }
 
 export interface Failure {

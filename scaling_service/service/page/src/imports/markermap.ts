@@ -146,22 +146,22 @@ export class MarkerMap {
   /** Labels that are no markers of the model may be used on the segment that they move with. */
   private extras(): HTMLElement {
     const segments = [...new Set(this.proof.markers.map(({ segment }) => segment))];
-    const rows = this.proof.extra_markers.map(({ label, segment, spread_mm }): Cell[] => {
+    const rows = this.proof.extra_markers.map(({ label, segment, confidence, why }): Cell[] => {
       const options = [{ value: "", text: "not used" }, ...segments.map((value) => ({ value, text: value }))];
       const field = select(`Segment of ${label}`, options, this.draft.document.extra_markers?.[label] ?? "", (value) =>
         this.draft.extra(label, value === "" ? null : value));
       field.querySelector("label")?.classList.add("sr");
-      return [cell(label), cell(segment ?? "–"), cell(number(spread_mm), spread_mm), { text: "", node: field }];
+      return [cell(label), cell(segment ?? "–"), cell(number(confidence), confidence), cell(why), { text: "", node: field }];
     });
     const found = this.proof.extra_markers.filter(({ segment }) => segment !== null);
     const all = h("button", { onclick: () => {
       for (const { label, segment } of found) this.draft.extra(label, segment);
       this.draw();
-    } }, `Use the ${found.length} that move with a segment`);
+    } }, `Use the ${found.length} that sit on a segment`);
     return folded(`Further labels (${rows.length})`, found.length > 0 && h("div", { class: "actions" }, all), table({
       caption: "Further labels",
       name: "further_labels",
-      columns: [{ title: "label" }, { title: "moves with", words: true }, { title: "to within, mm" }, { title: "use on", words: true }],
+      columns: [{ title: "label" }, { title: "sits on", words: true }, { title: "sure" }, { title: "why", words: true }, { title: "use on", words: true }],
       rows,
       filter: true,
       note: "Further tracking markers are placed on their segment from the static trial.",

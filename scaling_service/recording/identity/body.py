@@ -1,0 +1,499 @@
+"""A body of the person's stature, posed as the person stands, and the labels that lie at its landmarks.
+
+The whole-body model with more landmarks than it follows is placed over the standing markers, whatever way
+these face; labels and landmarks are assigned to each other, limbs bent and sized to suit, and so on in turn.
+Several headings and statures are tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.builtin import load_builtin
+from scaling_service.model.compile import (
+    compile_model,
+    free_coordinates,
+    list_coordinate_ranges,
+    list_parameter_values,
+    repeat_default_pose,
+)
+from scaling_service.model.scaling import scale_model
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.sweep import solve_motion
+from scaling_service.numerics.multibody.tree import pose_links, pose_markers
+
+_MODEL = "full_body_35dof"
+_STATURE_M = 1.762  # of that model
+
+_MORE: Mapping[str, tuple[str, tuple[float, float, float]]] = {
+    "GT": ("femur", (-0.005, -0.010, 0.085)),
+    "THI": ("femur", (0.000, -0.250, 0.100)),
+    "TUB": ("tibia", (0.040, -0.055, 0.000)),
+    "SHK": ("tibia", (0.000, -0.200, 0.060)),
+    "CREST": ("pelvis", (-0.055, 0.085, 0.145)),
+    "HLAT": ("calcn", (-0.045, -0.045, 0.032)),
+    "HMED": ("calcn", (-0.040, -0.040, -0.033)),
+    "HTOP": ("calcn", (-0.065, -0.005, 0.000)),
+    "NAV": ("calcn", (0.045, -0.025, -0.035)),
+    "B5": ("calcn", (0.060, -0.050, 0.040)),
+    "HLX": ("calcn", (0.165, -0.045, -0.020)),
+}
+"""Where laboratories put markers beside the model's own, on the right, m in the segment's frame: greater
+trochanter, tuberosity and iliac crest (Rajagopal 2016's bones), a thigh's and a shank's wand, heel,
+navicular,
+base of the fifth metatarsal and big toe (outline of a foot of .152 of stature, Winter 2009). Chosen to 10 mm:
+they take the labels that lie there from the landmarks beside them."""
+
+_NOT_MARKED = ("L3",)  # of the model's markers: a sacral marker lies as near to it
+
+_HEADINGS = np.radians(np.arange(0.0, 360.0, 45.0))
+_COARSE_M = (0.15, 0.12, 0.10, 0.08)  # chosen: half of how far label and landmark may be apart, by round
+_FINE_M = (0.08, 0.06, 0.05, 0.04, 0.04, 0.04)
+_UNPLACED_M = 0.08  # chosen: a label at no landmark costs as much as one so far from it
+_TOPS = (1.05, 1.22, 1.75, 1.92)
+"""Stature over the height of all markers: the highest is on the head, a shoulder or an iliac crest, or they
+go
+from spines to malleoli (Winter 2009: .82, .57 and .57 less .05 of stature)."""
+_STATURES_M = (0.95, 2.15)  # of people who walk: ANSUR II and children from three years on
+_TRIED = 9  # of headings and statures, bent and sized
+_BENT = np.radians(20.0)  # SD of joint angles in standing, beside a marker's 30 mm (chosen)
+_PLACED_M = 0.03
+_SIZES = (0.9, 1.1)  # chosen: a segment's size may change by so much a round
+_ADAPTED = 0.5  # chosen: share of what both sides show of a landmark's place that the body takes over
+_ELSEWHERE_M = 0.020  # chosen: a label much farther from its landmark is another one (Welsch's weights)
+_UNLIKE_M = 0.030  # chosen: markers of both sides are placed by hand, each to 10 or 15 mm
+_HANGING = (0.0, 0.0, 0.0)
+_ARMS = (
+    _HANGING,
+    *(
+        (float(flexed), float(abducted), float(elbow))
+        for flexed, abducted, elbow in np.radians(
+            [(0, 40, 0), (0, 85, 0), (45, 20, 45), (85, 0, 0), (0, 15, 90), (60, 0, 90), (-20, 40, 60)]
+        )
+    ),
+)
+"""How people hold their arms in standing trials: hanging, held off, spread, forward, elbows bent, hands on
+hips or
+before the chest. Chosen; each start finds what lies within 30 deg of it."""
+
+_ENDS = (("LFE", "MFE"), ("LM", "MM"))
+_WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
+_MIRROR = np.array([1.0, 1.0, -1.0])
+_RARE_M = 0.04  # chosen: the landmarks that only some laboratories mark count as so much farther away
+_ANKLES = 0.045  # of stature: malleoli above the floor, where feet have no markers (ANSUR II)
+_FEWEST = 6  # labels with which a body can be placed
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Start:
+    """An upright body at one heading: its places (n_landmarks, 3), and how badly it suits (m2)."""
+
+    stature: float
+    heading: float
+    origin: Array
+    cost: float
+
+    def resembles(self, other: _Start) -> bool:
+        level = abs(self.origin[1] - other.origin[1]) < _ANKLES * self.stature / 2.0
+        turned = np.cos(self.heading - other.heading) < 0.5
+        return bool(level and not turned and abs(self.stature / other.stature - 1.0) < 0.08)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StandingBody:
+    """A body over the labels of a standing trial.
+
+    ``taken``: label (its number) to landmark. ``places``: landmark to where the body has it, (3,) m, and
+    ``segments`` the segment of each. ``ends``: segment to the ends of its bone, (2, 3) m. ``heading``: where
+    it
+    faces, rad about Y from X. ``misfit`` m2: squared distances of all labels, those at no landmark as far.
+    """
+
+    start: _Start
+    stature: float
+    taken: Mapping[int, str]
+    places: Mapping[str, Array]
+    segments: Mapping[str, str]
+    ends: Mapping[str, Array]
+    heading: float
+    misfit: float
+
+
+def propose_standing_bodies(
+    points: Array, *, stature: float | None = None, known: Mapping[int, str] | None = None
+) -> list[StandingBody]:
+    """Place bodies over the points of a standing person: several headings and statures, the best first.
+
+    ``points`` (n, 3), m: Y up, any heading; NaN where a label was not seen. ``stature`` m: where it is known.
+    ``known``: labels whose landmarks are certain. Empty where there are too few points.
+    """
+    seen = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if len(seen) < _FEWEST:
+        return []
+    at, fixed = points[seen], _renumber(seen, known)
+    tried: list[_Start] = []
+    for start in sorted(_place_rigidly(at, stature, fixed), key=lambda start: start.cost):
+        if len(tried) < _TRIED and not any(start.resembles(other) for other in tried):
+            tried.append(start)
+    bodies = sorted((_bend(at, start, fixed) for start in tried), key=lambda body: body.misfit)
+    return [_with_numbers_of(seen, body) for body in bodies]
+
+
+def refine_standing_body(
+    points: Array, body: StandingBody, known: Mapping[int, str] | None = None
+) -> StandingBody:
+    """A proposed body with its arms held as the person's, its landmarks where both sides show them."""
+    seen = np.flatnonzero(np.isfinite(points).all(axis=1))
+    at, fixed = points[seen], _renumber(seen, known)
+    held = (_bend(at, body.start, fixed, adapt=True, arms=arms) for arms in _ARMS)
+    return _with_numbers_of(seen, min(held, key=lambda other: other.misfit))
+
+
+def _renumber(seen: NDArray[np.intp], known: Mapping[int, str] | None) -> dict[int, str]:
+    return {int(np.flatnonzero(seen == k)[0]): name for k, name in (known or {}).items() if k in seen}
+
+
+def _with_numbers_of(seen: NDArray[np.intp], body: StandingBody) -> StandingBody:
+    return replace(body, taken={int(seen[k]): name for k, name in body.taken.items()})
+
+
+def list_landmarks() -> tuple[str, ...]:
+    """The landmarks of the body."""
+    return _read_body().marker_names
+
+
+@cache
+def _read_body() -> BodyModel:
+    model = load_builtin(_MODEL)
+    own = [m for m in model.markers if m.weight > 0.0 and m.name not in _NOT_MARKED]
+    sacral = Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
+    return model.with_markers((*own, sacral, *_make_more()))
+
+
+def _make_more() -> Iterator[Marker]:
+    for name, (segment, (x, y, z)) in _MORE.items():
+        for side, sign in (("R", 1.0), ("L", -1.0)):
+            owner = segment if segment == "pelvis" else f"{segment}_{side.lower()}"
+            yield Marker.at(f"{side}{name}", owner, (x, y, sign * z))
+
+
+def _place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -> Iterator[_Start]:
+    """The upright body at every heading, each moved and turned over the points nearest to it."""
+    body = _read_body()
+    names = list(body.marker_names)
+    rise = float(np.ptp(at[:, 1]))
+    tree = compile_model(body, names)
+    upright = pose_markers(tree, repeat_default_pose(body, 1), list_parameter_values(body))[0]
+    low, high = _STATURES_M
+    guesses = [top * rise for top in _TOPS if low < top * rise < high]
+    for height in guesses if stature is None else [stature]:
+        sized = height / _STATURE_M * upright
+        for heading, sunk in product(_HEADINGS, (0.0, _ANKLES * height)):
+            turn = rotate_about((0.0, 1.0, 0.0), float(heading))
+            middle = np.array([np.median(at[:, 0]), at[:, 1].min() - sunk, np.median(at[:, 2])])
+            base = sized @ turn.T
+            shift = middle - [base[:, 0].mean(), base[:, 1].min(), base[:, 2].mean()]
+            angle, places = float(heading), base + shift
+            for reach in _COARSE_M:
+                pairs = _assign(at, places, names, 2.0 * reach, fixed)
+                if len(pairs) < _FEWEST:
+                    break
+                rows, columns = map(list, zip(*pairs, strict=True))
+                model, seen = places[columns], at[rows]
+                a, b = model - model.mean(axis=0), seen - seen.mean(axis=0)
+                more = np.arctan2(
+                    (a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum(), (a[:, ::2] * b[:, ::2]).sum()
+                )
+                rotation = rotate_about((0.0, 1.0, 0.0), float(more))
+                places = (places - model.mean(axis=0)) @ rotation.T + seen.mean(axis=0)
+                angle += float(more)
+            turn = rotate_about((0.0, 1.0, 0.0), angle)
+            yield _Start(
+                stature=float(height),
+                heading=angle,
+                origin=places[0] - turn @ sized[0],
+                cost=_measure_misfit(at, places, _assign(at, places, names, 2.0 * _FINE_M[0], fixed)),
+            )
+
+
+def _assign(
+    at: Array, places: Array, names: list[str], reach: float, fixed: Mapping[int, str]
+) -> list[tuple[int, int]]:
+    """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``."""
+    squared = np.nan_to_num(((at[:, None] - places[None]) ** 2).sum(axis=2), nan=np.inf)
+    squared = squared + np.array([_RARE_M**2 if name[1:] in _MORE else 0.0 for name in names])
+    alone = reach**2
+    for row, name in fixed.items():
+        column = names.index(name)
+        squared[row], squared[:, column] = np.inf, np.inf
+        squared[row, column] = 0.0
+    costs = np.hstack([np.minimum(squared, 1e3), np.full((len(at), len(at)), alone)])
+    rows, columns = linear_sum_assignment(costs)
+    return [
+        (int(r), int(c))
+        for r, c in zip(rows, columns, strict=True)
+        if c < len(names) and squared[r, c] < alone
+    ]
+
+
+def _measure_misfit(at: Array, places: Array, pairs: list[tuple[int, int]]) -> float:
+    """Squared distances of the pairs, and as much for every label without one as one that is far, m2."""
+    gaps = sum(min(float(((at[r] - places[c]) ** 2).sum()), _UNPLACED_M**2) for r, c in pairs)
+    return gaps + _UNPLACED_M**2 * (len(at) - len(pairs))
+
+
+def _bend(
+    at: Array,
+    start: _Start,
+    fixed: Mapping[int, str],
+    *,
+    adapt: bool = False,
+    arms: tuple[float, float, float] = _HANGING,
+) -> StandingBody:
+    """The body with its joints bent and its segments sized as the labels at its landmarks ask for.
+
+    ``adapt``: whether its landmarks move on their segments, too; rivals are compared without. ``arms``: how
+    they start, flexion, abduction and the elbow's flexion, rad.
+    """
+    body = _read_body()
+    names = list(body.marker_names)
+    factors = {name: np.full(3, start.stature / _STATURE_M) for name in body.segment_names}
+    shifts = np.zeros((len(names), 3))
+    q = repeat_default_pose(body, 1)
+    index = {name: k for k, name in enumerate(body.coordinate_names)}
+    q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]] = start.origin + rotate_about(
+        (0.0, 1.0, 0.0), start.heading
+    ) @ (start.stature / _STATURE_M * q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]])
+    q[0, index["pelvis_rotation"]] += start.heading
+    for side in "rl":
+        flexed, abducted, elbow = arms
+        q[0, [index[f"{name}_{side}"] for name in ("arm_flex", "arm_add", "elbow_flex")]] = (
+            flexed,
+            -abducted,
+            elbow,
+        )
+    rotations = np.array([c.kind == "rotation" and not c.name.startswith("pelvis") for c in body.coordinates])
+    pull = np.where(rotations, (_PLACED_M / _BENT) ** 2, 0.0)
+    wanted = q.copy()
+    upright = pose_markers(
+        compile_model(scale_model(body, {n: tuple(f) for n, f in factors.items()}), names),
+        q,
+        list_parameter_values(body),
+    )[0]
+    pairs = _assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
+    for reach in _FINE_M:
+        model = _move_markers(scale_model(body, {n: tuple(f) for n, f in factors.items()}), shifts)
+        used = [names[column] for _, column in pairs]
+        q = solve_motion(
+            compile_model(model, used),
+            at[[row for row, _ in pairs]][None],
+            np.ones(len(used)),
+            q,
+            list_parameter_values(model),
+            free=free_coordinates(model),
+            bounds=list_coordinate_ranges(model),
+            prior=(wanted, pull),
+        ).q
+        tree = compile_model(model, names)
+        places = pose_markers(tree, q, list_parameter_values(model))[0]
+        pairs = _assign(at, places, names, 2.0 * reach, fixed)
+        adrift = _list_adrift(model, {names[column] for _, column in pairs})
+        if adrift:
+            far = np.where([[name in adrift] for name in names], np.inf, places)
+            pairs = _assign(at, far, names, 2.0 * reach, fixed)
+        pairs = _pair_the_back(at, _reconcile(model, q, at, pairs, names, fixed), names, places)
+        _resize(factors, at, places, names, pairs)
+        if adapt:
+            shifts = _adapt(model, q, at, pairs, names, shifts)
+    segments = {m.name: m.segment for m in model.markers}
+    return StandingBody(
+        start=start,
+        stature=start.stature,
+        taken={row: names[column] for row, column in pairs},
+        places=dict(zip(names, places, strict=True)),
+        segments=segments,
+        ends=_list_ends(model, q),
+        heading=start.heading + float(q[0, index["pelvis_rotation"]] - wanted[0, index["pelvis_rotation"]]),
+        misfit=_measure_misfit(at, places, pairs),
+    )
+
+
+def _list_adrift(model: BodyModel, taken: set[str]) -> set[str]:
+    """Landmarks of forearms without an upper arm, and of arms without a trunk: nobody marks those."""
+    owner = {m.name: m.segment for m in model.markers}
+    marked = {owner[name] for name in taken}
+    alone = {f"{part}_{s}" for part in ("hand", "ulna") for s in "rl" if f"humerus_{s}" not in marked}
+    if "torso" not in marked:
+        alone |= {f"{part}_{s}" for part in ("hand", "ulna", "humerus") for s in "rl"}
+    return {name for name, segment in owner.items() if segment in alone}
+
+
+def _move_markers(model: BodyModel, shifts: Array) -> BodyModel:
+    moved = (
+        Marker.at(m.name, m.segment, tuple(np.array(m.nominal) + shift))
+        for m, shift in zip(model.markers, shifts, strict=True)
+    )
+    return model.with_markers(tuple(moved))
+
+
+def _adapt(
+    model: BodyModel, q: Array, at: Array, pairs: list[tuple[int, int]], names: list[str], shifts: Array
+) -> Array:
+    """Landmarks moved on their segments to where both sides show them: people are nearly symmetric.
+
+    A landmark that one side shows elsewhere than the other counts on both as half of it.
+    """
+    inside = _turn_into_segments(model, q, at)
+    local = {
+        column: inside[model.markers[column].segment][row] - model.markers[column].nominal + shifts[column]
+        for row, column in pairs
+    }
+    result = np.zeros_like(shifts)
+    for column, gap in local.items():
+        name = names[column]
+        other = names.index({"R": "L", "L": "R"}[name[0]] + name[1:]) if name[0] in "RL" else column
+        twin = _MIRROR * local.get(other, _MIRROR * gap)
+        both = (gap + twin) / 2.0
+        result[column] = _ADAPTED * float(np.exp(-0.5 * (both @ both) / _ELSEWHERE_M**2)) * both
+    return result
+
+
+def _turn_into_segments(model: BodyModel, q: Array, at: Array) -> dict[str, Array]:
+    """Segment to the points (n, 3) in its frame."""
+    tree = compile_model(model)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), list_parameter_values(model))
+    link = {m.segment: int(k) for m, k in zip(model.markers, tree.marker_link, strict=True)}
+    return {s: (at - poses.origins[k][:, 0]) @ poses.axes[k][:, :, 0].T for s, k in link.items()}
+
+
+def _reconcile(
+    model: BodyModel,
+    q: Array,
+    at: Array,
+    pairs: list[tuple[int, int]],
+    names: list[str],
+    fixed: Mapping[int, str],
+) -> list[tuple[int, int]]:
+    """Pairs that agree with each other: both sides are mirror images, both ends of a joint are level.
+
+    Of two that do not, the one nearer to its place on the body counts, and the other takes the label nearest
+    to
+    where the first wants it.
+    """
+    inside = _turn_into_segments(model, q, at)
+    nominal = {m.name: np.array(m.nominal) for m in model.markers}
+    owner = {m.name: m.segment for m in model.markers}
+    row_of = {names[column]: row for row, column in pairs}
+    told = {name: row for row, name in fixed.items()}
+    ends = [(side + outer, side + inner) for side in "RL" for outer, inner in _ENDS]
+    twins = [("R" + n[1:], "L" + n[1:]) for n in names if n[0] == "R" and n[1:] not in _WANDS]
+    for first, second in (*ends, *twins):
+        if not {first, second} <= row_of.keys() or {first, second} <= told.keys():
+            continue
+        mirror = _MIRROR if owner[first] != owner[second] or first[0] != second[0] else np.ones(3)
+        own = {name: inside[owner[name]][row_of[name]] - nominal[name] for name in (first, second)}
+        if np.linalg.norm(own[first] - mirror * own[second]) < _UNLIKE_M:
+            continue
+        sure, other = sorted((first, second), key=lambda n: (n not in told, float(np.linalg.norm(own[n]))))
+        gaps = np.linalg.norm(inside[owner[other]] - nominal[other] - mirror * own[sure], axis=1)
+        gaps[[row for name, row in told.items() if name != other]] = np.inf
+        nearest = int(np.argmin(gaps))
+        if gaps[nearest] < _UNLIKE_M and nearest not in (row_of[other], row_of[sure]):
+            row_of = {name: row for name, row in row_of.items() if row != nearest} | {other: nearest}
+    return [(row, names.index(name)) for name, row in row_of.items()]
+
+
+def _pair_the_back(
+    at: Array, pairs: list[tuple[int, int]], names: list[str], places: Array
+) -> list[tuple[int, int]]:
+    """One label behind the pelvis is sacral, two are the spines, three are both: the pelvis is symmetric."""
+    behind = [(row, names[column]) for row, column in pairs if names[column] in ("RPSIS", "LPSIS", "SACR")]
+    across = places[names.index("RASIS")] - places[names.index("LASIS")]
+    rows = sorted((row for row, _ in behind), key=lambda row: -float(at[row] @ across))
+    order = {1: ("SACR",), 2: ("RPSIS", "LPSIS"), 3: ("RPSIS", "SACR", "LPSIS")}.get(len(rows), ())
+    kept = [(row, column) for row, column in pairs if (row, names[column]) not in behind]
+    return [*kept, *((row, names.index(name)) for row, name in zip(rows, order, strict=True))]
+
+
+_LEVELS = (
+    ("femur", ("ASIS",), ("LFE", "MFE")),
+    ("tibia", ("LFE", "MFE"), ("LM", "MM")),
+    ("humerus", ("SHO",), ("ELB", "MEL")),
+    ("ulna", ("ELB", "MEL"), ("WRA", "WRB")),
+)
+"""Segment, and the landmarks above and below that tell its length."""
+
+
+def _resize(
+    factors: dict[str, Array], at: Array, places: Array, names: list[str], pairs: list[tuple[int, int]]
+) -> None:
+    """Segments as long as the labels at both ends are apart, both sides alike; the pelvis as wide."""
+    seen = {names[column]: at[row] for row, column in pairs}
+    model = {names[column]: places[column] for _, column in pairs}
+
+    def middle(points: Mapping[str, Array], side: str, ends: tuple[str, ...]) -> Array | None:
+        own = [points[side + end] for end in ends if side + end in points]
+        return np.mean(own, axis=0) if own else None
+
+    for segment, upper, lower in _LEVELS:
+        ratios = []
+        for side in "RL":
+            ends = [middle(points, side, level) for points in (seen, model) for level in (upper, lower)]
+            if all(end is not None for end in ends):
+                a, b, c, d = (np.asarray(end) for end in ends)
+                ratios.append(float(np.linalg.norm(a - b) / np.linalg.norm(c - d)))
+        for side in "rl" if ratios else "":
+            factors[f"{segment}_{side}"] = factors[f"{segment}_{side}"] * np.clip(np.mean(ratios), *_SIZES)
+    if {"RASIS", "LASIS"} <= seen.keys():
+        wide = np.linalg.norm(seen["RASIS"] - seen["LASIS"]) / np.linalg.norm(model["RASIS"] - model["LASIS"])
+        factors["pelvis"] = factors["pelvis"] * [1.0, 1.0, float(np.clip(wide, *_SIZES))]
+
+
+_BONES = {
+    "torso": ("torso", "head"),
+    "femur": ("femur", "tibia"),
+    "tibia": ("tibia", "calcn"),
+    "humerus": ("humerus", "ulna"),
+    "ulna": ("ulna", "hand"),
+}
+"""Segment, and those whose origins are its bone's ends."""
+
+
+def _list_ends(model: BodyModel, q: Array) -> dict[str, Array]:
+    """The ends of every segment's bone; of head, hands and feet those of its landmarks' middle line."""
+    carriers = [Marker.at(s, s, (0.0, 0.0, 0.0)) for s in model.segment_names]
+    origins = dict(
+        zip(
+            model.segment_names,
+            pose_markers(compile_model(model.with_markers(tuple(carriers))), q, list_parameter_values(model))[
+                0
+            ],
+            strict=True,
+        )
+    )
+    landmarks = pose_markers(compile_model(model), q, list_parameter_values(model))[0]
+    found = {}
+    for segment in model.segment_names:
+        kind, _, side = segment.partition("_")
+        if kind in _BONES:
+            first, last = (f"{name}_{side}" if side else name for name in _BONES[kind])
+            found[segment] = np.stack([origins[first], origins[last]])
+            continue
+        own = landmarks[[m.segment == segment for m in model.markers]]
+        if kind == "pelvis":
+            found[segment] = np.stack([own.mean(axis=0)] * 2)
+        elif len(own):
+            middle = own.mean(axis=0)
+            along = np.linalg.svd(own - middle)[2][0]
+            reach = np.abs((own - middle) @ along).max()
+            found[segment] = np.stack([middle - reach * along, middle + reach * along])
+    return found

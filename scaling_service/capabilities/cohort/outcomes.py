@@ -20,7 +20,7 @@ from scaling_service.capabilities.cohort.document import RECORD
 from scaling_service.capabilities.cohort.executors import report_stage
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods, list_usual_methods
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
@@ -91,12 +91,13 @@ def select_possible_methods(
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
     imaged = bool(subject.bones) and subject.model in BUILTIN_NAMES
     left_out = {}
-    for name in methods or METHODS:
+    wanted = methods or list_usual_methods()
+    for name in wanted:
         if METHODS[name].needs_images and not imaged:
             left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"
         elif isinstance(METHODS[name], Optimised) and not subject.calibration:
             left_out[name] = "no calibration trial"
-    return tuple(name for name in methods or METHODS if name not in left_out), left_out
+    return tuple(name for name in wanted if name not in left_out), left_out
 
 
 def run_members(

@@ -18,7 +18,12 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
     list_doubts,
     measure_geometry,
 )
-from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, check_methods
+from scaling_service.capabilities.scaling.methods.table import (
+    METHODS,
+    calibrate,
+    check_methods,
+    list_usual_methods,
+)
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
@@ -58,8 +63,8 @@ def scale(
     subject : Subject or path
         A subject, or the subject file that describes it.
     method : str
-        ``MB``, ``MB_lam``, ``MB_am``, ``EB``, ``EB_am`` (Puchaud et al. 2019, table 1), or the name of one
-        that another distribution adds.
+        ``MB``, ``MB_lam``, ``MB_am``, ``EB``, ``EB_am`` (Puchaud et al. 2019, table 1), ``MAP`` (the joint
+        posterior), or the name of one that another distribution adds.
     settings : Settings
         How recordings are processed and models fitted.
     progress : callable, optional
@@ -237,7 +242,8 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
+    usual = {name: METHODS[name] for name in list_usual_methods()}
+    imaged = {n: m for n, m in usual.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()
     left_out = [name for name, method in imaged.items() if method.needs_movements]

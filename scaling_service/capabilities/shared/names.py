@@ -32,7 +32,7 @@ TABLE_NAMES = ("dumas2007", "dumas_wojtusch2018", "deleva1996", "winter2009")
 BONE_NAMES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
 """Of ``bones.whole``."""
 
-_METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
+_METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am", "MAP")
 
 
 @cache

@@ -1,0 +1,225 @@
+"""What is ordinary in people, as a Gaussian prior of the numbers that the joint posterior frees.
+
+Sizes of segments by stature and sex, hips by regressions on the bony pelvis, markers where an examiner feels
+landmarks. A relation between several numbers, such as a hip and the pelvis's width, is one row of the prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
+from scaling_service.model.anatomy.anthropometry import DimensionPrior
+from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
+from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.people import Opposite, People
+from scaling_service.model.results import Calibration
+from scaling_service.numerics.least_squares.posterior import GaussianPrior
+from scaling_service.numerics.multibody.laws import Array
+
+LETTERS = "xyz"
+_UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
+_LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm
+_UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
+_MODEL_HIP_M = 0.008  # chosen: SD of a scaled model's hip, along each axis, where nothing marks the pelvis
+_STEP = 1e-3  # relative, and m: of differences; the regressions are linear
+
+Spines = Mapping[str, Array]
+"""RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
+
+
+def expect_sizes(
+    prior: GaussianPrior,
+    start: Calibration,
+    carrying: Sequence[str],
+    pelvis: str | None,
+    expected: DimensionPrior,
+) -> None:
+    """Sizes of segments over the start's, as of persons of this stature and sex.
+
+    ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one.
+    """
+    lengths = dict(measure_segment_lengths(start.model))
+    spines = find_spines(start.model)
+    if spines is not None:
+        lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
+    wanted: dict[str, str | None] = {}
+    for segment in carrying:
+        if segment == pelvis:
+            wanted |= {f"scale.{segment}.z": "pelvis_width", f"scale.{segment}.x": "pelvis_depth"}
+        else:
+            wanted[f"scale.{segment}"] = find_dimension(start.model.bone_of(segment))
+    known = {n: d for n, d in wanted.items() if d is not None and d in expected.names and d in lengths}
+    if known:
+        rows = [expected.names.index(dimension) for dimension in known.values()]
+        mean = np.exp(expected.mean[rows] - np.log([lengths[dimension] for dimension in known.values()]))
+        relative = expected.covariance[np.ix_(rows, rows)] + _LIKE**2 * np.eye(len(rows))
+        prior.add_values(list(known), mean, relative * np.outer(mean, mean))
+    for name in wanted.keys() - known.keys():
+        size = start.sizes.get(name.split(".")[1])
+        sd = _UNKNOWN_SIZE if size is None else max(size.sd, _LIKE)
+        prior.add_values([name], np.ones(1), np.array([[sd**2]]))
+
+
+def find_spines(model: BodyModel) -> Spines | None:
+    """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks."""
+    found = {
+        landmark: np.array(marker.nominal)
+        for marker in model.markers
+        if (landmark := find_canonical(marker.name)) in ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
+    }
+    for name in ("RPSIS", "LPSIS"):
+        if "SACR" in found:
+            found.setdefault(name, found["SACR"])
+    found.pop("SACR", None)
+    return found if len(found) == 4 else None
+
+
+def _measure_spines(spines: Spines) -> tuple[float, float]:
+    """Pelvic width and depth, m."""
+    front, back = (spines["RASIS"] + spines["LASIS"]) / 2.0, (spines["RPSIS"] + spines["LPSIS"]) / 2.0
+    return float(np.linalg.norm(spines["RASIS"] - spines["LASIS"])), float(np.linalg.norm(front - back))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _HipRelation:
+    """How far regressions put the hips from the model's, as sizes and skin vary."""
+
+    model: BodyModel
+    people: People
+    pelvis: str
+    spines: Spines
+    sides: tuple[str, ...]
+    sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
+
+    def evaluate(self, sizes: Mapping[str, float], front: float, back: float) -> Array:
+        """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
+
+        ``front``, ``back``: skin over ASIS and PSIS, m.
+        """
+        deep, wide = sizes[f"scale.{self.pelvis}.x"], sizes[f"scale.{self.pelvis}.z"]
+        along = np.array([deep, (deep + wide) / 2.0, wide])
+        bony = [
+            along * self.spines[name] + [-front if name.endswith("ASIS") else back, 0.0, 0.0]
+            for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")
+        ]
+        found = []
+        for side in self.sides:
+            leg = self._measure_leg(side, sizes)
+            both = [
+                predict_hip_centres(*bony, regression=name, leg_length_r=leg, leg_length_l=leg)
+                for name in self.people.hip_regressions
+            ]
+            places = [(hips.right_ground if side == "r" else hips.left_ground)[0] for hips in both]
+            ours = find_joint_ends(self.model, "hip", side)[self.pelvis]
+            found.append(np.mean(places, axis=0) - along * ours)
+        return np.concatenate(found)
+
+    def _measure_leg(self, side: str, sizes: Mapping[str, float]) -> float:
+        """From ASIS to ankle of a straight leg, m."""
+        lengths = measure_segment_lengths(self.model)
+        hip = find_joint_ends(self.model, "hip", side)[self.pelvis]
+        total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - hip[1]))
+        for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
+            total += lengths[name] * sizes.get(f"scale.{find_segment(self.model, role, side)}", 1.0)
+        return total
+
+
+def expect_hips(
+    prior: GaussianPrior,
+    model: BodyModel,
+    pelvis: str,
+    sides: tuple[str, ...],
+    people: People,
+) -> None:
+    """Hips where regressions on the bony pelvis put them, sizes of pelvis and legs being unknown themselves.
+
+    The regressions are linear in pelvic width and depth and in leg length, hence in the sizes; skin over the
+    spines is as thick on both sides. ``sides``: those with a hip that is free.
+    """
+    names = [f"centre.hip_{side}.{letter}" for side in sides for letter in LETTERS]
+    signs = np.concatenate([[1.0, 1.0, 1.0 if side == "r" else -1.0] for side in sides])
+    spines = find_spines(model)
+    rows: list[dict[str, float]] = [{name: 1.0} for name in names]
+    if spines is None:
+        sd, mean, skin = np.full(len(names), _MODEL_HIP_M), np.zeros(len(names)), np.zeros((len(names), 1))
+    else:
+        legs = (f"scale.{find_segment(model, role, side)}" for side in sides for role in ("femur", "tibia"))
+        sizes = tuple(n for n in (f"scale.{pelvis}.x", f"scale.{pelvis}.z", *legs) if n in prior.names)
+        hips = _HipRelation(
+            model=model, people=people, pelvis=pelvis, spines=spines, sides=sides, sizes=sizes
+        )
+        (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
+        ones = dict.fromkeys(sizes, 1.0)
+        sd, here = np.tile(people.hip_sd, len(sides)), hips.evaluate(ones, front, back)
+        slopes = np.array(
+            [(hips.evaluate({**ones, n: 1.0 + _STEP}, front, back) - here) / _STEP for n in sizes]
+        )
+        thicker = (hips.evaluate(ones, front + _STEP, back), hips.evaluate(ones, front, back + _STEP))
+        skin = np.column_stack(
+            [(t - here) / _STEP * s for t, s in zip(thicker, (front_sd, back_sd), strict=True)]
+        )
+        for k, row in enumerate(rows):
+            row |= dict(zip(sizes, (-slopes[:, k]).tolist(), strict=True))
+        mean = here - slopes.sum(axis=0)
+    alike = np.kron(np.full((len(sides),) * 2, people.hip_sides), np.eye(3))
+    np.fill_diagonal(alike, 1.0)
+    prior.add(rows, mean, np.outer(sd * signs, sd * signs) * alike + skin @ skin.T)
+
+
+def expect_places(
+    prior: GaussianPrior, shown: Sequence[Marker], people: People, expected: DimensionPrior
+) -> None:
+    """Landmarks where an examiner feels them, other markers anywhere about where standing shows them."""
+    landmarks = {name: m for m in shown if (name := find_canonical(m.name)) is not None and m.anatomical}
+    done: set[str] = set()
+    for row in people.opposite:
+        for side in "RL":
+            ends = {
+                k: landmarks[f"{side}{end}"] for k, end in enumerate(row.ends) if f"{side}{end}" in landmarks
+            }
+            if ends:
+                _expect_opposite(prior, row, ends, f"{row.width}_{side.lower()}", people, expected)
+                done |= {m.name for m in ends.values()}
+    places = {m.name: people.place_sd(_drop_side(name)) for name, m in landmarks.items()}
+    for marker in shown:
+        if marker.name not in done:
+            sd = places.get(marker.name, (_UNKNOWN_M,) * 3)
+            prior.add_values(list(_list_shifts(marker)), np.zeros(3), np.diag(np.square(sd)))
+
+
+def _expect_opposite(
+    prior: GaussianPrior,
+    row: Opposite,
+    ends: Mapping[int, Marker],
+    width: str,
+    people: People,
+    expected: DimensionPrior,
+) -> None:
+    """Landmarks at both ends of a joint, or at one: their distance is the person's, not the model's."""
+    signs = np.array([(1.0, -1.0)[k] for k in ends])
+    mean = np.zeros((len(ends), 3))
+    shared = np.array(row.sd)
+    if width in expected.names:
+        half, shared[2] = expected.value(width) / 2.0 + MARKER_RADIUS_M, expected.sd(width) / 2.0
+        across = np.array([marker.nominal[2] for marker in ends.values()])
+        mean[:, 2] = np.copysign(half, across) - across
+    palpated = np.diag(np.square([people.place_sd(row.ends[k]) for k in ends]).ravel())
+    apart = np.kron(np.outer(signs, signs), np.diag(shared**2))
+    names = [name for marker in ends.values() for name in _list_shifts(marker)]
+    prior.add_values(names, mean.ravel(), palpated + apart)
+
+
+def _list_shifts(marker: Marker) -> Iterator[str]:
+    return (f"marker.{marker.name}.{letter}" for letter in LETTERS)
+
+
+def _drop_side(landmark: str) -> str:
+    """A landmark's name without its side, as the tables have it; SACR and C7 have none."""
+    return landmark[1:] if landmark[0] in "RL" else landmark

@@ -1,0 +1,357 @@
+"""The joint posterior (MAP): hips, lengths, axes, marker places, skin and motion in one estimate.
+
+What is ordinary in people (:mod:`.people_prior`) is the prior, the standing trial and the movements are the
+evidence, and every deviation that is stated is the posterior's. Skin follows the angles of the joints at its
+segment's ends, linearly; what is left of it wanders.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from scaling_service.capabilities.motion.inverse_kinematics import solve_task
+from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.scaling.methods.fitting import Progress
+from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
+from scaling_service.capabilities.scaling.methods.people_prior import (
+    LETTERS,
+    expect_hips,
+    expect_places,
+    expect_sizes,
+)
+from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
+from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.lengths import find_segment
+from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Term, to_vector
+from scaling_service.model.parameters import (
+    compose_tilts,
+    fold,
+    free_axis,
+    free_marker,
+    free_scale,
+    free_scale_axes,
+)
+from scaling_service.model.people import People, read_people
+from scaling_service.model.results import Calibration, EstimatedCentre, EstimatedParameter, SegmentSize
+from scaling_service.model.subject import Session
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.estimator import Outcome
+from scaling_service.numerics.least_squares.posterior import (
+    ErrorGroup,
+    GaussianPrior,
+    Posterior,
+    PosteriorProblem,
+    solve_posterior,
+)
+from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import evaluate_local_positions, pose_markers
+
+_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_WIDE = 10.0  # no bound: the prior holds what the recordings do not
+_TELLING = 0.5  # of the prior's variance: below it the recordings have said more than people do
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frames:
+    """Frames of several trials as one recording, and how much of each says something of its own."""
+
+    trial: Trial
+    shares: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointPosterior:
+    """Everything is free, with people as the prior."""
+
+    title: str = "hips, lengths, axes, markers, skin and motion in one estimate, people as the yardstick"
+    needs: str | None = "MB"
+    needs_images: bool = False
+    needs_movements: bool = False
+    fits_lengths: bool = True
+
+    def calibrate(
+        self,
+        session: Session,
+        start: Calibration | None,
+        settings: CalibrationSettings,
+        progress: Progress | None,
+    ) -> Calibration:
+        """The posterior of the session's person; the start's model is where the iteration begins.
+
+        Raises TrialUnusable: no trial shows a marker of the model.
+        """
+        assert start is not None
+        clock, people = time.perf_counter(), read_people()
+        names = [m.name for m in start.model.markers if m.weight > 0.0]
+        frames = _choose_frames(session, names, settings.n_frames, people)
+        freed, prior = _free(start, frames.trial.shown_labels, session, people)
+        problem, task = _pose_problem(freed, prior, frames, people)
+        q0 = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q
+        found = solve_posterior(problem, q0, task.p, progress)
+        values = dict(zip(prior.names, found.p.tolist(), strict=True))
+        sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
+        estimated = tuple(_list_parameters(freed, prior, found))
+        gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
+        return Calibration(
+            method="MAP",
+            model=fold(freed, values),
+            generic=start.generic,
+            scale_factors=_list_factors(start, values),
+            axis_tilts=_list_tilts(start, values),
+            parameters=estimated,
+            cost=float(np.nansum(gaps**2)),
+            iterations=found.steps,
+            wall_s=time.perf_counter() - clock,
+            warnings=(*start.warnings, *_list_warnings(found, estimated)),
+            sizes=_list_sizes(start, values, sds),
+            centres=_list_centres(freed, sds),
+        )
+
+
+MAP = JointPosterior()
+
+
+def _choose_frames(session: Session, names: Sequence[str], count: int, people: People) -> _Frames:
+    """The mean of the standing trial, and frames equally spaced in time over all movements to fit.
+
+    A person who stands shows one posture, however long. Skin that wanders is seen anew after twice its time
+    of correlation; frames that are nearer share what they say.
+    """
+    chosen: list[Array] = []
+    shares: list[float] = []
+    if session.static is not None:
+        standing = session.static.select(names).markers
+        shown = find_seen(standing).any(axis=0)
+        mean = np.full(standing.shape[1:], np.nan)
+        mean[shown] = np.nanmean(standing[:, shown], axis=0)
+        chosen.append(mean[None])
+        shares.append(1.0)
+    total = sum(trial.n_frames for trial in session.calibration)
+    for trial in session.calibration:
+        measured = trial.select(names).markers
+        seen = np.flatnonzero(find_seen(measured).any(axis=1))
+        if len(seen):
+            most = min(max(1, round(count * trial.n_frames / total)), len(seen))
+            rows = seen[np.unique(np.linspace(0, len(seen) - 1, most).round().astype(int))]
+            apart = float(np.ptp(trial.times[rows])) / max(len(rows) - 1, 1) or np.inf
+            chosen.append(measured[rows])
+            shares += [min(1.0, apart / (2.0 * people.loose_s))] * len(rows)
+    if not any(find_seen(part).any() for part in chosen):
+        raise TrialUnusable(
+            "no trial shows a marker of the model",
+            field="trials",
+            remedy="Give a standing trial or at least one movement with markers of the model",
+        )
+    together = np.concatenate(chosen)
+    clock = np.arange(len(together), dtype=float)  # several trials: their order is all they share
+    return _Frames(
+        Trial(name="MAP", times=clock, labels=tuple(names), markers=together, rate_hz=1.0), np.array(shares)
+    )
+
+
+def _free(
+    start: Calibration, seen: frozenset[str] | set[str] | Sequence[str], session: Session, people: People
+) -> tuple[BodyModel, GaussianPrior]:
+    """The start's model with everything freed, and what is known of each number."""
+    model = freed = start.model
+    shown = [m for m in model.markers if m.name in seen and m.weight > 0.0]
+    carrying = list(dict.fromkeys(m.segment for m in shown))
+    pelvis, knees = find_segment(model, "pelvis", ""), find_tiltable_knees(model)
+    femurs = {side: find_segment(model, "femur", side) for side in "rl"}
+    hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
+    for segment in carrying:
+        if segment == pelvis:
+            freed = free_scale_axes(freed, segment, "xz", _WIDE)
+        else:
+            freed = free_scale(freed, segment, _WIDE)
+    for joint in knees:
+        freed = free_axis(freed, joint, _WIDE, _WIDE)
+    for side, femur in hips.items():
+        freed = _free_centre(freed, femur, f"hip_{side}")
+    drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
+    for marker in shown:
+        freed = free_marker(freed, marker.name, LETTERS, _WIDE)
+        freed = _free_skin(freed, marker.name, drivers[marker.segment])
+
+    prior = GaussianPrior([p.name for p in freed.parameters])
+    expected = expect_dimensions(session.subject)
+    expect_sizes(prior, start, carrying, pelvis, expected)
+    if pelvis in carrying and hips:
+        expect_hips(prior, model, pelvis, tuple(hips), people)
+    for joint in knees:
+        turns = [f"axis.{joint}.x", f"axis.{joint}.y"]
+        prior.add_values(turns, np.zeros(2), people.knee_axis_sd**2 * np.eye(2))
+    expect_places(prior, shown, people, expected)
+    for segment, own in drivers.items():
+        markers = [m for m in shown if m.segment == segment]
+        places = np.array([m.nominal for m in markers])
+        for driver, reach in own.items():
+            size = people.skin(model.bone_of(segment)).times(1.0 / (reach * np.sqrt(len(own))))
+            slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
+            prior.add_values(slides, np.zeros(len(slides)), size.covariance(places))
+    return freed, prior
+
+
+def _free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
+    """Free a segment's joint centre in its parent: ``centre.<joint>.x`` and so on, m."""
+    names = [f"centre.{joint}.{letter}" for letter in LETTERS]
+    shifts = tuple(
+        Joint("translation", unit, Law((Term(1.0, parameter=name),)))
+        for unit, name in zip(_UNITS, names, strict=True)
+    )
+    segments = tuple(
+        replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
+    )
+    return _with_numbers(replace(model, segments=segments), names, "centre", joint)
+
+
+def _free_skin(model: BodyModel, name: str, drivers: Mapping[str, float]) -> BodyModel:
+    """Let a marker slide with coordinates: ``skin.<marker>.<axis>.<coordinate>``, m per rad."""
+
+    def slide(law: Law, letter: str) -> Law:
+        return law + Law(
+            tuple(Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
+        )
+
+    def change(marker: Marker) -> Marker:
+        if marker.name != name:
+            return marker
+        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, LETTERS, strict=True))
+        return replace(marker, laws=(x, y, z))
+
+    names = [f"skin.{name}.{letter}.{driver}" for letter in LETTERS for driver in drivers]
+    return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
+
+
+def _with_numbers(
+    model: BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
+) -> BodyModel:
+    added = (
+        Parameter(name=name, value=0.0, unit="m", lower=-_WIDE, upper=_WIDE, group=group, target=target)
+        for name in names
+    )
+    return replace(model, parameters=(*model.parameters, *added))
+
+
+def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, float]:
+    """The angles of the joints at a segment's ends, and how far each goes in an ordinary movement, rad.
+
+    Nothing slides because the whole body turns, so the joint to the ground is none of them.
+    """
+    joints = [
+        joint
+        for item in model.segments
+        if item.parent in model.segment_names and segment in (item.name, item.parent)
+        for joint in item.joints
+        if joint.kind == "rotation"
+    ]
+    found: dict[str, float] = {}
+    for joint in joints:
+        x, y, z = map(abs, joint.axis)
+        reach = people.reach_mediolateral if z > max(x, y) else people.reach_other
+        for coordinate in sorted(joint.law.coordinates):
+            found.setdefault(coordinate, reach)
+    return found
+
+
+def _pose_problem(
+    freed: BodyModel, prior: GaussianPrior, frames: _Frames, people: People
+) -> tuple[PosteriorProblem, Task]:
+    """The markers of the chosen frames; those of one segment err together as far as skin wanders."""
+    task = Task.of(freed, frames.trial)
+    places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
+    owners = [freed.marker(name).segment for name in task.markers]
+    groups = []
+    for segment in dict.fromkeys(owners):
+        rows = np.flatnonzero([owner == segment for owner in owners])
+        loose = people.skin(freed.bone_of(segment)).times(people.loose_share)
+        groups.append(
+            ErrorGroup(rows, loose.covariance(places[rows]) + people.noise**2 * np.eye(3 * len(rows)))
+        )
+    problem = PosteriorProblem(
+        tree=task.tree,
+        measured=task.measured,
+        shares=frames.shares,
+        coordinates=np.flatnonzero(task.free),
+        groups=tuple(groups),
+        prior=prior,
+    )
+    return problem, task
+
+
+def _list_parameters(
+    freed: BodyModel, prior: GaussianPrior, found: Posterior
+) -> Iterator[EstimatedParameter]:
+    """All but skin, of which there are hundreds."""
+    before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
+    after = np.sqrt(np.diag(found.covariance))
+    for k, parameter in enumerate(freed.parameters):
+        if parameter.group != "skin":
+            yield EstimatedParameter(
+                name=parameter.name,
+                value=float(found.p[k]),
+                unit=parameter.unit,
+                sd=float(after[k]),
+                at_bound=False,
+                identifiable=bool(after[k] ** 2 < _TELLING * before[k] ** 2),
+                group=parameter.group,
+                target=parameter.target,
+            )
+
+
+def _list_factors(start: Calibration, values: Mapping[str, float]) -> dict[str, tuple[float, float, float]]:
+    factors = {}
+    for segment in start.model.segment_names:
+        x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
+        whole = values.get(f"scale.{segment}", 1.0)
+        deep, wide = values.get(f"scale.{segment}.x", whole), values.get(f"scale.{segment}.z", whole)
+        factors[segment] = (deep * x, (deep + wide) / 2.0 * y, wide * z)
+    return factors
+
+
+def _list_tilts(start: Calibration, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    turned = {
+        joint: compose_tilts(
+            start.axis_tilts.get(joint, (0.0, 0.0)), (values[f"axis.{joint}.x"], values[f"axis.{joint}.y"])
+        )
+        for joint in find_tiltable_knees(start.model)
+    }
+    return {**start.axis_tilts, **turned}
+
+
+def _list_sizes(
+    start: Calibration, values: Mapping[str, float], sds: Mapping[str, float]
+) -> dict[str, SegmentSize]:
+    """Of segments with one free factor; the shares of evidence are the start's no more."""
+    return {
+        segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
+        for segment, size in start.sizes.items()
+        if (name := f"scale.{segment}") in values
+    }
+
+
+def _list_centres(freed: BodyModel, sds: Mapping[str, float]) -> dict[str, EstimatedCentre]:
+    joints = dict.fromkeys(p.target for p in freed.parameters if p.group == "centre")
+    return {
+        joint: EstimatedCentre("joint posterior", to_vector(sds[f"centre.{joint}.{a}"] for a in LETTERS))
+        for joint in joints
+    }
+
+
+def _list_warnings(found: Posterior, estimated: Sequence[EstimatedParameter]) -> Iterator[str]:
+    if found.outcome is not Outcome.CONVERGED:
+        yield f"MAP: stopped after {found.steps} steps before it converged"
+    loose = [p.name for p in estimated if p.group in ("length", "centre", "axis") and not p.identifiable]
+    if loose:
+        yield (
+            f"MAP: of {list_few(loose)} people's ordinary sizes say more than these recordings; "
+            "the deviations stated count that"
+        )

@@ -1,0 +1,147 @@
+"""What is ordinary in people: hips, knees, palpation and skin (``reference_models/people.yaml``).
+
+These sizes are the prior of estimates of a person. None is set by looking at recordings that it is proved on.
+SI and radians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from scaling_service.model.body import Vector, to_vector
+from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.numerics.multibody.laws import Array
+
+
+@dataclass(frozen=True, slots=True)
+class SkinSize:
+    """Standard deviations of skin over a bone in an ordinary movement.
+
+    ``shift`` m and ``turn`` rad: of a segment's markers together, along and about each axis. ``single`` m: of
+    each marker beside that.
+    """
+
+    shift: float
+    turn: float
+    single: float
+
+    def covariance(self, places: Array) -> Array:
+        """Of the displacements of markers on one segment.
+
+        ``places`` (m, 3): in the segment's frame, m. Returns (3 m, 3 m), m2: marker by marker, x, y, z.
+
+        Examples
+        --------
+        >>> SkinSize(shift=0.003, turn=0.0, single=0.004).covariance(np.zeros((1, 3)))[0, 0].round(9)
+        np.float64(2.5e-05)
+        """
+        x, y, z = (places - places.mean(axis=0)).T
+        none = np.zeros(len(places))
+        turning = np.array(
+            [[none, z, -y], [-z, none, x], [y, -x, none]]
+        )  # of a turn: its product with the arm
+        by_turn = turning.transpose(2, 0, 1).reshape(-1, 3)
+        alike = np.tile(np.eye(3), (len(places), 1))
+        together = self.shift**2 * alike @ alike.T + self.turn**2 * by_turn @ by_turn.T
+        return np.asarray(together + self.single**2 * np.eye(3 * len(places)))
+
+    def times(self, factor: float) -> SkinSize:
+        """The same, larger or smaller."""
+        return SkinSize(factor * self.shift, factor * self.turn, factor * self.single)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opposite:
+    """Two landmarks at opposite ends of a joint: ``sd`` (m) is what they share with opposite signs.
+
+    ``width``: the size measured by hand, or foreseen by anthropometry, that is their distance over the skin.
+    """
+
+    ends: tuple[str, str]
+    sd: Vector
+    width: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class People:
+    """The table; landmarks are named without side."""
+
+    hip_regressions: tuple[str, ...]
+    hip_sd: Vector  # m
+    hip_sides: float
+    skin_over_asis: tuple[float, float]  # mean and SD, m, forward
+    skin_over_psis: tuple[float, float]  # mean and SD, m, backward
+    knee_axis_sd: float  # rad
+    palpation: Mapping[str, Vector]  # m
+    palpation_other: Vector  # m
+    opposite: tuple[Opposite, ...]
+    skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
+    skin_other: SkinSize
+    reach_mediolateral: float  # rad
+    reach_other: float  # rad
+    loose_share: float
+    loose_s: float
+    noise: float  # m
+
+    def skin(self, segment: str) -> SkinSize:
+        """Sizes over a segment of this name."""
+        name = segment.lower()
+        return next((size for names, size in self.skin_rows if name.startswith(names)), self.skin_other)
+
+    def place_sd(self, landmark: str) -> Vector:
+        """Standard deviation of a marker's place, m, along each axis of its segment.
+
+        ``landmark``: without side.
+        """
+        return self.palpation.get(landmark, self.palpation_other)
+
+
+@cache
+def read_people() -> People:
+    """The table of ``reference_models/people.yaml``.
+
+    Examples
+    --------
+    >>> read_people().skin("femur_r").shift
+    0.006
+    """
+    table: Mapping[str, Any] = read_reference(find_reference_folder() / "people.yaml")
+    hip, spines, skin = table["hip"], table["skin_over_spines"], table["skin"]
+    return People(
+        hip_regressions=tuple(hip["regressions"]),
+        hip_sd=_metres(hip["sd_mm"]),
+        hip_sides=float(hip["sides"]),
+        skin_over_asis=(1e-3 * spines["asis_mm"][0], 1e-3 * spines["asis_mm"][1]),
+        skin_over_psis=(1e-3 * spines["psis_mm"][0], 1e-3 * spines["psis_mm"][1]),
+        knee_axis_sd=float(np.radians(table["knee_axis"]["sd_deg"])),
+        palpation={name: _metres(sd) for name, sd in table["palpation"]["landmarks_mm"].items()},
+        palpation_other=_metres(table["palpation"]["other_mm"]),
+        opposite=tuple(
+            Opposite(ends=(row["ends"][0], row["ends"][1]), sd=_metres(row["mm"]), width=row["width"])
+            for row in table["opposite"]
+        ),
+        skin_rows=tuple((tuple(row["names"]), _read_skin(row)) for row in skin["segments"]),
+        skin_other=_read_skin(skin["other"]),
+        reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
+        reach_other=float(np.radians(skin["reach_deg"]["other"])),
+        loose_share=float(skin["loose_share"]),
+        loose_s=float(skin["loose_s"]),
+        noise=1e-3 * float(skin["noise_mm"]),
+    )
+
+
+def _metres(millimetres: Any) -> Vector:
+    return to_vector(round(1e-3 * float(value), 9) for value in millimetres)
+
+
+def _read_skin(row: Mapping[str, Any]) -> SkinSize:
+    return SkinSize(
+        shift=round(1e-3 * row["shift_mm"], 9),
+        turn=float(np.radians(row["turn_deg"])),
+        single=round(1e-3 * row["single_mm"], 9),
+    )

@@ -1,0 +1,222 @@
+"""The Gaussian posterior of a kinematic problem: poses of all frames, and what the frames share.
+
+``y = h(q, p) + e`` with errors that markers of one link share, and a Gaussian prior of the shared parameters,
+of any covariance. Poses have no prior. The poses are eliminated frame by frame (an arrowhead, as in
+:mod:`.border`), so the curvature that is left is the inverse covariance of the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.least_squares.estimator import Outcome
+from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import Tree, compute_jacobian, place_tree_markers, pose_links
+
+_MAX_STEPS = 40
+_ENOUGH = 1e-3  # of the cost, in units of one chi-squared: no deviation shows less
+_FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
+_MOST = 1e6  # damping beyond which rounding decides
+_RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
+
+
+class GaussianPrior:
+    """What is known of some numbers, gathered piece by piece in information form."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+        self._place = {name: k for k, name in enumerate(self.names)}
+        self.precision = np.zeros((len(self.names),) * 2)
+        self.pull = np.zeros(len(self.names))
+
+    def add(self, rows: Sequence[Mapping[str, float]], mean: Array, covariance: Array) -> None:
+        """Linear combinations of the numbers, each a mapping of name to weight, are Gaussian.
+
+        ``mean``: (k,). ``covariance`` (k, k): positive definite.
+        """
+        used = list(dict.fromkeys(name for row in rows for name in row))
+        at = [self._place[name] for name in used]
+        weights = np.array([[row.get(name, 0.0) for name in used] for row in rows])
+        informed = np.linalg.solve(covariance, np.column_stack([weights, mean]))
+        self.precision[np.ix_(at, at)] += weights.T @ informed[:, :-1]
+        self.pull[at] += weights.T @ informed[:, -1]
+
+    def add_values(self, names: Sequence[str], mean: Array, covariance: Array) -> None:
+        """The numbers themselves, (k,), are Gaussian."""
+        self.add([{name: 1.0} for name in names], mean, covariance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorGroup:
+    """Markers of one link and the covariance of their errors in the link's frame."""
+
+    markers: NDArray[np.intp]  # (m,): numbers of the tree's markers
+    covariance: Array  # (3 m, 3 m), m2: marker by marker, x, y, z
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PosteriorProblem:
+    """Markers of some frames, how they err, and what is known of the shared parameters."""
+
+    tree: Tree
+    measured: Array  # (n_frames, n_markers, 3), m: NaN where a marker was not seen
+    shares: Array  # (n_frames,): how much of a frame says something of its own, 0 to 1
+    coordinates: NDArray[np.intp]  # the coordinates to estimate
+    groups: tuple[ErrorGroup, ...]
+    prior: GaussianPrior  # of the tree's parameters, in their order
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Posterior:
+    """Mean and covariance.
+
+    ``q`` (n_frames, n_coordinates) and ``p`` (n_parameters,) are the mean, ``covariance`` is that of the
+    parameters. ``cost``: residuals and departure from the prior, each over its variance.
+    """
+
+    q: Array
+    p: Array
+    covariance: Array
+    cost: float
+    steps: int
+    outcome: Outcome
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Normal:
+    """Whitened residuals with the normal equations of frames and parameters, without the prior."""
+
+    own: Array  # (n, nq, nq)
+    cross: Array  # (n, nq, np)
+    slope: Array  # (n, nq)
+    shared: Array  # (np, np)
+    shared_slope: Array  # (np,)
+
+
+class _Whitening:
+    """Roots of the inverse covariances, for each pattern of markers that some frame shows."""
+
+    def __init__(self, problem: PosteriorProblem) -> None:
+        seen = find_seen(problem.measured)
+        self._seen, self._root = seen, np.sqrt(problem.shares)
+        self._parts: list[tuple[ErrorGroup, NDArray[np.intp], Array]] = []
+        for group in problem.groups:
+            patterns, of_frame = np.unique(seen[:, group.markers], axis=0, return_inverse=True)
+            roots = np.zeros((len(patterns), *group.covariance.shape))
+            for root, pattern in zip(roots, patterns, strict=True):
+                rows = np.flatnonzero(np.repeat(pattern, 3))
+                if len(rows):
+                    lower = np.linalg.cholesky(group.covariance[np.ix_(rows, rows)])
+                    root[np.ix_(rows, rows)] = np.linalg.inv(lower)
+            self._parts.append((group, of_frame.ravel(), roots))
+
+    def apply(self, axes: Array, link: NDArray[np.intp], vectors: Array) -> Array:
+        """Vectors of markers in the room, (k, n_markers, 3, n), as independent numbers, (n, k, 3 n_markers).
+
+        ``axes`` (n_links, 3, 3, n): rows are the links' axes. ``link``: of each marker.
+        """
+        count, n = len(vectors), vectors.shape[-1]
+        result = np.zeros((n, count, vectors.shape[1] * 3))
+        for group, of_frame, roots in self._parts:
+            rotation = axes[link[group.markers[0]]]
+            local = np.einsum("jan,vman->nvmj", rotation, vectors[:, group.markers], optimize=True)
+            columns = (3 * group.markers[:, None] + np.arange(3)).ravel()
+            flat = local.reshape(n, count, -1)
+            for pattern, root in enumerate(roots):
+                rows = np.flatnonzero(of_frame == pattern)
+                result[np.ix_(rows, np.arange(count), columns)] = flat[rows] @ root.T
+        result *= self._root[:, None, None]
+        return result
+
+
+def solve_posterior(
+    problem: PosteriorProblem,
+    q0: Array,
+    p0: Array,
+    progress: Callable[[int, float], None] | None = None,
+) -> Posterior:
+    """Mean and covariance of poses and parameters (Gauss-Newton with Levenberg's damping).
+
+    ``q0`` (n_frames, n_coordinates), ``p0`` (n_parameters,): where to start; has no influence on what is
+    determined. ``progress``: called with the step's number and the cost.
+    """
+    whitening, q, p = _Whitening(problem), q0.copy(), p0.copy()
+    gap, cost = _compute_cost(problem, whitening, q, p)
+    normal = _linearise(problem, whitening, q, p, gap)
+    damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
+    while steps < _MAX_STEPS and outcome is Outcome.MAX_STEPS:
+        steps += 1
+        step_q, step_p = _make_step(problem, normal, p, damping)
+        trial_q, trial_p = q.copy(), p + step_p
+        trial_q[:, problem.coordinates] += step_q
+        trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
+        if trial_cost > cost:
+            damping *= _RAISE
+            outcome = Outcome.CONVERGED if damping > _MOST else outcome
+            continue
+        if cost - trial_cost < _ENOUGH:
+            outcome = Outcome.CONVERGED
+        q, p, cost, damping = trial_q, trial_p, trial_cost, max(_EASE * damping, _LEAST)
+        normal = _linearise(problem, whitening, q, p, trial_gap)
+        if progress is not None:
+            progress(steps, cost)
+    curvature, _, _ = _eliminate(problem, normal, p, 0.0)
+    covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
+    return Posterior(q=q, p=p, covariance=covariance, cost=cost, steps=steps, outcome=outcome)
+
+
+def _compute_cost(
+    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array
+) -> tuple[Array, float]:
+    """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
+    poses = pose_links(problem.tree, np.ascontiguousarray(q.T), p)
+    gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
+    gap = np.where(np.isfinite(gap), gap, 0.0)
+    white = whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
+    prior = problem.prior
+    return white, float((white**2).sum() + p @ prior.precision @ p - 2.0 * prior.pull @ p)
+
+
+def _linearise(problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array, gap: Array) -> _Normal:
+    tree, nq = problem.tree, len(problem.coordinates)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    variables = np.concatenate([problem.coordinates, tree.n_coordinates + np.arange(len(p))])
+    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
+    white = whitening.apply(poses.axes, tree.marker_link, rates)
+    own, shared = white[:, :nq], white[:, nq:]
+    flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(len(p), -1)
+    return _Normal(
+        own @ own.transpose(0, 2, 1),
+        own @ shared.transpose(0, 2, 1),
+        (own @ gap[:, :, None])[:, :, 0],
+        flat @ flat.T,
+        flat @ gap.ravel(),
+    )
+
+
+def _eliminate(
+    problem: PosteriorProblem, normal: _Normal, p: Array, damping: float
+) -> tuple[Array, Array, Array]:
+    """Curvature and slope of the parameters, and how each frame's coordinates follow: (n, nq, 1 + np)."""
+    own = normal.own.copy()
+    diagonal = np.einsum("nii->ni", own)
+    diagonal += damping * diagonal + _RIDGE * diagonal.max(axis=1, keepdims=True, initial=0.0) + 1e-300
+    solved = np.linalg.solve(own, np.concatenate([normal.slope[:, :, None], normal.cross], axis=2))
+    nq, count = normal.cross.shape[1:]
+    crossed = normal.cross.reshape(-1, count).T @ solved.reshape(len(own) * nq, -1)
+    prior = problem.prior
+    curvature = normal.shared + prior.precision - crossed[:, 1:]
+    slope = normal.shared_slope + prior.pull - prior.precision @ p - crossed[:, 0]
+    return 0.5 * (curvature + curvature.T), slope, solved
+
+
+def _make_step(problem: PosteriorProblem, normal: _Normal, p: Array, damping: float) -> tuple[Array, Array]:
+    curvature, slope, solved = _eliminate(problem, normal, p, damping)
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
+    return solved[:, :, 0] - solved[:, :, 1:] @ step, step

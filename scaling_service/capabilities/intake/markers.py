@@ -194,11 +194,12 @@ def find_sacral_label(markers: Sequence[MarkerProof], who: Identification) -> di
     """The sacral marker to its label, where that stands for both PSIS and its name does not say so."""
     if any(m.label is not None for m in markers if find_canonical(m.marker) in ("RPSIS", "LPSIS")):
         return {}
-    return {
-        SACRUM: one.label
+    sacral = (
+        one.label
         for one in who.labels.values()
         if one.landmark == SACRUM and one.at_landmark > SURE and find_canonical(one.label) != SACRUM
-    }
+    )
+    return {SACRUM: label for label in sacral}  # noqa: B035 (one label lies there at most)
 
 
 def _find_own(model: BodyModel, segment: str | None) -> str | None:

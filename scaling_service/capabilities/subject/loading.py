@@ -37,9 +37,10 @@ from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unma
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.recording import person
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, check_axes, decide
+from scaling_service.recording.orientation import Orientation, apply, check_axes, decide
 from scaling_service.recording.pipeline import process
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
@@ -100,6 +101,7 @@ def load(
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _decide_axes(named, subject.static, settings)
     clusters = labels.sort_by_segment(model, subject)
+    findings = _ask_of_person(named, axes, subject, model, clusters)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blame_file(path, [path]):
@@ -123,13 +125,37 @@ def load(
             *of_setup,
             *of_bodies,
             *of_images,
-            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()], clusters),
+            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
+            *map(str, findings),
         ),
         images=images,
     )
     used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
     return Loaded(session=session, markers_used=used, axes=axes.description, orientation=axes, plates=plates)
+
+
+def _ask_of_person(
+    named: Mapping[Path, tuple[Trial, Mapping[str, str]]],
+    axes: Orientation,
+    subject: Subject,
+    model: BodyModel,
+    clusters: Mapping[str, tuple[str, ...]],
+) -> tuple[person.Finding, ...]:
+    """What the recordings show that one sound person does not; raises NotAPerson beyond doubt."""
+    turned = {path: apply(axes, trial) for path, (trial, _) in named.items()}
+    found = person.ask(
+        person.Recordings(
+            trials=list(turned.values()),
+            clusters=clusters,
+            static=None if subject.static is None else turned[subject.static].name,
+            stated=person.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+            model=model,
+        )
+    )
+    with blame_file(None, list(named)):
+        person.refuse(found)
+    return found
 
 
 def _list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:

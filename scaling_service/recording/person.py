@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Literal
 
 import numpy as np
@@ -305,7 +305,7 @@ DEVIATIONS = 5.0
 """Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see ``predict_dimensions``,
 the doubt about where a marker sits included."""
 
-DOUBTFUL = 3.0  # deviations of the common scale from which on it is told (chosen: once in 400 sound sessions)
+DOUBTFUL = 2.5  # deviations of the common scale from which on it is asked (chosen: one sound session in eighty)
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,84 +336,135 @@ over moving joints up to 30 mm; the foot's markers lie over 0.66 to 0.79 of its 
 
 _ACROSS = (
     _Size(("RASIS", "LASIS"), {"pelvis_width": 1.0}, 0.0, 0.025),
-    _Size(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.025),
+    _Size(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.015),
     _Size(("RSHO", "LSHO"), {"biacromial_breadth": 1.0}, 0.0, 0.05, at_most=True),
 )
 
 
+_STANDING = (
+    _Size(("C7", "LM"), {"cervicale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
+    _Size(("SHO", "LM"), {"acromion_height": 1.0, "lateral_malleolus_height": -1.0}, 0.01, 0.03),
+    _Size(("CLAV", "LM"), {"suprasternale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
+    _Size(("ASIS", "LM"), {"leg_length": 1.0}, 0.0, 0.025),
+)
+"""Heights over the ankles of somebody who stands upright, whose stature foretells them (deviations chosen: 15 mm of
+slack in trunk and knees, and palpation)."""
+
+_UPRIGHT = np.cos(np.radians(15.0))  # chosen: thighs, shanks and trunk of somebody who stands lean less
+
+
 def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> Iterator[Finding]:
-    """Whether distances between landmarks can be a person's, each and all together."""
+    """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
     people = predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg)
     for trial in trials:
-        yield from _ask_sizes_of(trial, people, stated)
+        yield from _ask_sizes_of(trial, people, stated, standing=trial.name == static)
 
 
-def _ask_sizes_of(trial: Trial, people: DimensionPrior, stated: Stated) -> Iterator[Finding]:
-    inverse = {role: label for label, role in list_roles(trial).items()}
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """A size of a recording beside a person's."""
+
+    labels: tuple[str, ...]
+    size_m: float
+    usual_m: float
+    slopes: Array  # (n_dimensions,): of its logarithm on those of the measures
+    sd_m: float
+    at_most: bool
+
+
+def _measure_sizes(trial: Trial, people: DimensionPrior, *, standing: bool) -> Iterator[_Measured]:
     step = max(1, trial.n_frames // FRAMES)
-    found: list[tuple[tuple[str, str], float, float, Array, float, bool]] = []
-    sides = [replace_ends(size, s) for size in _SIZES for s in "RL"]
+    where = {role: (label, trial.position(label)[::step]) for label, role in list_roles(trial).items()}
+    sides = [_on_side(size, side) for size in _SIZES for side in "RL"]
     for size in (*sides, *_ACROSS):
-        if any(end not in inverse for end in size.ends):
-            continue
-        a, b = (inverse[end] for end in size.ends)
-        distance = np.linalg.norm((trial.position(a) - trial.position(b))[::step], axis=1)
-        known = distance[np.isfinite(distance)]
-        if not len(known):
-            continue
-        usual = size.offset_m + sum(share * people.value(name) for name, share in size.terms.items())
-        slopes = np.zeros(len(people.names))
-        for name, share in size.terms.items():
-            slopes[people.names.index(name if name in people.names else f"{name}_r")] += share * people.value(name) / usual
-        found.append(((a, b), float(np.median(known)), usual, slopes, size.sd_m / usual, size.at_most))
-    if not found:
+        if all(end in where for end in size.ends):
+            (a, one), (b, other) = (where[end] for end in size.ends)
+            found = _compare(size, (a, b), np.linalg.norm(one - other, axis=1), people)
+            if found is not None:
+                yield found
+    if standing and _is_upright({role: at for role, (_, at) in where.items()}):
+        for size in _STANDING:
+            high, low = ([end] if end in where else [f"R{end}", f"L{end}"] for end in size.ends)
+            if all(end in where for end in (*high, *low)):
+                heights = [np.mean([where[end][1][:, 1] for end in ends], axis=0) for ends in (high, low)]
+                found = _compare(size, tuple(where[end][0] for end in high), heights[0] - heights[1], people)
+                if found is not None:
+                    yield found
+
+
+def _is_upright(where: Mapping[str, Array]) -> bool:
+    """Whether legs and trunk are upright, as far as they are known; Y up."""
+    middles = [
+        np.mean([where[f"{side}{name}"] for side in "RL"], axis=0)
+        for name in ("LM", "LFE", "ASIS", "SHO")
+        if all(f"{side}{name}" in where for side in "RL")
+    ]
+    rises = [np.nanmean(high - low, axis=0) for low, high in pairwise(middles)]
+    return len(rises) > 1 and all(rise[1] > _UPRIGHT * np.linalg.norm(rise) for rise in rises)
+
+
+def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: DimensionPrior) -> _Measured | None:
+    known = values[np.isfinite(values)]
+    if not len(known) or np.median(known) <= 0.0:
+        return None
+    terms = {name if name in people.names else f"{name}_r": share for name, share in size.terms.items()}
+    usual = size.offset_m + sum(share * people.value(name) for name, share in terms.items())
+    slopes = np.zeros(len(people.names))
+    for name, share in terms.items():
+        slopes[people.names.index(name)] += share * people.value(name) / usual
+    return _Measured(labels, float(np.median(known)), usual, slopes, size.sd_m, size.at_most)
+
+
+def _ask_sizes_of(trial: Trial, people: DimensionPrior, stated: Stated, *, standing: bool) -> Iterator[Finding]:
+    found = list(_measure_sizes(trial, people, standing=standing))
+    exact = [k for k, one in enumerate(found) if not one.at_most]
+    if not exact:
         return
-    slopes = np.array([row[3] for row in found])
-    covariance = slopes @ people.covariance @ slopes.T + np.diag([row[4] ** 2 for row in found])
-    off = np.log([row[1] / row[2] for row in found])
-    deviations = off / np.sqrt(np.diag(covariance))
-    bound = np.array([row[5] for row in found])
-    wrong = np.flatnonzero((np.abs(deviations) > DEVIATIONS) & ~(bound & (off < 0.0)))
-    if not (~bound).any():
-        return
-    whole = np.flatnonzero(~bound)
-    weights = np.linalg.solve(covariance[np.ix_(whole, whole)], np.ones(len(whole)))
-    scale, sd = float(weights @ off[whole] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
+    slopes = np.array([one.slopes for one in found])
+    shared = slopes @ people.covariance @ slopes.T
+    size, usual = np.array([(one.size_m, one.usual_m) for one in found]).T
+    off = np.log(size / usual)
+    own = np.array([one.sd_m for one in found]) / np.maximum(size, usual)  # where markers sit differs by mm
+    deviations = off / np.sqrt(np.diag(shared) + own**2)
+    rest = np.array([one.sd_m for one in found])[exact] / usual[exact]
+    weights = np.linalg.solve(shared[np.ix_(exact, exact)] + np.diag(rest**2), np.ones(len(exact)))
+    scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
     prior = _describe_prior(stated)
+    off_by = f"{abs(scale) / sd:.1f} standard deviations off"
     if abs(scale) > DEVIATIONS * sd:
         yield Finding(
             code="scale",
             trial=trial.name,
             severity="refusal",
-            problem=f"all lengths are {np.exp(scale):.2g} times those of a person ({prior}), "
-            f"{abs(scale) / sd:.0f} standard deviations off",
-            remedy="Correct the recording's unit or the calibration of its volume, or the person's height",
+            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, {off_by}",
+            remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's height",
         )
         return
-    if len(wrong):
-        worst = wrong[int(np.argmax(np.abs(deviations[wrong])))]
-        (a, b), size, usual, *_ = found[worst]
+    wrong = [k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)]
+    if wrong:
+        worst = max(wrong, key=lambda k: abs(deviations[k]))
+        names = " and ".join(found[worst].labels)
+        bound = "at most " if found[worst].at_most else ""
         yield Finding(
             code="length",
             trial=trial.name,
             severity="refusal",
-            labels=(a, b),
-            problem=f"{a} and {b} are {1e3 * size:.0f} mm apart, and of a person ({prior}) "
-            f"{'at most ' if found[worst][5] else ''}{1e3 * usual:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
-            remedy="Correct the labels: one of them is another place's or another person's",
+            labels=found[worst].labels,
+            problem=f"{names} are {1e3 * size[worst]:.0f} mm apart, and those of a person {prior} {bound}"
+            f"{1e3 * usual[worst]:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
+            remedy="Correct the labels, one of them is of another place or person; or the person's height",
         )
     elif abs(scale) > DOUBTFUL * sd:
+        change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="scale",
             trial=trial.name,
-            problem=f"lengths are {abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'} than a person's ({prior}), "
-            f"{abs(scale) / sd:.1f} standard deviations off",
+            problem=f"on the whole its lengths are {change} than those of a person {prior}, {off_by}",
             remedy="Check the person's height and the calibration of the volume",
         )
 
 
-def replace_ends(size: _Size, side: str) -> _Size:
-    """The size on one side."""
+def _on_side(size: _Size, side: str) -> _Size:
     one, other = size.ends
     return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, size.at_most)
 

@@ -308,7 +308,9 @@ class _Body:
 
     def _find_of_leg(self, side: str, word: str, centre: Array | None, up: Array | None) -> Iterator[Witness]:
         names = [name for name in self.columns if name[0] == side]
-        heel, toes = [n for n in names if _HEEL.match(n)], [n for n in names if _TOE.match(n)]
+        heel, toes = [n for n in names if n == f"{side}HEE"], [n for n in names if n in (f"{side}MT1", f"{side}MT5")]
+        heel = heel or [n for n in names if _HEEL.match(n)]
+        toes = toes or [n for n in names if _TOE.match(n)]
         knee, ankle = self.at(f"{side}LFE", f"{side}MFE"), self.at(f"{side}LM", f"{side}MM")
         shank = _first(_minus(knee, ankle), up)
         regions = frozenset({"pelvis", "thigh"})

@@ -7,10 +7,10 @@ doubt are refused by whoever computes; the others are told.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from scaling_service.model.anatomy.markers import find_canonical, is_computed, m
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.compile import compile_model, free_coordinates, list_parameter_values
 from scaling_service.model.inertia import Sex
-from scaling_service.model.trial import Array, Trial, is_unlabelled
+from scaling_service.model.trial import Array, Relabelling, Repair, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.numerics.multibody.tree import (
     compute_jacobian,
@@ -29,7 +29,14 @@ from scaling_service.numerics.multibody.tree import (
     place_tree_markers,
     pose_links,
 )
-from scaling_service.recording.exchanged import Clusters, Exchange, find_exchanged_labels
+from scaling_service.recording.exchanged import (
+    Clusters,
+    Exchange,
+    find_exchanged_labels,
+    find_exchanges,
+    measure_shape,
+    relabel,
+)
 from scaling_service.recording.plausibility import find_moved_markers
 from scaling_service.recording.sides import FRAMES, judge_handedness
 
@@ -50,6 +57,8 @@ class Finding:
     severity: Severity = "warning"
     labels: tuple[str, ...] = ()  # that it concerns
     exchanges: tuple[Exchange, ...] = ()  # labels that, put right, solve it
+    rivals: Mapping[str, tuple[Exchange, ...]] = field(default_factory=dict)
+    """Other recordings in which the same, put right instead, would solve it."""
 
     def __str__(self) -> str:
         return f"{self.trial}: {self.problem}: {self.remedy[0].lower()}{self.remedy[1:]}"
@@ -99,11 +108,20 @@ def ask(given: Recordings) -> tuple[Finding, ...]:
         *ask_same_person(given.trials),
         *ask_posture(given.trials, given.static),
         *(one for trial in given.trials for one in ask_exchanged(trial)),
+        *ask_segments(given.trials, given.clusters),
         *ask_moved(given.trials, given.clusters),
     ]
-    sided = [{*one.labels} for one in found if one.code in ("mirrored", "sides_exchanged")]
-    found = [one for one in found if one.code != "exchanged" or not any({*one.labels} <= s for s in sided)]
-    return tuple(sorted(found, key=lambda one: one.severity != "refusal"))
+    return sort_findings(found)
+
+
+def sort_findings(found: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Those that refuse first, and labels once for each recording where several questions found them exchanged."""
+    kept: list[Finding] = []
+    for one in found:
+        same = (other for other in kept if other.trial == one.trial and {*one.labels} <= {*other.labels})
+        if not one.exchanges or not any(other.exchanges for other in same):
+            kept.append(one)
+    return tuple(sorted(kept, key=lambda one: one.severity != "refusal"))
 
 
 def refuse(findings: Sequence[Finding]) -> None:
@@ -113,8 +131,28 @@ def refuse(findings: Sequence[Finding]) -> None:
 
 
 def list_roles(trial: Trial) -> dict[str, str]:
-    """Label to landmark, of those that are known."""
-    return {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
+    """Label to landmark, of those that are known and that no other label means, too."""
+    roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
+    every = list(roles.values())
+    return {label: role for label, role in roles.items() if every.count(role) == 1}
+
+
+_Kind = TypeVar("_Kind", bound=Trial)
+
+
+def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None) -> _Kind:
+    """The recording as its person says that it should be, each change among its repairs.
+
+    ``trial``: in the laboratory's axes. ``mirrored``: ``x``, ``y`` or ``z``: the axis along which the positions
+    of all markers are mirrored; force plates keep their places. Raises MarkerMissing: see :func:`relabel`.
+    """
+    if mirrored is not None:
+        markers = trial.markers.copy()
+        markers[..., "xyz".index(mirrored)] *= -1.0
+        detail = f"positions mirrored along {mirrored}, as the subject file says"
+        made = Repair(what="mirrored", where=trial.name, detail=detail, frames=trial.n_frames)
+        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+    return relabel(trial, corrections)
 
 
 # One person --------------------------------------------------------------------------------------------------
@@ -133,11 +171,11 @@ def ask_one_person(trial: Trial) -> Iterator[Finding]:
         for label, seen in zip(trial.labels, shown, strict=True)
         if seen and not is_computed(label) and not is_unlabelled(label)
     }
-    roles = list_roles(trial)
+    roles = {label: find_canonical(label) for label in keys}
     twice: dict[str, list[tuple[str, str]]] = {}
     for one, other in combinations(keys, 2):
         alike = _find_affix(keys[one], keys[other])
-        if alike is None and one in roles and roles.get(other) == roles[one]:
+        if alike is None and roles[one] is not None and roles[other] == roles[one]:
             alike = ""
         if alike is None:
             continue
@@ -242,11 +280,17 @@ def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Itera
     carried = {m.name: m.segment for m in model.markers if m.name in shown and m.weight > 0.0}
     for root in model.children(GROUND):
         free = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}
-        branches = [child for child in model.children(root.name) if _list_below(model, child) & {*carried.values()}]
+        branches = [
+            child for child in model.children(root.name) if _list_below(model, child) & {*carried.values()}
+        ]
         if len(free) < 6 or len(branches) < 2 or not carried or _is_shown(trial, clusters.get(root.name, ())):
             continue
         if _measure_root_sd(model, root, tuple(carried)) > _LARGEST_SD:
-            own = [m.name for m in model.markers if m.segment == root.name and m.name not in shown and m.weight > 0.0]
+            own = [
+                m.name
+                for m in model.markers
+                if m.segment == root.name and m.name not in shown and m.weight > 0.0
+            ]
             seen = [name for name, segment in carried.items() if segment == root.name]
             shows = f"only {list_few(seen)} show it" if seen else "no marker shows it"
             yield Finding(
@@ -290,7 +334,9 @@ def _measure_root_sd(model: BodyModel, root: Segment, markers: tuple[str, ...]) 
     turns = [k for k, name in enumerate(names) if name in own and kinds[k] == "rotation" and free[k]]
     q = np.array([c.default for c in model.coordinates])
     # A little bent: at the neutral pose axes may coincide that no person keeps aligned.
-    q = q + np.where(free & np.array([kind == "rotation" for kind in kinds]), 0.15 + 0.01 * np.arange(len(q)) % 0.1, 0.0)
+    q = q + np.where(
+        free & np.array([kind == "rotation" for kind in kinds]), 0.15 + 0.01 * np.arange(len(q)) % 0.1, 0.0
+    )
     poses = pose_links(tree, np.ascontiguousarray(q[:, None]), list_parameter_values(model))
     variables = np.flatnonzero(free)
     rates = order_by_frame(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables))[0]
@@ -305,7 +351,9 @@ DEVIATIONS = 5.0
 """Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see ``predict_dimensions``,
 the doubt about where a marker sits included."""
 
-DOUBTFUL = 2.5  # deviations of the common scale from which on it is asked (chosen: one sound session in eighty)
+DOUBTFUL = (
+    2.5  # deviations of the common scale from which on it is asked (chosen: one sound session in eighty)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +375,13 @@ _SIZES = (
     _Size(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.010),
     _Size(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
     _Size(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
-    _Size(("ASIS", "LFE"), {"trochanterion_height": 1.0, "lateral_epicondyle_height": -1.0}, 0.09, 0.05, at_most=True),
+    _Size(
+        ("ASIS", "LFE"),
+        {"trochanterion_height": 1.0, "lateral_epicondyle_height": -1.0},
+        0.09,
+        0.05,
+        at_most=True,
+    ),
     _Size(("HEE", "LM"), {"foot_length": 0.30}, 0.02, 0.02, at_most=True),
     _Size(("ASIS", "SHO"), {"acromion_height": 1.0, "iliocristale_height": -1.0}, 0.12, 0.06, at_most=True),
 )
@@ -415,7 +469,9 @@ def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: Dimens
     return _Measured(labels, float(np.median(known)), usual, slopes, size.sd_m, size.at_most)
 
 
-def _ask_sizes_of(trial: Trial, people: DimensionPrior, stated: Stated, *, standing: bool) -> Iterator[Finding]:
+def _ask_sizes_of(
+    trial: Trial, people: DimensionPrior, stated: Stated, *, standing: bool
+) -> Iterator[Finding]:
     found = list(_measure_sizes(trial, people, standing=standing))
     exact = [k for k, one in enumerate(found) if not one.at_most]
     if not exact:
@@ -440,7 +496,9 @@ def _ask_sizes_of(trial: Trial, people: DimensionPrior, stated: Stated, *, stand
             remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's height",
         )
         return
-    wrong = [k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)]
+    wrong = [
+        k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
+    ]
     if wrong:
         worst = max(wrong, key=lambda k: abs(deviations[k]))
         names = " and ".join(found[worst].labels)
@@ -509,12 +567,18 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
         here, there = (np.array([sizes[k][pair] for pair in common]) for k in (i, j))
         odd[i, j] = _weigh_another(here, there)
     for i in range(len(trials)):
-        mine = [(odds, scale if i == a else -scale, b if i == a else a) for (a, b), (odds, scale) in odd.items() if i in (a, b)]
+        mine = [
+            (odds, scale if i == a else -scale, b if i == a else a)
+            for (a, b), (odds, scale) in odd.items()
+            if i in (a, b)
+        ]
         wrong = [one for one in mine if one[0] > 0.0]
         if wrong and 2 * len(wrong) > len(mine):
             against[i] = max(wrong)
     told: set[int] = set()
-    for i, (log_odds, scale, j) in sorted(against.items(), key=lambda item: -len([1 for k in odd if item[0] in k and odd[k][0] > 0])):
+    for i, (log_odds, scale, j) in sorted(
+        against.items(), key=lambda item: -len([1 for k in odd if item[0] in k and odd[k][0] > 0])
+    ):
         if j in told:
             continue
         told.add(i)
@@ -535,7 +599,9 @@ def _measure_bony(trial: Trial) -> dict[tuple[str, str], float]:
     found = {}
     for a, b in _BONY:
         if a in inverse and b in inverse:
-            distance = np.linalg.norm((trial.position(inverse[a]) - trial.position(inverse[b]))[::step], axis=1)
+            distance = np.linalg.norm(
+                (trial.position(inverse[a]) - trial.position(inverse[b]))[::step], axis=1
+            )
             known = distance[np.isfinite(distance)]
             if len(known):
                 found[a, b] = float(np.median(known))
@@ -607,6 +673,39 @@ def ask_exchanged(trial: Trial) -> Iterator[Finding]:
             problem=f"the labels {' and '.join(exchange.labels)} look exchanged {span}",
             remedy="Correct the labels in the recording",
         )
+
+
+def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
+    """Labels of one segment that stand for each other for a while.
+
+    Of two recordings that contradict each other all along, it is told once for both.
+    """
+    wrong: dict[str, list[Exchange]] = {}
+    for trial in trials:
+        usual = measure_shape((other for other in trials if other is not trial), clusters)
+        wrong[trial.name] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
+    told: set[tuple[str, ...]] = set()
+    for name, found in wrong.items():
+        for item in found:
+            rivals = [
+                n for n, others in wrong.items() if n != name and item.labels in [o.labels for o in others]
+            ]
+            if rivals and item.labels in told:
+                continue
+            told.add(item.labels)
+            where = f", or in {list_few(rivals)}" if rivals else ""
+            yield Finding(
+                code="exchanged",
+                trial=name,
+                labels=item.labels,
+                exchanges=tuple(o for o in found if o.labels == item.labels),
+                rivals={rival: tuple(o for o in wrong[rival] if o.labels == item.labels) for rival in rivals},
+                problem=f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
+                f"{item.end_s:.2f} s{where}: distances on their segment differ by {1e3 * item.difference_m:.0f} mm "
+                f"from those in the other recordings, by {1e3 * item.left_m:.0f} mm with the labels put right",
+                remedy="Correct the labels under `corrections:`, or in the recording; until then do not fit it: good "
+                "markers would be blamed",
+            )
 
 
 def ask_moved(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:

@@ -79,7 +79,10 @@ _WORDS = (
     ("arm", r"ARM|ELBOW|WRIST|BICEP|HUMER|HAND|FINGER"), ("head", r"HEAD|TEMP|EAR"),
     ("trunk", r"SHOULD|ACROM|CLAV|STERN|SCAP"),
 )  # fmt: skip
-_HEEL, _TOE = re.compile(r"^[RL](HEE|CAL|FCC|PCA)"), re.compile(r"^[RL](TOE|MT\d|\dMETA|MTH|[FSV]MH|FM\d|D\dM|HLX|TT2)")
+_HEEL, _TOE = (
+    re.compile(r"^[RL](HEE|CAL|FCC|PCA)"),
+    re.compile(r"^[RL](TOE|MT\d|\dMETA|MTH|[FSV]MH|FM\d|D\dM|HLX|TT2)"),
+)
 _CHEST = frozenset({"CLAV", "STRN", "STERNUM", "SJN", "SXS", "SUP", "STR", "IJ", "PX"})
 _SPINE = frozenset({"C7", "CV7", "T2", "T6", "T8", "T10", "T12"})
 
@@ -142,8 +145,12 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
             cosine = _take_median(np.einsum("fi,fi->f", lines[a], lines[b]))
             if np.isfinite(cosine):
                 total += np.log(_weigh(states[:, a] * states[:, b] * cosine, _BESIDE, WRONG))
-    votes = np.array([[_vote(w, pair, line) for pair, line in zip(pairs, lines, strict=True)] for w in witnesses])
-    likely = np.zeros((len(witnesses), len(states)))  # log density of what a witness says, if it can be trusted
+    votes = np.array(
+        [[_vote(w, pair, line) for pair, line in zip(pairs, lines, strict=True)] for w in witnesses]
+    )
+    likely = np.zeros(
+        (len(witnesses), len(states))
+    )  # log density of what a witness says, if it can be trusted
     for k, row in enumerate(votes):
         known = np.flatnonzero(np.isfinite(row))
         terms = [_weigh(states[:, i] * row[i], _FRONT, _ODD) for i in known]
@@ -155,7 +162,12 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     trusted = np.where(heard[:, None], np.log1p(-rates) + likely, 0.0)
     total += np.logaddexp(misled, trusted).sum(axis=0)
     # A sound person has no side exchanged and no front that is a back; who walks backwards is sound.
-    against = np.array([w.wrong == WRONG and h and np.nanmean(row) < _BACK for w, h, row in zip(witnesses, heard, votes, strict=True)])
+    against = np.array(
+        [
+            w.wrong == WRONG and h and np.nanmean(row) < _BACK
+            for w, h, row in zip(witnesses, heard, votes, strict=True)
+        ]
+    )
     sound = total[0] - (np.logaddexp(misled, trusted) - trusted)[against, 0].sum()
     every = float(np.logaddexp.reduce(total))
     best = int(np.argmax(total))
@@ -168,7 +180,8 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
         pairs=tuple((pair.right, pair.left) for pair in exchanged),
         witnesses=tuple(w.name for w, h in zip(witnesses, heard, strict=True) if h),
         turned=tuple(
-            w for w, h, row in zip(witnesses, heard, votes, strict=True)
+            w
+            for w, h, row in zip(witnesses, heard, votes, strict=True)
             if w.wrong == WRONG and h and np.nanmean(states[best] * row) < _BACK
         ),
     )
@@ -179,7 +192,9 @@ def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
     present = {pair.region for pair in pairs}
     wrong = {pair.region for pair in exchanged}
     whole = len(exchanged) == sum(pair.region in wrong for pair in pairs)
-    return next((name for name, regions in _BLOCKS.items() if whole and wrong and wrong == regions & present), "")
+    return next(
+        (name for name, regions in _BLOCKS.items() if whole and wrong and wrong == regions & present), ""
+    )
 
 
 def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
@@ -285,11 +300,13 @@ class _Body:
             yield Witness("the pelvis", labels, frozenset({"pelvis", "thigh"}), np.cross(pelvis - sacrum, up))
         for side, word in (("R", "right"), ("L", "left")):
             yield from self._find_of_leg(side, word, centre, _first(legs, trunk))
-        chest, spine = self.at(*_CHEST) , self.at(*_SPINE)
+        chest, spine = self.at(*_CHEST), self.at(*_SPINE)
         sternum = _first(chest, self.both("SC"))
         if sternum is not None and spine is not None and trunk is not None:
             labels = self.name(*sorted(_CHEST), "RSC", "LSC", *sorted(_SPINE))
-            yield Witness("the chest", labels, frozenset({"trunk", "pelvis"}), np.cross(sternum - spine, trunk))
+            yield Witness(
+                "the chest", labels, frozenset({"trunk", "pelvis"}), np.cross(sternum - spine, trunk)
+            )
         face, back = _first(self.both("FHD"), self.at("SEL")), _first(self.both("BHD"), self.at("OCC"))
         tall = _first(_minus(head, centre), _minus(head, self.at("C7")), _minus(head, self.both("SHO")))
         if face is not None and back is not None and tall is not None:
@@ -304,11 +321,16 @@ class _Body:
             way = seen[-1] - seen[0] if len(seen) else np.zeros(3)
             if np.linalg.norm(way) > _WALKED_M:
                 at = self.name("RASIS", "LASIS")
-                yield Witness("the walk", at, frozenset({"pelvis", "thigh"}), np.cross(way[None], up), BACKWARDS)
+                yield Witness(
+                    "the walk", at, frozenset({"pelvis", "thigh"}), np.cross(way[None], up), BACKWARDS
+                )
 
     def _find_of_leg(self, side: str, word: str, centre: Array | None, up: Array | None) -> Iterator[Witness]:
         names = [name for name in self.columns if name[0] == side]
-        heel, toes = [n for n in names if n == f"{side}HEE"], [n for n in names if n in (f"{side}MT1", f"{side}MT5")]
+        heel, toes = (
+            [n for n in names if n == f"{side}HEE"],
+            [n for n in names if n in (f"{side}MT1", f"{side}MT5")],
+        )
         heel = heel or [n for n in names if _HEEL.match(n)]
         toes = toes or [n for n in names if _TOE.match(n)]
         knee, ankle = self.at(f"{side}LFE", f"{side}MFE"), self.at(f"{side}LM", f"{side}MM")
@@ -317,7 +339,10 @@ class _Body:
         if heel and toes and shank is not None:
             front = _minus(self.at(*toes), self.at(*heel))
             yield Witness(f"the {word} foot", self.name(*heel, *toes), regions, np.cross(front, shank))
-        hip = _first(_mean(self.at(f"{side}ASIS"), _first(self.at(f"{side}PSIS"), self.at("SACR"))), self.at(f"{side}GT"))
+        hip = _first(
+            _mean(self.at(f"{side}ASIS"), _first(self.at(f"{side}PSIS"), self.at("SACR"))),
+            self.at(f"{side}GT"),
+        )
         if hip is None or knee is None or ankle is None:
             return
         leg = hip - ankle

@@ -182,9 +182,7 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def summarise_recordings(
-    model: BodyModel, subject: Subject, trials: Sequence[Trial]
-) -> Iterator[str]:
+def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
     """One plain sentence for each thing.
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.

@@ -38,7 +38,6 @@ from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording import person
-from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, apply, check_axes, decide
 from scaling_service.recording.pipeline import process
@@ -56,6 +55,7 @@ class Loaded:
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    findings: tuple[person.Finding, ...] = ()  # what a sound person does not show; told among the warnings
     axes: str = ""  # which laboratory axes were taken for up and forward
     orientation: Orientation | None = None  # the same as a rotation, for forces
     plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
@@ -132,7 +132,14 @@ def load(
     )
     used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
-    return Loaded(session=session, markers_used=used, axes=axes.description, orientation=axes, plates=plates)
+    return Loaded(
+        session=session,
+        markers_used=used,
+        findings=findings,
+        axes=axes.description,
+        orientation=axes,
+        plates=plates,
+    )
 
 
 def _ask_of_person(
@@ -174,7 +181,9 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     for path in list_recordings(subject):
         with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
-            read[path] = relabel(found, subject.corrections.get(path.name, ()))
+            read[path] = person.mend(
+                found, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
+            )
     return read
 
 

@@ -41,7 +41,9 @@ from scaling_service.recording.plausibility import find_moved_markers
 from scaling_service.recording.sides import FRAMES, judge_handedness
 
 BEYOND_DOUBT = 1e3
-"""Odds against a sound recording, priors included, from which on nothing is computed; above one it is told."""
+"""Odds against a sound recording, priors included, from which on nothing is computed."""
+
+TOLD = 0.1  # odds from which on it is told (chosen: a look at the recording costs little)
 
 Severity = Literal["refusal", "warning"]
 
@@ -219,7 +221,7 @@ def ask_sides(trial: Trial) -> Iterator[Finding]:
         return
     sure = found.log_odds > np.log(BEYOND_DOUBT)
     span = {"start_s": float(trial.times[0]), "end_s": float(trial.times[-1])}
-    if found.log_odds > 0.0 and found.pairs:
+    if found.log_odds > np.log(TOLD) and found.pairs:
         labels = tuple(label for pair in found.pairs for label in pair)
         wrong = [label for pair in found.pairs for label in pair]
         right = [label for pair in found.pairs for label in reversed(pair)]
@@ -249,15 +251,20 @@ def ask_sides(trial: Trial) -> Iterator[Finding]:
             problem=problem,
             remedy=remedy,
         )
-    for witness in found.turned if found.log_odds > 0.0 else ():
+    if found.log_odds <= np.log(TOLD):
+        return
+    alone = len(found.turned) == len([name for name in found.witnesses if name != "the walk"])
+    for witness in found.turned:
         what = "bends backwards" if witness.name.endswith("knee") else "faces backwards"
         yield Finding(
             code="backwards",
             trial=trial.name,
             severity="refusal" if sure else "warning",
             labels=witness.labels,
-            problem=f"{witness.name} {what}, as {list_few(list(witness.labels))} lie, against all else",
-            remedy="Correct the labels in the recording: two of them are exchanged",
+            problem=f"{witness.name} {what}, as {list_few(list(witness.labels))} lie"
+            + (": labels are exchanged, or the recording is mirrored" if alone else ", against all else"),
+            remedy="Correct the labels in the recording"
+            + ("; or name the axis along which it is mirrored under `mirrored:`" if alone else ""),
         )
 
 
@@ -512,7 +519,7 @@ def _ask_sizes_of(
             f"{1e3 * usual[worst]:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
             remedy="Correct the labels, one of them is of another place or person; or the person's height",
         )
-    elif abs(scale) > DOUBTFUL * sd:
+    elif stated.height_m is not None and abs(scale) > DOUBTFUL * sd:
         change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="scale",

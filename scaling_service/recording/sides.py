@@ -36,6 +36,16 @@ _FRONT, _BESIDE = (0.8, 0.3), (0.85, 0.35)
 """Mean and SD over people and postures of the median cosine between the body's right and a line to the right,
 and between two lines beside each other (chosen: feet turn out by 30 deg, trunks turn by 40, legs swing apart)."""
 
+_OUT = (0.6, 0.3)
+"""The same of lines from the inner to the outer side of a joint (chosen: a limb turns by up to 60 deg)."""
+
+CROSSED, STEPPING_CROSSED = 1e-3, 1e-6
+"""Prior probability that somebody keeps the legs crossed throughout a recording, and steps so (chosen)."""
+
+_STEP_M = 0.1  # chosen: SD of one foot's place against the other's from which on somebody steps
+
+_SHORT_M = 0.05  # chosen: markers of two sides that are nearer are where palpation and feet put them
+
 _ODD = 1e-6  # chosen: lines that a trusted witness says nothing of; its own error is counted once
 
 _BACK = -0.3  # chosen: median cosine below which a front looks like a back, 107 deg off
@@ -136,7 +146,7 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     witnesses = [w for w in body.find_witnesses() if np.isfinite(w.right).all(axis=1).any()]
     if not pairs or not witnesses:
         return None
-    lines = [_normalise(pair.line) for pair in pairs]
+    lines = [_normalise(pair.line, softened=True) for pair in pairs]
     states, priors = _list_states(pairs)
     total = np.log(priors)
     for a, b in combinations(range(len(pairs)), 2):
@@ -145,12 +155,10 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
             cosine = _take_median(np.einsum("fi,fi->f", lines[a], lines[b]))
             if np.isfinite(cosine):
                 total += np.log(_weigh(states[:, a] * states[:, b] * cosine, _BESIDE, WRONG))
-    votes = np.array(
-        [[_vote(w, pair, line) for pair, line in zip(pairs, lines, strict=True)] for w in witnesses]
-    )
+    votes = np.array([[_vote(w, p, line) for p, line in zip(pairs, lines, strict=True)] for w in witnesses])
     likely = np.zeros(
         (len(witnesses), len(states))
-    )  # log density of what a witness says, if it can be trusted
+    )  # log density of what a witness says if it can be trusted
     for k, row in enumerate(votes):
         known = np.flatnonzero(np.isfinite(row))
         terms = [_weigh(states[:, i] * row[i], _FRONT, _ODD) for i in known]
@@ -161,20 +169,34 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     misled = np.where(heard[:, None], np.log(rates * 0.5), 0.0)
     trusted = np.where(heard[:, None], np.log1p(-rates) + likely, 0.0)
     total += np.logaddexp(misled, trusted).sum(axis=0)
-    # A sound person has no side exchanged and no front that is a back; who walks backwards is sound.
+    outward = np.zeros(len(states))
+    for one, other, cosines in body.find_outward_lines(pairs, witnesses):
+        alike = states[:, one] == states[:, other]
+        outward += sum(np.log(np.where(alike, _weigh(states[:, one] * c, _OUT, WRONG), 0.5)) for c in cosines)
+    # A sound person has no side exchanged and no front that is a back; legs may be crossed, with their outer sides
+    # outside; who walks backwards is sound.
     against = np.array(
         [
             w.wrong == WRONG and h and np.nanmean(row) < _BACK
             for w, h, row in zip(witnesses, heard, votes, strict=True)
         ]
     )
-    sound = total[0] - (np.logaddexp(misled, trusted) - trusted)[against, 0].sum()
+    strict = total - ((np.logaddexp(misled, trusted) - trusted) * against[:, None]).sum(axis=0)
+    crossed = [k for k, signs in enumerate(states) if _is_crossed(signs, pairs)]
+    legs = (
+        np.logaddexp.reduce(strict[crossed] - np.log(priors[crossed]))
+        + np.log(STEPPING_CROSSED if _steps(pairs) else CROSSED)
+        if crossed
+        else -np.inf
+    )
+    sound = float(np.logaddexp(strict[0], legs) + outward[0])
+    total += outward
     every = float(np.logaddexp.reduce(total))
+    others = every + float(np.log(max(-np.expm1(strict[0] + outward[0] - every), 1e-15)))
     best = int(np.argmax(total))
-    flipped = states[best] < 0
-    exchanged = [pair for pair, is_flipped in zip(pairs, flipped, strict=True) if is_flipped]
+    exchanged = [pair for pair, sign in zip(pairs, states[best], strict=True) if sign < 0.0]
     return Handedness(
-        log_odds=every - sound + float(np.log1p(-min(np.exp(sound - every), 1.0 - 1e-12))),
+        log_odds=others - sound,
         whole=len(exchanged) > len(pairs) / 2 and any(p.region in ("pelvis", "trunk") for p in exchanged),
         part=_name_part(pairs, exchanged),
         pairs=tuple((pair.right, pair.left) for pair in exchanged),
@@ -184,6 +206,33 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
             for w, h, row in zip(witnesses, heard, votes, strict=True)
             if w.wrong == WRONG and h and np.nanmean(states[best] * row) < _BACK
         ),
+    )
+
+
+def _is_crossed(signs: Array, pairs: Sequence[SidePair]) -> bool:
+    """Whether these lines are those that crossed legs turn round: all below some height, no others."""
+    flipped = {
+        region: {sign < 0.0 for sign, pair in zip(signs, pairs, strict=True) if pair.region == region}
+        for region in {pair.region for pair in pairs}
+    }
+    below = [flipped[region] for region in ("thigh", "shank", "foot") if region in flipped]
+    above = set[bool]().union(
+        *(f for region, f in flipped.items() if region not in ("thigh", "shank", "foot"))
+    )
+    # From the hips down: none, then one region at whose height the legs cross, then all.
+    crossing = next((k for k, found in enumerate(below) if True in found), None)
+    if crossing is None or True in above or (crossing == len(below) - 1 and False in below[-1]):
+        return False
+    return all(found == {True} for found in below[crossing + 1 :]) and (crossing < 2 or len(below) < 3)
+
+
+def _steps(pairs: Sequence[SidePair]) -> bool:
+    """Whether the feet move past each other."""
+    lines = [pair.line for pair in pairs if pair.region == "foot"] or [
+        p.line for p in pairs if p.region == "shank"
+    ]
+    return any(
+        float(np.nanstd(line, axis=0).max(initial=0.0)) > _STEP_M for line in lines if np.isfinite(line).any()
     )
 
 
@@ -284,6 +333,36 @@ class _Body:
                 line = self.markers[:, k] - self.markers[:, self.columns[other]]
                 yield SidePair(self.labels[k], self.labels[self.columns[other]], self.regions[name], line)
 
+    def find_outward_lines(
+        self, pairs: Sequence[SidePair], witnesses: Sequence[Witness]
+    ) -> Iterator[tuple[int, int, list[float]]]:
+        """Outer and inner pair of a joint of the legs, and cosines of the lines between them with the body's right.
+
+        As labelled, the right one from its inner to its outer end, the left one the other way round.
+        """
+        number = {self.labels.index(pair.right): k for k, pair in enumerate(pairs)}
+        rights = [_normalise(w.right) for w in witnesses if "pelvis" in w.regions]
+        for outer, inner in (("LFE", "MFE"), ("LM", "MM"), ("MT5", "MT1")):
+            one, other = (number.get(self.columns.get(f"R{name}", -1)) for name in (outer, inner))
+            if one is None or other is None or not rights:
+                continue
+            lines = [
+                sign * self._line(f"{side}{outer}", f"{side}{inner}")
+                for side, sign in (("R", 1.0), ("L", -1.0))
+            ]
+            cosines = [
+                float(
+                    np.median(
+                        [_take_median(np.einsum("fi,fi->f", _normalise(line), right)) for right in rights]
+                    )
+                )
+                for line in lines
+            ]
+            yield one, other, [cosine for cosine in cosines if np.isfinite(cosine)]
+
+    def _line(self, one: str, other: str) -> Array:
+        return self.markers[:, self.columns[one]] - self.markers[:, self.columns[other]]
+
     def find_witnesses(self) -> Iterator[Witness]:
         pelvis = self.both("ASIS")
         sacrum = self.both("PSIS") if self.both("PSIS") is not None else self.at("SACR")
@@ -299,13 +378,19 @@ class _Body:
             labels = self.name("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
             yield Witness("the pelvis", labels, frozenset({"pelvis", "thigh"}), np.cross(pelvis - sacrum, up))
         for side, word in (("R", "right"), ("L", "left")):
-            yield from self._find_of_leg(side, word, centre, _first(legs, trunk))
+            yield from self._find_of_leg(side, word, _first(legs, trunk))
+        upright = _first(
+            trunk,
+            _minus(self.at("CLAV"), self.at("STRN")),
+            _minus(self.at("C7"), self.at("T10")),
+            _minus(head, shoulders),
+        )
         chest, spine = self.at(*_CHEST), self.at(*_SPINE)
         sternum = _first(chest, self.both("SC"))
-        if sternum is not None and spine is not None and trunk is not None:
+        if sternum is not None and spine is not None and upright is not None:
             labels = self.name(*sorted(_CHEST), "RSC", "LSC", *sorted(_SPINE))
             yield Witness(
-                "the chest", labels, frozenset({"trunk", "pelvis"}), np.cross(sternum - spine, trunk)
+                "the chest", labels, frozenset({"trunk", "pelvis"}), np.cross(sternum - spine, upright)
             )
         face, back = _first(self.both("FHD"), self.at("SEL")), _first(self.both("BHD"), self.at("OCC"))
         tall = _first(_minus(head, centre), _minus(head, self.at("C7")), _minus(head, self.both("SHO")))
@@ -325,7 +410,7 @@ class _Body:
                     "the walk", at, frozenset({"pelvis", "thigh"}), np.cross(way[None], up), BACKWARDS
                 )
 
-    def _find_of_leg(self, side: str, word: str, centre: Array | None, up: Array | None) -> Iterator[Witness]:
+    def _find_of_leg(self, side: str, word: str, up: Array | None) -> Iterator[Witness]:
         names = [name for name in self.columns if name[0] == side]
         heel, toes = (
             [n for n in names if n == f"{side}HEE"],
@@ -369,9 +454,11 @@ def _mean(one: Array | None, other: Array | None) -> Array | None:
     return None if one is None or other is None else 0.5 * (one + other)
 
 
-def _normalise(vectors: Array) -> Array:
+def _normalise(vectors: Array, *, softened: bool = False) -> Array:
+    """Directions; ``softened``: of lines, m, those that are short and say little are shorter."""
+    least = _SHORT_M if softened else 0.0
     with np.errstate(invalid="ignore", divide="ignore"):
-        directions: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+        directions: Array = vectors / np.sqrt(np.square(vectors).sum(axis=-1, keepdims=True) + least**2)
     return directions
 
 

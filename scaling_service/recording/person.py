@@ -379,7 +379,8 @@ _SIZES = (
     _Size(("ELB", "WRA"), {"radiale_stylion": 1.0}, 0.0, 0.02),
     _Size(("ELB", "WRB"), {"radiale_stylion": 1.0}, 0.0, 0.02),
     _Size(("SHO", "ELB"), {"acromion_radiale": 1.0}, 0.0, 0.04),
-    _Size(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.010),
+    _Size(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.012),
+    _Size(("LFE", "MFE"), {"knee_width": 1.0}, 0.016, 0.02),
     _Size(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
     _Size(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
     _Size(
@@ -494,19 +495,11 @@ def _ask_sizes_of(
     scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
     prior = _describe_prior(stated)
     off_by = f"{abs(scale) / sd:.1f} standard deviations off"
-    if abs(scale) > DEVIATIONS * sd:
-        yield Finding(
-            code="scale",
-            trial=trial.name,
-            severity="refusal",
-            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, {off_by}",
-            remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's height",
-        )
-        return
     wrong = [
         k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
     ]
-    if wrong:
+    # A few that are wrong are labels; all of them are the scale.
+    if wrong and 2 * len(set(wrong) & set(exact)) < len(exact):
         worst = max(wrong, key=lambda k: abs(deviations[k]))
         names = " and ".join(found[worst].labels)
         bound = "at most " if found[worst].at_most else ""
@@ -518,6 +511,15 @@ def _ask_sizes_of(
             problem=f"{names} are {1e3 * size[worst]:.0f} mm apart, and those of a person {prior} {bound}"
             f"{1e3 * usual[worst]:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
             remedy="Correct the labels, one of them is of another place or person; or the person's height",
+        )
+    elif wrong or abs(scale) > DEVIATIONS * sd:
+        yield Finding(
+            code="scale",
+            trial=trial.name,
+            severity="refusal",
+            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, {off_by}",
+            remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's "
+            "height",
         )
     elif stated.height_m is not None and abs(scale) > DOUBTFUL * sd:
         change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"

@@ -89,6 +89,10 @@ _WORDS = (
     ("arm", r"ARM|ELBOW|WRIST|BICEP|HUMER|HAND|FINGER"), ("head", r"HEAD|TEMP|EAR"),
     ("trunk", r"SHOULD|ACROM|CLAV|STERN|SCAP"),
 )  # fmt: skip
+_INNER: Mapping[str, str] = {"MFE": "LFE", "MM": "LM", "MT1": "MT5"}
+"""Inner places of the legs to the outer ones beside them: knees and feet touch there, so that no line between the
+two sides says anything."""
+
 _HEEL, _TOE = (
     re.compile(r"^[RL](HEE|CAL|FCC|PCA)"),
     re.compile(r"^[RL](TOE|MT\d|\dMETA|MTH|[FSV]MH|FM\d|D\dM|HLX|TT2)"),
@@ -170,9 +174,8 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     trusted = np.where(heard[:, None], np.log1p(-rates) + likely, 0.0)
     total += np.logaddexp(misled, trusted).sum(axis=0)
     outward = np.zeros(len(states))
-    for one, other, cosines in body.find_outward_lines(pairs, witnesses):
-        alike = states[:, one] == states[:, other]
-        outward += sum(np.log(np.where(alike, _weigh(states[:, one] * c, _OUT, WRONG), 0.5)) for c in cosines)
+    for k, cosine in body.find_outward_lines(pairs, witnesses):
+        outward += np.log(_weigh(states[:, k] * cosine, _OUT, WRONG))
     # A sound person has no side exchanged and no front that is a back; legs may be crossed, with their outer sides
     # outside; who walks backwards is sound.
     against = np.array(
@@ -329,36 +332,28 @@ class _Body:
             other = f"L{name[1:]}"
             if name.startswith("RIGHT"):
                 other = f"LEFT{name[5:]}"
-            if name[0] == "R" and other in self.columns and name in self.regions:
+            if name[0] == "R" and other in self.columns and name in self.regions and name[1:] not in _INNER:
                 line = self.markers[:, k] - self.markers[:, self.columns[other]]
                 yield SidePair(self.labels[k], self.labels[self.columns[other]], self.regions[name], line)
 
     def find_outward_lines(
         self, pairs: Sequence[SidePair], witnesses: Sequence[Witness]
-    ) -> Iterator[tuple[int, int, list[float]]]:
-        """Outer and inner pair of a joint of the legs, and cosines of the lines between them with the body's right.
+    ) -> Iterator[tuple[int, float]]:
+        """Cosines with the body's right of the lines from the inner to the outer side of the legs' joints.
 
-        As labelled, the right one from its inner to its outer end, the left one the other way round.
+        Each with the number of its outer pair; the left one's is taken the other way round.
         """
         number = {self.labels.index(pair.right): k for k, pair in enumerate(pairs)}
         rights = [_normalise(w.right) for w in witnesses if "pelvis" in w.regions]
-        for outer, inner in (("LFE", "MFE"), ("LM", "MM"), ("MT5", "MT1")):
-            one, other = (number.get(self.columns.get(f"R{name}", -1)) for name in (outer, inner))
-            if one is None or other is None or not rights:
-                continue
-            lines = [
-                sign * self._line(f"{side}{outer}", f"{side}{inner}")
-                for side, sign in (("R", 1.0), ("L", -1.0))
-            ]
-            cosines = [
-                float(
-                    np.median(
-                        [_take_median(np.einsum("fi,fi->f", _normalise(line), right)) for right in rights]
-                    )
-                )
-                for line in lines
-            ]
-            yield one, other, [cosine for cosine in cosines if np.isfinite(cosine)]
+        for inner, outer in _INNER.items():
+            outer_pair = number.get(self.columns.get(f"R{outer}", -1))
+            for side, sign in (("R", 1.0), ("L", -1.0)):
+                if outer_pair is None or f"{side}{inner}" not in self.columns or not rights:
+                    continue
+                line = sign * _normalise(self._line(f"{side}{outer}", f"{side}{inner}"))
+                cosines = [_take_median(np.einsum("fi,fi->f", line, right)) for right in rights]
+                if np.isfinite(cosines).any():
+                    yield outer_pair, float(np.nanmedian(cosines))
 
     def _line(self, one: str, other: str) -> Array:
         return self.markers[:, self.columns[one]] - self.markers[:, self.columns[other]]

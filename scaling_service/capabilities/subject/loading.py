@@ -101,13 +101,13 @@ def load(
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     axes = _decide_axes(named, subject.static, settings)
     clusters = labels.sort_by_segment(model, subject)
-    findings = _ask_of_person(named, axes, subject, model, clusters)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
         with blame_file(path, [path]):
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
+    findings = _ask_of_person(named, axes, subject, model, clusters)
     model, of_freedoms = lock_unmarked(model, _list_placed(model, subject, ready.values()))
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)

@@ -38,7 +38,7 @@ from scaling_service.recording.exchanged import (
     relabel,
 )
 from scaling_service.recording.plausibility import find_moved_markers
-from scaling_service.recording.sides import FRAMES, judge_handedness
+from scaling_service.recording.sides import FRAMES, judge_handedness, measure_within_segments
 
 BEYOND_DOUBT = 1e3
 """Odds against a sound recording, priors included, from which on nothing is computed."""
@@ -563,43 +563,86 @@ children 7; proportions 3 to 5)."""
 
 _OTHER_PERSON = 0.01  # prior probability that a recording is of another person or scale (chosen)
 
+_CHANGES: Mapping[str, float] = {"trunk": 0.005, "arm": 0.004, "thigh": 0.004}
+_CHANGE, _CHANGE_ANEW, _CHANGE_SD = 0.002, 0.012, 0.8
+"""Median over persons of by how much the distances within a segment change between recordings of one placement
+(their median over the pairs of its markers, m; larger of trunk and arms), and of another person or placement; SD of
+the logarithm of both (chosen: 0 to 10 mm and 3 to 50 mm in recordings of twelve persons)."""
+
+_ODD_SEGMENT = 0.01  # share of segments with a fault of their own (chosen: 2 of 300)
+
+_PLATE_M = 0.001  # chosen: markers that keep their distances so well sit on a plate, which fits everybody
+
 
 def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
-    """Whether all recordings show one person at one scale."""
-    sizes = [_measure_bony(trial) for trial in trials]
-    against: dict[int, tuple[float, float, int]] = {}
-    odd: dict[tuple[int, int], tuple[float, float]] = {}
+    """Whether all recordings show one person with one placement of the markers, at one scale.
+
+    Bones that differ in size are another person's or another scale's. Markers that all sit elsewhere may have been
+    put on anew, which a recording of another day is told of and not refused.
+    """
+    bones = [_measure_bony(trial) for trial in trials]
+    segments = [measure_within_segments(trial, list_roles(trial)) for trial in trials]
+    odds: dict[tuple[int, int], tuple[float, float, float]] = {}
     for i, j in combinations(range(len(trials)), 2):
-        common = sorted({*sizes[i]} & {*sizes[j]})
-        if len(common) < 3:
-            continue
-        here, there = (np.array([sizes[k][pair] for pair in common]) for k in (i, j))
-        odd[i, j] = _weigh_another(here, there)
-    for i in range(len(trials)):
-        mine = [
-            (odds, scale if i == a else -scale, b if i == a else a)
-            for (a, b), (odds, scale) in odd.items()
-            if i in (a, b)
-        ]
-        wrong = [one for one in mine if one[0] > 0.0]
-        if wrong and 2 * len(wrong) > len(mine):
-            against[i] = max(wrong)
+        anew = _weigh_anew(segments[i], segments[j])
+        common = sorted({*bones[i]} & {*bones[j]})
+        here, there = (np.array([bones[k][pair] for pair in common]) for k in (i, j))
+        other, scale = _weigh_another(here, there) if len(common) >= _FEWEST_BONES else (-np.inf, 0.0)
+        odds[i, j] = (max(other, anew), other, scale)
+    # A recording is told of if it contradicts most of the others; of two that contradict each other, the first.
+    against = {
+        i: [pair for pair, found in odds.items() if i in pair and found[0] > 0.0] for i in range(len(trials))
+    }
     told: set[int] = set()
-    for i, (log_odds, scale, j) in sorted(
-        against.items(), key=lambda item: -len([1 for k in odd if item[0] in k and odd[k][0] > 0])
-    ):
-        if j in told:
+    for i in sorted(against, key=lambda i: -len(against[i])):
+        left = [pair for pair in against[i] if not told & {*pair}]
+        if not left or 2 * len(against[i]) <= len(trials) - 1:
             continue
         told.add(i)
+        worst = max(left, key=lambda pair: odds[pair])
+        _, other, scale = odds[worst]
+        rival = trials[worst[0] if worst[1] == i else worst[1]]
+        sure = other > np.log(BEYOND_DOUBT)
+        scale = scale if worst[0] == i else -scale
         size = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="another_person",
             trial=trials[i].name,
-            severity="refusal" if log_odds > np.log(BEYOND_DOUBT) else "warning",
-            problem=f"its bones are not those of {trials[j].name}: on the whole {size}, more than skin and markers "
-            "put on anew explain",
-            remedy="Use recordings of one person with one calibration of the volume",
+            severity="refusal" if sure else "warning",
+            problem=f"its bones are not those of {rival.name}, on the whole {size}: it is another person or "
+            "another scale"
+            if sure
+            else f"markers lie elsewhere on their segments than in {rival.name}: they were put on anew, or it is "
+            "another person or another scale",
+            remedy="Use recordings of one person with one calibration of the volume, and of one placement of "
+            "the markers where they are fitted together",
         )
+
+
+_FEWEST_BONES = 3  # distances that tell a person's size (chosen)
+
+
+def _weigh_anew(
+    here: Mapping[tuple[str, str, str], float], there: Mapping[tuple[str, str, str], float]
+) -> float:
+    """Logarithm of the odds that markers sit on other places of their segments."""
+    changes: dict[str, list[float]] = {}
+    for pair in {*here} & {*there}:
+        changes.setdefault(pair[0], []).append(abs(here[pair] - there[pair]))
+    total = float(np.log(_OTHER_PERSON / (1.0 - _OTHER_PERSON)))
+    told = {
+        segment: found for segment, found in changes.items() if len(found) >= 3 and np.median(found) >= _PLATE_M
+    }
+    if len(told) < 2:  # of one segment, single markers tell
+        return -np.inf
+    for segment, found in told.items():
+        change = np.log(float(np.median(found)))
+        usual = np.log(_CHANGES.get(segment.split()[0], _CHANGE))
+        same, anew = (
+            np.exp(-0.5 * ((change - middle) / _CHANGE_SD) ** 2) for middle in (usual, np.log(_CHANGE_ANEW))
+        )
+        total += float(np.log(anew) - np.log((1.0 - _ODD_SEGMENT) * same + _ODD_SEGMENT * anew))
+    return total
 
 
 def _measure_bony(trial: Trial) -> dict[tuple[str, str], float]:

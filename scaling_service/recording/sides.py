@@ -249,6 +249,25 @@ def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
     )
 
 
+def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tuple[str, str, str], float]:
+    """Median distances (m) between any two markers of a segment, by segment, in words, and their two names."""
+    body = _Body(trial, roles)
+    segments: dict[str, list[str]] = {}
+    for name, region in body.regions.items():
+        side = f" {name[0]}" if region not in ("head", "trunk", "pelvis") else ""
+        segments.setdefault(f"{region}{side}", []).append(name)
+    found = {}
+    for segment, names in segments.items():
+        for a, b in combinations(sorted(names), 2):
+            distance = np.linalg.norm(
+                body.markers[:, body.columns[a]] - body.markers[:, body.columns[b]], axis=1
+            )
+            median = _take_median(distance)
+            if np.isfinite(median):
+                found[segment, a, b] = median
+    return found
+
+
 def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
     """Density of a cosine for people; ``tail``: share of those of whom nothing is known."""
     mean, sd = usual

@@ -173,7 +173,7 @@ MISTAKES = {
     "another person's standing trial": Mistake(
         in_recordings(lambda t: t.with_markers(0.6 * t.markers), "standing"),
         "standing.trc",
-        ("its lengths are 0.6", "Correct the recording's unit"),
+        ("standard deviations off", "the person's height"),
     ),
     "a mirrored recording": Mistake(
         in_recordings(lambda t: t.with_markers(t.markers * [1.0, 1.0, -1.0]), "walk"),

@@ -38,7 +38,13 @@ from scaling_service.recording.exchanged import (
     relabel,
 )
 from scaling_service.recording.plausibility import find_moved_markers
-from scaling_service.recording.sides import FRAMES, judge_handedness, measure_within_segments
+from scaling_service.recording.sides import (
+    FRAMES,
+    MIRRORED,
+    WRONG,
+    judge_handedness,
+    measure_within_segments,
+)
 
 BEYOND_DOUBT = 1e3
 """Odds against a sound recording, priors included, from which on nothing is computed."""
@@ -104,7 +110,7 @@ def ask(given: Recordings) -> tuple[Finding, ...]:
     """All questions, those that refuse first."""
     found = [
         *(one for trial in given.trials for one in ask_one_person(trial)),
-        *(one for trial in given.trials for one in ask_sides(trial)),
+        *(one for trial in given.trials for one in ask_sides(trial, given.model)),
         *(one for trial in given.trials for one in ask_root(trial, given.model, given.clusters)),
         *ask_sizes(given.trials, given.static, given.stated),
         *ask_same_person(given.trials),
@@ -213,11 +219,12 @@ def _find_affix(one: str, other: str) -> str | None:
 # Sides -------------------------------------------------------------------------------------------------------
 
 
-def ask_sides(trial: Trial) -> Iterator[Finding]:
+def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]:
     """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
     roles = list_roles(trial)
     found = judge_handedness(trial, roles)
     if found is None:
+        yield from ask_shapes(trial, model) if model is not None else ()
         return
     sure = found.log_odds > np.log(BEYOND_DOUBT)
     span = {"start_s": float(trial.times[0]), "end_s": float(trial.times[-1])}
@@ -266,6 +273,60 @@ def ask_sides(trial: Trial) -> Iterator[Finding]:
             remedy="Correct the labels in the recording"
             + ("; or name the axis along which it is mirrored under `mirrored:`" if alone else ""),
         )
+
+
+_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
+_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
+_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
+
+
+def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
+    """Whether the markers of segments are mirror images of the model's, where no names tell sides and fronts."""
+    turned, seen = 0.0, []
+    for segment in model.segments:
+        own = [
+            m
+            for m in model.markers
+            if m.segment == segment.name and m.name in trial.labels and m.weight > 0.0
+        ]
+        if len(own) < _FEWEST_SOLID:
+            continue
+        step = max(1, trial.n_frames // FRAMES)
+        cloud = trial.select([m.name for m in own]).markers[::step]
+        cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))]
+        if not len(cloud):
+            continue
+        gain = _compare_with_mirror(cloud, np.array([m.nominal for m in own]))
+        turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
+        seen.append(segment.name)
+    log_odds = turned + np.log(MIRRORED)
+    if log_odds > np.log(TOLD):
+        yield Finding(
+            code="mirrored",
+            trial=trial.name,
+            severity="refusal" if log_odds > np.log(BEYOND_DOUBT) else "warning",
+            problem=f"the markers of {list_few(seen)} are the mirror image of the model's: an axis was mirrored, or labels "
+            "are exchanged",
+            remedy="Mend the export; or say in the subject file along which axis it is mirrored, under `mirrored:`",
+        )
+
+
+def _compare_with_mirror(cloud: Array, places: Array) -> float:
+    """Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
+
+    The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
+    """
+    away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
+    cross = np.einsum("nmi,mj->nij", away, local)
+    singular = np.linalg.svd(cross, compute_uv=False)
+    sign = np.sign(np.linalg.det(cross))
+    whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
+    floor = len(places) * _NOISE_FLOOR_M**2
+    plain, mirrored = (
+        whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
+        for side in (1.0, -1.0)
+    )
+    return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
 
 
 # What carries the others --------------------------------------------------------------------------------------
@@ -631,7 +692,9 @@ def _weigh_anew(
         changes.setdefault(pair[0], []).append(abs(here[pair] - there[pair]))
     total = float(np.log(_OTHER_PERSON / (1.0 - _OTHER_PERSON)))
     told = {
-        segment: found for segment, found in changes.items() if len(found) >= 3 and np.median(found) >= _PLATE_M
+        segment: found
+        for segment, found in changes.items()
+        if len(found) >= 3 and np.median(found) >= _PLATE_M
     }
     if len(told) < 2:  # of one segment, single markers tell
         return -np.inf

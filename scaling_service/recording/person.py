@@ -424,6 +424,11 @@ DOUBTFUL = (
 )
 
 
+MISSTATED = 0.05
+"""Relative standard deviation of a stated height that is wrong (chosen: 85 mm; last year's child, shoes, a slip of the
+pen): what only contradicts the height is asked about and not refused."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Size:
     """A distance between landmarks in terms of measures of the body, and how it differs by where markers sit."""
@@ -550,12 +555,14 @@ def _ask_sizes_of(
     size, usual = np.array([(one.size_m, one.usual_m) for one in found]).T
     off = np.log(size / usual)
     own = np.array([one.sd_m for one in found]) / np.maximum(size, usual)  # where markers sit differs by mm
-    deviations = off / np.sqrt(np.diag(shared) + own**2)
+    misstated = 0.0 if stated.height_m is None else MISSTATED
+    single = np.where(off < 0.0, size / usual - 1.0, off)  # a small one is off by mm, not by a factor
+    deviations = single / np.sqrt(np.diag(shared) + own**2 + misstated**2)
     rest = np.array([one.sd_m for one in found])[exact] / usual[exact]
     weights = np.linalg.solve(shared[np.ix_(exact, exact)] + np.diag(rest**2), np.ones(len(exact)))
     scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
     prior = _describe_prior(stated)
-    off_by = f"{abs(scale) / sd:.1f} standard deviations off"
+    doubt = float(np.hypot(sd, misstated))
     wrong = [
         k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
     ]
@@ -573,12 +580,13 @@ def _ask_sizes_of(
             f"{1e3 * usual[worst]:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
             remedy="Correct the labels, one of them is of another place or person; or the person's height",
         )
-    elif wrong or abs(scale) > DEVIATIONS * sd:
+    elif wrong or abs(scale) > DEVIATIONS * doubt:
         yield Finding(
             code="scale",
             trial=trial.name,
             severity="refusal",
-            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, {off_by}",
+            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, "
+            f"{abs(scale) / doubt:.1f} standard deviations off",
             remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's "
             "height",
         )
@@ -587,7 +595,8 @@ def _ask_sizes_of(
         yield Finding(
             code="scale",
             trial=trial.name,
-            problem=f"on the whole its lengths are {change} than those of a person {prior}, {off_by}",
+            problem=f"on the whole its lengths are {change} than those of a person {prior}, "
+            f"{abs(scale) / sd:.1f} standard deviations off",
             remedy="Check the person's height and the calibration of the volume",
         )
 

@@ -424,8 +424,8 @@ DOUBTFUL = (
 )
 
 
-MISSTATED = 0.05
-"""Relative standard deviation of a stated height that is wrong (chosen: 85 mm; last year's child, shoes, a slip of the
+MISSTATED = 0.04
+"""Relative standard deviation of a stated height that is wrong (chosen: 70 mm; last year's child, shoes, a slip of the
 pen): what only contradicts the height is asked about and not refused."""
 
 

@@ -44,7 +44,7 @@ class Subject:
     corrections : mapping of str to tuple of Relabelling
         A trial's file name to labels that are exchanged in it.
     mirrored : mapping of str to str
-        A trial's file name to the laboratory's axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
+        A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
     bones : mapping of str to Path
         Segment to mesh file, in ``bone_units``.
     bone_units : str

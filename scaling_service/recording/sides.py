@@ -1,13 +1,13 @@
 """Whether right is right: the handedness of a person, from all landmarks at once.
 
-A person is not congruent to their mirror image once it is known which way they face and which labels are right
-ones: the pelvis' front, the feet, bent knees, the chest, the face and the way they walk tell the first, the
-labels the second. A recording with one axis negated and one whose labels of both sides were exchanged are the
-same up to a turn, so that positions alone never tell which of the two it is.
+A person is not congruent to their mirror image once it is known which way they face and which labels are
+right ones: the pelvis' front, the feet, bent knees, the chest, the face and the way they walk tell the first,
+the labels the second. A recording with one axis negated and one whose labels of both sides were exchanged are
+the same up to a turn, so that positions alone never tell which of the two it is.
 
-Every pair of a right and a left label is a line that points to the right or, exchanged, to the left. Its cosine
-with the body's right (front x up) and with the lines beside it are the evidence; which pairs are exchanged is
-one posterior over the whole body, in which each witness of the front may be wrong.
+Every pair of a right and a left label is a line that points to the right or, exchanged, to the left. Its
+cosine with the body's right (front x up) and with the lines beside it are the evidence; which pairs are
+exchanged is one posterior over the whole body, in which each witness of the front may be wrong.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ import numpy as np
 
 from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
 from scaling_service.model.trial import Array, Trial, is_unlabelled
+from scaling_service.numerics.least_squares.problem import find_shown
 
 MIRRORED, BLOCK, PAIR = 1e-3, 1e-3, 1e-3
 """Prior probability that a whole recording is mirrored, that all labels of a part of the body stand for the
 other side's, and that those of one pair do (chosen: one export or labelling in a thousand)."""
 
 WRONG = 0.01
-"""Prior probability that a witness of the front misleads (chosen: two labels of it are exchanged, or a posture
-that nobody thought of), and that a line does not follow those beside it."""
+"""Prior probability that a witness of the front misleads (chosen: two labels of it are exchanged, or a
+posture that nobody thought of), and that a line does not follow those beside it."""
 
 BACKWARDS = 0.1  # chosen: share of displacements in which somebody walks backwards or sideways
 
 _FRONT, _BESIDE = (0.8, 0.3), (0.85, 0.35)
 """Mean and SD over people and postures of the median cosine between the body's right and a line to the right,
-and between two lines beside each other (chosen: feet turn out by 30 deg, trunks turn by 40, legs swing apart)."""
+and between two lines beside each other (chosen: feet turn out by 30 deg, trunks turn by 40, legs swing
+apart)."""
 
 _OUT = (0.6, 0.3)
 """The same of lines from the inner to the outer side of a joint (chosen: a limb turns by up to 60 deg)."""
@@ -90,8 +92,8 @@ _WORDS = (
     ("trunk", r"SHOULD|ACROM|CLAV|STERN|SCAP"),
 )  # fmt: skip
 _INNER: Mapping[str, str] = {"MFE": "LFE", "MM": "LM", "MT1": "MT5"}
-"""Inner places of the legs to the outer ones beside them: knees and feet touch there, so that no line between the
-two sides says anything."""
+"""Inner places of the legs to the outer ones beside them: knees and feet touch there, so that no line between
+the two sides says anything."""
 
 _HEEL, _TOE = (
     re.compile(r"^[RL](HEE|CAL|FCC|PCA)"),
@@ -126,10 +128,10 @@ class Witness:
 class Handedness:
     """What the posterior says of one recording.
 
-    ``log_odds``: natural logarithm of the odds that some sides are exchanged, all is mirrored, or some front is
-    a back, against none of these. ``whole``: whether all sides are. ``part``: the part of the body whose are, in
-    words. ``pairs``: those exchanged. ``witnesses``: what the front was known from. ``turned``: those of them that
-    contradict the others.
+    ``log_odds``: natural logarithm of the odds that some sides are exchanged, all is mirrored, or some front
+    is a back, against none of these. ``whole``: whether all sides are. ``part``: the part of the body whose
+    are, in words. ``pairs``: those exchanged. ``witnesses``: what the front was known from. ``turned``: those
+    of them that contradict the others.
     """
 
     log_odds: float
@@ -158,11 +160,11 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
         if one == other or frozenset((one, other)) in _NEIGHBOURS:
             cosine = _take_median(np.einsum("fi,fi->f", lines[a], lines[b]))
             if np.isfinite(cosine):
-                total += np.log(_weigh(states[:, a] * states[:, b] * cosine, _BESIDE, WRONG))
+                alike, unlike = np.log(_weigh(np.array([cosine, -cosine]), _BESIDE, WRONG))
+                total += np.where(states[:, a] == states[:, b], alike, unlike)
     votes = np.array([[_vote(w, p, line) for p, line in zip(pairs, lines, strict=True)] for w in witnesses])
-    likely = np.zeros(
-        (len(witnesses), len(states))
-    )  # log density of what a witness says if it can be trusted
+    # Log density of what a witness says if it can be trusted.
+    likely = np.zeros((len(witnesses), len(states)))
     for k, row in enumerate(votes):
         known = np.flatnonzero(np.isfinite(row))
         terms = [_weigh(states[:, i] * row[i], _FRONT, _ODD) for i in known]
@@ -176,8 +178,8 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     outward = np.zeros(len(states))
     for k, cosine in body.find_outward_lines(pairs, witnesses):
         outward += np.log(_weigh(states[:, k] * cosine, _OUT, WRONG))
-    # A sound person has no side exchanged and no front that is a back; legs may be crossed, with their outer sides
-    # outside; who walks backwards is sound.
+    # A sound person has no side exchanged and no front that is a back; legs may be crossed, with their outer
+    # sides outside; who walks backwards is sound.
     against = np.array(
         [
             w.wrong == WRONG and h and np.nanmean(row) < _BACK
@@ -240,7 +242,7 @@ def _steps(pairs: Sequence[SidePair]) -> bool:
 
 
 def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
-    """The part of the body of which all pairs are exchanged and no others, in words; empty where there is none."""
+    """The part of the body of which all pairs are exchanged and no others, in words; empty if none is."""
     present = {pair.region for pair in pairs}
     wrong = {pair.region for pair in exchanged}
     whole = len(exchanged) == sum(pair.region in wrong for pair in pairs)
@@ -250,7 +252,7 @@ def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
 
 
 def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tuple[str, str, str], float]:
-    """Median distances (m) between any two markers of a segment, by segment, in words, and their two names."""
+    """Median distances (m) of any two markers of a segment, by segment, in words, and their names."""
     body = _Body(trial, roles)
     segments: dict[str, list[str]] = {}
     for name, region in body.regions.items():
@@ -283,7 +285,7 @@ def _vote(witness: Witness, pair: SidePair, line: Array) -> float:
 
 
 def _list_states(pairs: Sequence[SidePair]) -> tuple[Array, Array]:
-    """Signs of the lines under every hypothesis, (n_states, n_pairs), and their prior probabilities; none first."""
+    """Signs of the lines by hypothesis, (n_states, n_pairs), and prior probabilities; none flipped first."""
     regions = [pair.region for pair in pairs]
     bases = {np.ones(len(pairs)).tobytes(): 1.0, (-np.ones(len(pairs))).tobytes(): MIRRORED}
     for block in _BLOCKS.values():
@@ -309,7 +311,7 @@ class _Body:
         self.columns: dict[str, int] = {}  # landmark or plain name to column
         self.labels = trial.labels
         self.regions: dict[str, str] = {}
-        shown = np.isfinite(self.markers).all(axis=2).any(axis=0)
+        shown = find_shown(self.markers)
         for k, label in enumerate(trial.labels):
             if not shown[k] or is_computed(label) or is_unlabelled(label):
                 continue
@@ -435,8 +437,8 @@ class _Body:
         knee, ankle = self.at(f"{side}LFE", f"{side}MFE"), self.at(f"{side}LM", f"{side}MM")
         shank = _first(_minus(knee, ankle), up)
         regions = frozenset({"pelvis", "thigh"})
-        if heel and toes and shank is not None:
-            front = _minus(self.at(*toes), self.at(*heel))
+        front = _minus(self.at(*toes), self.at(*heel))
+        if front is not None and shank is not None:
             yield Witness(f"the {word} foot", self.name(*heel, *toes), regions, np.cross(front, shank))
         hip = _first(
             _mean(self.at(f"{side}ASIS"), _first(self.at(f"{side}PSIS"), self.at("SACR"))),

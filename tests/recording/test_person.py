@@ -17,18 +17,9 @@ from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Relabelling, Trial
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.faults import repair_markers
+from scaling_service.recording.findings import Finding, NotAPerson, Recordings, Stated, list_roles, refuse
 from scaling_service.recording.orientation import apply, decide
-from scaling_service.recording.person import (
-    Finding,
-    NotAPerson,
-    Recordings,
-    Stated,
-    ask,
-    ask_root,
-    list_roles,
-    mend,
-    refuse,
-)
+from scaling_service.recording.person import ask, ask_root, mend
 
 GENERIC = load_builtin("full_body_35dof")
 COORDINATES = [c.name for c in GENERIC.coordinates]
@@ -79,7 +70,7 @@ def posture(kind: str, rng: np.random.Generator) -> np.ndarray:
         q["lumbar_extension"] -= 40 * half * DEG
         q["pelvis_tilt"] -= 50 * half * DEG
     q["pelvis_tilt"] += {"supine": 90, "prone": -90}.get(kind, 0) * DEG
-    q["pelvis_list"] += {"on the side": np.pi / 2, "cartwheel": phase / 2}.get(kind, 0.0)
+    q["pelvis_list"] += np.pi / 2 if kind == "on the side" else phase / 2 if kind == "cartwheel" else 0.0
     if kind == "handstand":
         q["pelvis_list"] += np.clip(np.linspace(-1, 4, FRAMES), 0, 1) * np.pi
     return np.stack([q[name] for name in COORDINATES], axis=1)

@@ -70,8 +70,9 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, Trial
+from scaling_service.recording.findings import Finding, NotAPerson, sort_findings
 from scaling_service.recording.orientation import check_axes
-from scaling_service.recording.person import Finding, NotAPerson, ask_segments, mend, sort_findings
+from scaling_service.recording.person import ask_segments, mend
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 FOLDER = "proof"  # of the tables, below the job's files

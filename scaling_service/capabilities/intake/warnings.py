@@ -20,7 +20,7 @@ from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
 from scaling_service.recording.exchanged import Exchange
-from scaling_service.recording.person import Finding
+from scaling_service.recording.findings import Finding
 from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]

@@ -39,6 +39,7 @@ from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
+from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.orientation import Orientation, apply, check_axes, decide
 from scaling_service.recording.pipeline import process
 
@@ -55,7 +56,7 @@ class Loaded:
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    findings: tuple[person.Finding, ...] = ()  # what a sound person does not show; told among the warnings
+    findings: tuple[Finding, ...] = ()  # what a sound person does not show; told among the warnings
     axes: str = ""  # which laboratory axes were taken for up and forward
     orientation: Orientation | None = None  # the same as a rotation, for forces
     plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
@@ -148,20 +149,20 @@ def _ask_of_person(
     subject: Subject,
     model: BodyModel,
     clusters: Mapping[str, tuple[str, ...]],
-) -> tuple[person.Finding, ...]:
+) -> tuple[Finding, ...]:
     """What the recordings show that one sound person does not; raises NotAPerson beyond doubt."""
     turned = {path: apply(axes, trial) for path, (trial, _) in named.items()}
     found = person.ask(
-        person.Recordings(
+        Recordings(
             trials=list(turned.values()),
             clusters=clusters,
             static=None if subject.static is None else turned[subject.static].name,
-            stated=person.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+            stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
             model=model,
         )
     )
     with blame_file(None, list(named)):
-        person.refuse(found)
+        refuse(found)
     return found
 
 

@@ -20,6 +20,9 @@ LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
 """Lateral and medial landmarks that face outwards in every posture: thigh and shank turn less than a right
 angle about their length against the pelvis (circumduction in real recordings: 52 deg at the ankle)."""
 
+FOOT_PAIRS = (("MT5", "MT1"),)
+"""The same of feet, which turn farther, so that their direction is told and never beyond doubt."""
+
 ARM_PAIRS = (("ELB", "MEL"),)
 """The upper arm turns further than that (142 deg in a real recording, arms held off the hips), so
 that only a jump tells anything about them."""
@@ -65,13 +68,14 @@ def find_turned_limbs(
     pairs = [
         (f"{side}{lateral}", f"{side}{medial}")
         for side in "RL"
-        for lateral, medial in (*LEG_PAIRS, *ARM_PAIRS)
+        for lateral, medial in (*LEG_PAIRS, *FOOT_PAIRS, *ARM_PAIRS)
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
     lines = {lateral: _find_rightward_line(places, lateral, medial) for lateral, medial in pairs}
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
-        rightwards = _find_rightwards(places, others) if lateral[1:] in _LEGS else None
+        facing = lateral[1:] in _LEGS or (lateral[1:], medial[1:]) in FOOT_PAIRS
+        rightwards = _find_rightwards(places, others) if facing else None
         yield ((places[lateral][0], places[medial][0]), _find_wrong(lines[lateral], rightwards, trial.times))
 
 

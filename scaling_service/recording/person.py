@@ -27,6 +27,7 @@ from scaling_service.numerics.multibody.tree import (
     pose_links,
 )
 from scaling_service.recording.exchanged import (
+    LEG_PAIRS,
     Clusters,
     Exchange,
     find_exchanged_labels,
@@ -364,13 +365,15 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding
 
 def ask_exchanged(trial: Trial) -> Iterator[Finding]:
     """Labels of an outer and an inner landmark that look exchanged; throughout, nothing can be computed."""
-    for exchange, throughout in find_exchanged_labels(trial, list_roles(trial)):
+    roles = list_roles(trial)
+    for exchange, throughout in find_exchanged_labels(trial, roles):
+        sure = throughout and tuple(roles[label][1:] for label in exchange.labels) in LEG_PAIRS
         end = ", the end" if exchange.end_s == trial.times[-1] else ""
         span = "throughout" if throughout else f"from {exchange.start_s:.2f} s to {exchange.end_s:.2f} s{end}"
         yield Finding(
             code="exchanged",
             trial=trial.name,
-            severity="refusal" if throughout else "warning",
+            severity="refusal" if sure else "warning",
             labels=exchange.labels,
             exchanges=(exchange,),
             problem=f"the labels {' and '.join(exchange.labels)} look exchanged {span}",

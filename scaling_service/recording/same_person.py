@@ -137,10 +137,11 @@ def _weigh_another(here: Array, there: Array) -> tuple[float, float]:
         return values
 
     off = here - there
-    same = np.log((1.0 - share) * density(off, slide) + share * density(off, anew)).sum()
+    least = 1e-300  # of a density, whose logarithm is taken
+    same = np.log((1.0 - share) * density(off, slide) + share * density(off, anew) + least).sum()
     scales = np.linspace(-3.0, 3.0, 121) * _OTHERS[0]
     spread = np.sqrt(slide**2 + (_OTHERS[1] * there) ** 2)
-    likely = np.log(density(here - np.exp(scales)[:, None] * there, spread)).sum(axis=1)
+    likely = np.log(density(here - np.exp(scales)[:, None] * there, spread) + least).sum(axis=1)
     prior = -0.5 * (scales / _OTHERS[0]) ** 2
     prior -= np.logaddexp.reduce(prior)
     other = np.logaddexp.reduce(likely + prior)

@@ -252,7 +252,7 @@ def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
 
 
 def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tuple[str, str, str], float]:
-    """Median distances (m) of any two markers of a segment, by segment, in words, and their names."""
+    """Median distances (m) of any two markers of a segment, by segment, in words, and their labels."""
     body = _Body(trial, roles)
     segments: dict[str, list[str]] = {}
     for name, region in body.regions.items():
@@ -266,7 +266,7 @@ def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tupl
             )
             median = _take_median(distance)
             if np.isfinite(median):
-                found[segment, a, b] = median
+                found[segment, *(body.labels[body.columns[name]] for name in (a, b))] = median
     return found
 
 

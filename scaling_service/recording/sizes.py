@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.findings import Finding, Stated, list_roles
-from scaling_service.recording.sides import FRAMES
+from scaling_service.recording.sides import FRAMES, measure_within_segments
 
 DEVIATIONS = 5.0
 """Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see
@@ -81,7 +81,40 @@ def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> It
     """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
     people = predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg)
     for trial in trials:
-        yield from _ask_sizes_of(trial, people, stated, standing=trial.name == static)
+        found = list(_ask_sizes_of(trial, people, stated, standing=trial.name == static))
+        yield from found or _ask_reaches(trial, stated)
+
+
+_REACHES: Mapping[str, float] = {
+    "head": 0.20, "trunk": 0.33, "arm": 0.50, "pelvis": 0.25, "thigh": 0.33, "shank": 0.28, "foot": 0.22
+}  # fmt: skip
+"""How far apart two markers of a part of the body may be, over stature (chosen: a quarter more than the
+farthest of twelve persons, clusters and wands included)."""
+
+_TALLEST_M = 2.1  # chosen: of a person whose height is not known
+
+
+def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
+    """Whether a label is on another segment than its name says."""
+    distances = measure_within_segments(trial, list_roles(trial))
+    tall = (stated.height_m or _TALLEST_M) * (1.0 + MISSTATED)
+    far = {ends: size for ends, size in distances.items() if size > tall * _REACHES[ends[0].split()[0]]}
+    labels = [label for _, *ends in far for label in ends]
+    if not labels:
+        return
+    worst = max(dict.fromkeys(labels), key=labels.count)
+    (segment, *ends), size = max(((e, s) for e, s in far.items() if worst in e), key=lambda item: item[1])
+    (other,) = {*ends} - {worst}
+    part = segment.replace(" R", " on the right").replace(" L", " on the left")
+    yield Finding(
+        code="length",
+        trial=trial.name,
+        severity="refusal",
+        labels=(worst, other),
+        problem=f"{worst} and {other} are {1e3 * size:.0f} mm apart, both by their names on the {part}, "
+        f"where two markers are at most {1e3 * tall * _REACHES[segment.split()[0]]:.0f} mm apart",
+        remedy=f"Correct the labels: {worst} looks like another place's or another person's",
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

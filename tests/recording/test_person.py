@@ -133,17 +133,15 @@ def mirrored(axis: int) -> Callable[[Trial], Trial]:
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_sound_persons_pass_whatever_they_do(kind: str, protocol: str) -> None:
-    for seed, height_m in ((1, 1.25), (2, 1.6), (3, 1.95)):
+    for seed, height_m, stated in ((1, 1.25, True), (2, 1.6, False), (3, 1.95, True)):
         trial = record(kind, seed, PROTOCOLS[protocol], height_m)
-        for stated in (None, height_m):
-            assert codes(asked(trial, height_m=stated)) == set()
+        assert codes(asked(trial, height_m=height_m if stated else None)) == set()
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("protocol", ["whole body", "conventional", "legs", "upper body", "one arm"])
-def test_a_mirrored_recording_is_refused_with_both_readings(protocol: str, kind: str, axis: int) -> None:
-    found = asked(mirrored(axis)(record(kind, 4, PROTOCOLS[protocol])))
+def test_a_mirrored_recording_is_refused_with_both_readings(protocol: str, kind: str) -> None:
+    found = asked(mirrored(KINDS.index(kind) % 3)(record(kind, 4, PROTOCOLS[protocol])))
     first = found[0]
     assert first.severity == "refusal"
     assert first.code in ("mirrored", "backwards", "sides_exchanged")

@@ -210,6 +210,9 @@ class SubjectDocument(_Strict):
     corrections: dict[Name, list[Correction]] = Field(
         default={}, description="A trial's file name to labels that are exchanged in it for a while."
     )
+    mirrored: dict[Name, Literal["x", "y", "z"]] = Field(
+        default={}, description="A trial's file name to the axis along which its markers are mirrored."
+    )
     bones: Bones | None = None
     bone_bodies: dict[BoneName, Name] = Field(
         default={},
@@ -279,7 +282,8 @@ class SubjectDocument(_Strict):
 
     def _check_trials(self) -> None:
         names = [PurePath(path).name for path in self.trials.files]
-        for field, trials in (("forces", self.forces), ("corrections", self.corrections)):
+        fields = {"forces": self.forces, "corrections": self.corrections, "mirrored": self.mirrored}
+        for field, trials in fields.items():
             for trial in trials:
                 if trial not in names:
                     raise _make_error(

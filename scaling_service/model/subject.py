@@ -43,6 +43,8 @@ class Subject:
         A trial's file name to the file with its ground forces.
     corrections : mapping of str to tuple of Relabelling
         A trial's file name to labels that are exchanged in it.
+    mirrored : mapping of str to str
+        A trial's file name to the axis, ``x``, ``y`` or ``z``, along which its markers are mirrored.
     bones : mapping of str to Path
         Segment to mesh file, in ``bone_units``.
     bone_units : str
@@ -76,6 +78,7 @@ class Subject:
     evaluation: tuple[Path, ...] = ()
     forces: Mapping[str, Path] = field(default_factory=dict)
     corrections: Mapping[str, tuple[Relabelling, ...]] = field(default_factory=dict)
+    mirrored: Mapping[str, str] = field(default_factory=dict)
     bones: Mapping[str, Path] = field(default_factory=dict)
     bone_units: Literal["mm", "m"] = "mm"
     bone_bodies: Mapping[str, str] = field(default_factory=lambda: _NOTHING)

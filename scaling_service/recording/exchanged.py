@@ -1,4 +1,4 @@
-"""Labels that look exchanged: sides of a joint or of the body, and markers of one segment.
+"""Labels that look exchanged: outer and inner ones of a joint, and markers of one segment.
 
 Nothing is corrected: which of two labels a marker deserves is for those to say who saw the person.
 """
@@ -20,6 +20,9 @@ LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
 """Lateral and medial landmarks that face outwards in every posture: thigh and shank turn less than a right
 angle about their length against the pelvis (circumduction in real recordings: 52 deg at the ankle)."""
 
+FOOT_PAIRS = (("MT5", "MT1"),)
+"""The same of feet, which turn farther, so that their direction is told and never beyond doubt."""
+
 ARM_PAIRS = (("ELB", "MEL"),)
 """The upper arm turns further than that (142 deg in a real recording, arms held off the hips), so
 that only a jump tells anything about them."""
@@ -36,30 +39,25 @@ CLEAR = 0.5
 """Cosine beyond which a direction counts as opposite throughout a trial (chosen: within 60 deg of it)."""
 
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
-_BELOW = (("RLM", "LLM"), ("RLFE", "LLFE"))
-_REMEDY = "correct the labels in the recording"
 _Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
 
-def find_exchanged_sides(trial: Trial, roles: Mapping[str, str] | None = None) -> tuple[str, ...]:
-    """Say where the labels of two landmarks look exchanged, for a while or throughout.
+def find_exchanged_labels(trial: Trial, roles: Mapping[str, str]) -> Iterator[tuple[Exchange, bool]]:
+    """Where the labels of an outer and an inner landmark look exchanged, and whether throughout.
 
     ``trial``: in any axes and unit; before gaps are filled and positions smoothed, which blurs jumps.
-    ``roles``: label to landmark (``RLFE``, ``RMFE`` …); labels stand for themselves unless given. Returns
-    one sentence for each stretch: trial, labels, time span and remedy. Nothing is corrected.
+    ``roles``: label to landmark (``RLFE``, ``RMFE`` …). Nothing is corrected.
 
     The line from the medial to the lateral landmark is followed from frame to frame. Where it jumps to
     the opposite direction the labels changed places; the stretches in which it points inwards, seen along
     the pelvis, are the wrong ones. Of arms, and where nothing tells the body's right from its left, the
     shorter stretches are taken for the wrong ones.
     """
-    named = roles if roles is not None else {label: label for label in trial.labels}
-    places = {named[label]: (label, trial.position(label)) for label in trial.labels if label in named}
-    texts = list(_check_sides(trial, places))
-    for labels, wrong in find_turned_limbs(trial, named):
-        said = f"{trial.name}: the labels {' and '.join(labels)} look exchanged"
-        texts += [f"{said} {span}: {_REMEDY}" for span in _describe_spans(wrong, trial)]
-    return tuple(texts)
+    for labels, wrong in find_turned_limbs(trial, roles):
+        for first, stop in find_runs(wrong).tolist():
+            if wrong.all() or stop - first >= SHORTEST_S * trial.rate_hz:
+                start, end = float(trial.times[first]), float(trial.times[stop - 1])
+                yield Exchange(labels=labels, true=labels[::-1], start_s=start, end_s=end), bool(wrong.all())
 
 
 def find_turned_limbs(
@@ -70,13 +68,14 @@ def find_turned_limbs(
     pairs = [
         (f"{side}{lateral}", f"{side}{medial}")
         for side in "RL"
-        for lateral, medial in (*LEG_PAIRS, *ARM_PAIRS)
+        for lateral, medial in (*LEG_PAIRS, *FOOT_PAIRS, *ARM_PAIRS)
         if f"{side}{lateral}" in places and f"{side}{medial}" in places
     ]
     lines = {lateral: _find_rightward_line(places, lateral, medial) for lateral, medial in pairs}
     for lateral, medial in pairs:
         others = [line for name, line in lines.items() if name != lateral and name[1:] in _LEGS]
-        rightwards = _find_rightwards(places, others) if lateral[1:] in _LEGS else None
+        facing = lateral[1:] in _LEGS or (lateral[1:], medial[1:]) in FOOT_PAIRS
+        rightwards = _find_rightwards(places, others) if facing else None
         yield ((places[lateral][0], places[medial][0]), _find_wrong(lines[lateral], rightwards, trial.times))
 
 
@@ -151,32 +150,6 @@ def _find_jumps(line: Array, outwards: Array, times: Array) -> NDArray[np.bool_]
     return np.where(soon, turns & abrupt, outwards[1:] * outwards[:-1] < 0.0)
 
 
-def _describe_spans(wrong: NDArray[np.bool_], trial: Trial) -> Iterator[str]:
-    """Each stretch that lasts, in words."""
-    for first, stop in find_runs(wrong).tolist():
-        end = f"{trial.times[stop - 1]:.2f} s{', the end' if stop == trial.n_frames else ''}"
-        if wrong.all():
-            yield "throughout"
-        elif stop - first >= SHORTEST_S * trial.rate_hz:
-            yield f"from {trial.times[first]:.2f} s to {end}"
-
-
-def _check_sides(trial: Trial, places: _Places) -> Iterator[str]:
-    """Whether right and left are exchanged: seen from above, the pelvis then has its right side left."""
-    names = [name for pair in _PELVIS for name in pair]
-    below = next((pair for pair in _BELOW if all(name in places for name in pair)), None)
-    if below is None or any(name not in places for name in names):
-        return
-    r_asis, l_asis, r_psis, l_psis = (places[name][1] for name in names)
-    forwards = _normalise(r_asis + l_asis - r_psis - l_psis)
-    upwards = _normalise(r_asis + l_asis - places[below[0]][1] - places[below[1]][1])
-    if _take_median(_compute_cosines(np.cross(forwards, upwards), _normalise(r_asis - l_asis))) < -CLEAR:
-        yield (
-            f"{trial.name}: right and left look exchanged, or the recording is mirrored "
-            f"({places['RASIS'][0]} lies to the left of {places['LASIS'][0]}): {_REMEDY}"
-        )
-
-
 Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
 
 Shape = Mapping[tuple[str, str], float]
@@ -209,8 +182,8 @@ class Exchange:
     true: tuple[str, ...]
     start_s: float
     end_s: float
-    difference_m: float
-    left_m: float
+    difference_m: float = 0.0
+    left_m: float = 0.0
 
 
 def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str, str], float]:

@@ -162,8 +162,23 @@ MISTAKES = {
         in_recordings(
             lambda t: at(at(t, t.position("RLFE") + 0.004, "RLM"), t.position("RMFE") + 0.004, "RMM")
         ),
-        "S01.yaml",
-        ("'tibia_r' would be scaled by 0", "labels"),
+        "standing.trc",
+        ("RLFE and RLM are", "Correct the labels"),
+    ),
+    "labels exchanged": Mistake(
+        in_recordings(lambda t: t.relabel({"RLM": "RMM", "RMM": "RLM"}), "walk"),
+        "walk.trc",
+        ("the labels RLM and RMM look exchanged throughout", "Correct the labels in the recording"),
+    ),
+    "another person's standing trial": Mistake(
+        in_recordings(lambda t: t.with_markers(0.6 * t.markers), "standing"),
+        "standing.trc",
+        ("standard deviations off", "the person's height"),
+    ),
+    "a mirrored recording": Mistake(
+        in_recordings(lambda t: t.with_markers(t.markers * [1.0, 1.0, -1.0]), "walk"),
+        "walk.trc",
+        ("mirror image", "under `mirrored:`"),
     ),
     "a trial to fit that is to be held out": Mistake(
         trials(evaluation=["hips.trc"]), "S01.yaml", ("trials.evaluation", "also used to fit", "Remove it")
@@ -226,14 +241,6 @@ REPAIRED: dict[str, tuple[Spoil, str]] = {
     "fewer frames than counted": (
         replaced("hips.trc", "\t50\t14\t", "\t99\t14\t"),
         "hips: the header says 99, the file holds 50 frames",
-    ),
-    "labels exchanged": (
-        in_recordings(lambda t: t.relabel({"RLM": "RMM", "RMM": "RLM"}), "walk"),
-        "walk: the labels RLM and RMM look exchanged throughout: correct the labels in the recording",
-    ),
-    "another person's standing trial": (
-        in_recordings(lambda t: t.with_markers(0.6 * t.markers), "standing"),
-        "check the height, the unit and the labels",
     ),
     "one leg": (
         in_recordings(without("LLFE", "LMFE", "LFH", "LLM", "LMM")),

@@ -66,7 +66,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
     trial = repair_markers(read_recording(file))
-    seen = RecordingFile(file=file.name, trial=trial, axes=_decide_axes(trial, up, forward))
+    seen = RecordingFile(file=file.name, trial=trial, axes=decide_axes(trial, up, forward))
     if trial.plates is None:
         return seen
     try:
@@ -86,7 +86,7 @@ def decide_session_axes(
     decided = {Path(first.file): first.axes}
     for item in seen:
         if item is not first:
-            decided[Path(item.file)] = _decide_axes(item.trial, up or first.axes.up, forward)
+            decided[Path(item.file)] = decide_axes(item.trial, up or first.axes.up, forward)
     return agree_on_axes(decided, None if static is None else Path(static))
 
 
@@ -103,7 +103,8 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
     )
 
 
-def _decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+    """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward)
 

@@ -25,6 +25,7 @@ from scaling_service.capabilities.intake.document import (
 from scaling_service.capabilities.intake.files import (
     InputFile,
     RecordingFile,
+    decide_axes,
     decide_session_axes,
     look_into,
     make_axes_entry,
@@ -53,6 +54,7 @@ from scaling_service.capabilities.intake.roles import (
     propose_subject,
     with_sizes,
 )
+from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.intake.tables import Ground, check_recording
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
@@ -71,9 +73,10 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, Trial
-from scaling_service.recording.exchanged import relabel
+from scaling_service.recording.findings import Finding, NotAPerson, sort_findings
 from scaling_service.recording.identity.identify import Identification
 from scaling_service.recording.orientation import check_axes
+from scaling_service.recording.person import ask_segments, mend
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 FOLDER = "proof"  # of the tables, below the job's files
@@ -182,8 +185,7 @@ def prove(
         proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, extra, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compare(), *ask_for_person(sizes)]
-    reported = {warnings.exchange_in(problem) for problem in look.problems} - {None}
-    look.problems += [p for p in look.refusals(proposed) if warnings.exchange_in(p) not in reported]
+    look.problems += look.refusals(proposed)
     files = [look.role(item) for item in found]
     look.problems += warnings.check_unused_forces(files, look.recordings)
     readiness = judge_readiness(proposed, look.recordings, markers, model, sizes, look.problems)
@@ -245,7 +247,12 @@ class _Look:
             wanted = TypeAdapter(list[Correction]).validate_python(
                 (self.known.get("corrections") or {}).get(item.file) or []
             )
-            return replace(item, trial=relabel(item.trial, list_relabellings(wanted)))
+            mirrored = (self.known.get("mirrored") or {}).get(item.file)
+            if not wanted and mirrored not in ("x", "y", "z"):
+                return item
+            trial = mend(item.trial, list_relabellings(wanted), mirrored)
+            axes = decide_axes(trial, self.settings.up, self.settings.forward)
+            return replace(item, trial=trial, axes=axes)
         except InputError as error:
             self.problems.append(make_problem(error, file=item.file))
         except ValidationError:
@@ -343,7 +350,6 @@ class _Look:
         yield from warnings.check_standing(self.roles, self.trials, wanted=not self.known.get("trials"))
         yield from warnings.check_units(self.seen)
         yield from warnings.check_labels(self.seen)
-        yield from warnings.check_exchanges(self.trials)
         yield from warnings.check_times(self.recordings, spans)
         yield from warnings.check_plates(self.recordings)
         yield from warnings.check_faults(self.recordings)
@@ -355,16 +361,26 @@ class _Look:
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            session = load(subject, self.settings, read).session
-            yield from (
-                warnings.with_offer(warnings.make_warning_entry(text), self.trials)
-                for text in session.warnings
-            )
+            loaded = load(subject, self.settings, read)
+            session = loaded.session
+            told = {str(one) for one in loaded.findings}
+            yield from self._tell(loaded.findings)
+            yield from (warnings.make_warning_entry(text) for text in session.warnings if text not in told)
             if session.scale_setup is None and session.images is None:
                 require_landmarks(session)
             calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds
+        except NotAPerson as error:
+            yield from self._tell(error.findings)
         except InputError as error:
             yield make_problem(error)
+
+    def _tell(self, findings: Sequence[Finding]) -> Iterator[ProblemEntry]:
+        """What scaling found, and labels of any segment that stand for each other, known by words alone."""
+        trials = list(self.trials.values())
+        clusters = sort_by_segment(list(dict.fromkeys(label for trial in trials for label in trial.labels)))
+        yield from warnings.tell_findings(
+            sort_findings([*ask_segments(trials, clusters), *findings]), self.trials
+        )
 
     def role(self, item: InputFile) -> FileRole:
         """A file and its place in the document."""

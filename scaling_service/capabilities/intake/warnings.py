@@ -14,13 +14,13 @@ from scaling_service.capabilities.intake.document import (
 )
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
-from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis, sort_by_segment
+from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.signals.filters import find_runs
-from scaling_service.recording.exchanged import Exchange, find_exchanges, find_turned_limbs, measure_shape
+from scaling_service.recording.exchanged import Exchange
+from scaling_service.recording.findings import Finding
 from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
@@ -81,84 +81,42 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
             )
 
 
-def check_exchanges(trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
-    """Labels of one segment that stand for each other for a while.
+def tell_findings(findings: Sequence[Finding], trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
+    """What recordings show that a sound person does not, with the corrections that solve it.
 
-    Of two recordings that contradict each other all along, it is reported once for both.
+    ``trials``: by file, with the files' own labels.
     """
-    wrong: dict[str, list[Exchange]] = {}
-    for file, trial in trials.items():
-        clusters = sort_by_segment(trial.labels)
-        usual = measure_shape((t for name, t in trials.items() if name != file), clusters)
-        wrong[file] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
-    reported: set[tuple[str, ...]] = set()
-    for file, found in wrong.items():
-        for item in found:
-            rivals = [
-                n for n, others in wrong.items() if n != file and item.labels in [o.labels for o in others]
-            ]
-            if rivals and item.labels in reported:
-                continue
-            reported.add(item.labels)
-            where = f", or in {list_few(rivals)}" if rivals else ""
-            yield _make_warning(
-                f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
-                f"{item.end_s:.2f} s{where}: distances on their segment differ by "
-                f"{1e3 * item.difference_m:.0f} mm from those in the other recordings, by "
-                f"{1e3 * item.left_m:.0f} mm with the labels put right",
-                "Correct the labels under `corrections:`, or in the recording; until then do not fit it: "
-                "good markers would be blamed",
-                file=file,
-                corrections=[
-                    _make_correction(name, one)
-                    for name, others in {file: [item], **{n: wrong[n] for n in rivals}}.items()
-                    for one in others
-                    if one.labels == item.labels
-                ],
-            )
+    files = {trial.name: file for file, trial in trials.items()}
+    for one in findings:
+        file = files.get(one.trial, one.trial)
+        offers = {one.trial: one.exchanges, **one.rivals}
+        yield ProblemEntry(
+            severity="error" if one.severity == "refusal" else "warning",
+            file=file,
+            field=", ".join(one.labels[:4]) or None,
+            problem=one.problem,
+            remedy=one.remedy,
+            corrections=[
+                entry
+                for name, exchanges in offers.items()
+                for exchange in exchanges
+                if name in files
+                and (entry := _make_correction(files[name], exchange, trials[files[name]])) is not None
+            ],
+        )
 
 
-def _make_correction(file: str, wrong: Exchange) -> CorrectionEntry:
-    labels = dict(zip(wrong.labels, wrong.true, strict=True))
+def _make_correction(file: str, wrong: Exchange, trial: Trial) -> CorrectionEntry | None:
+    """The exchange with the file's own labels; None where it cannot be told which these are."""
+    own = {label: label for label in trial.labels}
+    for label in trial.labels:
+        own.setdefault(find_canonical(label) or label, label)
+    if any(label not in own for label in wrong.labels):
+        return None
+    labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
     return CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )
-
-
-def with_offer(problem: ProblemEntry, trials: Mapping[str, Trial]) -> ProblemEntry:
-    """A problem of exchanged landmarks with the correction that solves it; others as they are."""
-    exchanged = exchange_in(problem)
-    if exchanged is None or problem.corrections:
-        return problem
-    offers = []
-    for file, trial in trials.items():
-        roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-        if trial.name != exchanged[0] or len(set(roles.values())) < len(roles):
-            continue
-        for (a, b), wrong in find_turned_limbs(trial, roles):
-            if frozenset((roles[a], roles[b])) != exchanged[1]:
-                continue
-            for first, stop in find_runs(wrong).tolist():
-                start, end = float(trial.times[first]), float(trial.times[stop - 1])
-                if f" from {start:.2f} s " in problem.problem or " throughout" in problem.problem:
-                    offers.append(
-                        CorrectionEntry(
-                            file=file, labels={a: b, b: a}, from_s=round(start, 4), to_s=round(end, 4)
-                        )
-                    )
-    return problem.model_copy(update={"corrections": offers})
-
-
-_EXCHANGED = re.compile(r"(?:^(?P<trial>.+): )?the labels (?P<labels>.+?) look exchanged")
-
-
-def exchange_in(problem: ProblemEntry) -> tuple[str, frozenset[str]] | None:
-    """The recording and the landmarks of a problem that tells of exchanged labels, whoever found it."""
-    found = _EXCHANGED.search(problem.problem)
-    if found is None:
-        return None
-    trial = found["trial"] or str(problem.file).rpartition(".")[0]
-    return trial, frozenset(find_canonical(label) or label for label in found["labels"].split(" and "))
 
 
 def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
@@ -255,7 +213,6 @@ def _make_warning(
 
 
 _REMEDIES: Mapping[str, str] = {
-    r": correct the labels in the recording$": "Correct the labels in the recording",
     r": they are not followed; map them under `markers:` to use them$": (
         "Nothing is to be done; to follow them all the same, map them under `markers:`"
     ),
@@ -265,9 +222,6 @@ _REMEDIES: Mapping[str, str] = {
     r" and sizes stand in for them$": "Nothing is to be done; measured widths make it more certain",
     r" though no extra_markers name them$": (
         "Nothing is to be done; name them under `extra_markers:` to decide it yourself"
-    ),
-    r": it was knocked, stuck on again, or is another$": (
-        "Look at the recordings; leave the marker out, or use recordings of one placement"
     ),
     r": it is left out$": "Correct the label under `extra_markers:`, or remove it there",
     r" labelled, but never seen$": "Label them in the recording if they matter; they are not used",
@@ -285,7 +239,7 @@ _REMEDIES: Mapping[str, str] = {
 }
 """How a warning ends, to what can be done. The first that fits counts."""
 
-_SAID_TWICE = re.compile(r"(: correct the labels in the recording|; map them under `markers:` to use them)$")
+_SAID_TWICE = re.compile(r"; map them under `markers:` to use them$")
 """What to do, where the warning itself says it."""
 
 _NO_REMEDY = "Nothing is to be done"

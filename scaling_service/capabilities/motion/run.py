@@ -236,7 +236,7 @@ def _without_subject_file() -> Iterator[None]:
         if error.remedy is not None:
             error.remedy = error.remedy.replace(
                 "under `markers:` in the subject file", "by --marker MARKER=LABEL (`markers` over HTTP)"
-            )
+            ).partition("; or say in the subject file")[0]
         raise
 
 

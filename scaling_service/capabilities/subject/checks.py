@@ -15,9 +15,7 @@ from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Array, Trial
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.recording.exchanged import Clusters, find_exchanged_sides
 from scaling_service.recording.faults import FAULTS
-from scaling_service.recording.plausibility import find_moved_markers
 
 SAME_M = 1e-5
 """Positions closer than this in every frame are one recording (chosen: TRC files keep this much, and no two
@@ -184,13 +182,10 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def summarise_recordings(
-    model: BodyModel, subject: Subject, trials: Sequence[Trial], clusters: Clusters
-) -> Iterator[str]:
+def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
     """One plain sentence for each thing.
 
-    ``trials``: with the model's names, before gaps are filled and positions smoothed. ``clusters``: segment
-    to the markers on it.
+    ``trials``: with the model's names, before gaps are filled and positions smoothed.
     """
     shown = {trial.name: set(trial.shown_labels) for trial in trials}
     if subject.calibration and not subject.evaluation:
@@ -201,10 +196,6 @@ def summarise_recordings(
     yield from _describe_unseen(model, subject, set().union(*shown.values()), trials)
     for trial in trials:
         yield from _describe_repairs(trial)
-        yield from find_exchanged_sides(
-            trial, {label: role for label in trial.labels if (role := find_canonical(label))}
-        )
-    yield from map(str, find_moved_markers(trials, clusters))
 
 
 def _describe_unseen(

@@ -37,9 +37,10 @@ from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unma
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
-from scaling_service.recording.exchanged import relabel
+from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, check_axes, decide
+from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
+from scaling_service.recording.orientation import Orientation, apply, check_axes, decide
 from scaling_service.recording.pipeline import process
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
@@ -55,6 +56,7 @@ class Loaded:
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()  # what a sound person does not show; told among the warnings
     axes: str = ""  # which laboratory axes were taken for up and forward
     orientation: Orientation | None = None  # the same as a rotation, for forces
     plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
@@ -106,6 +108,7 @@ def load(
             ready[path] = process(trial, axes, clusters, settings.processing)
             checks.refuse_one_spot(model, ready[path])
     checks.refuse_repeated(ready, subject)
+    findings = _ask_of_person(named, axes, subject, model, clusters)
     model, of_freedoms = lock_unmarked(model, _list_placed(model, subject, ready.values()))
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
@@ -123,13 +126,44 @@ def load(
             *of_setup,
             *of_bodies,
             *of_images,
-            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()], clusters),
+            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
+            *map(str, findings),
         ),
         images=images,
     )
     used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
     plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
-    return Loaded(session=session, markers_used=used, axes=axes.description, orientation=axes, plates=plates)
+    return Loaded(
+        session=session,
+        markers_used=used,
+        findings=findings,
+        axes=axes.description,
+        orientation=axes,
+        plates=plates,
+    )
+
+
+def _ask_of_person(
+    named: Mapping[Path, tuple[Trial, Mapping[str, str]]],
+    axes: Orientation,
+    subject: Subject,
+    model: BodyModel,
+    clusters: Mapping[str, tuple[str, ...]],
+) -> tuple[Finding, ...]:
+    """What the recordings show that one sound person does not; raises NotAPerson beyond doubt."""
+    turned = {path: apply(axes, trial) for path, (trial, _) in named.items()}
+    found = person.ask(
+        Recordings(
+            trials=list(turned.values()),
+            clusters=clusters,
+            static=None if subject.static is None else turned[subject.static].name,
+            stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+            model=model,
+        )
+    )
+    with blame_file(None, list(named)):
+        refuse(found)
+    return found
 
 
 def _list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
@@ -148,7 +182,9 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     for path in list_recordings(subject):
         with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
-            read[path] = relabel(found, subject.corrections.get(path.name, ()))
+            read[path] = person.mend(
+                found, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
+            )
     return read
 
 

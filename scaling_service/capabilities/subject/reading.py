@@ -78,6 +78,7 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
         evaluation=find.recordings(trials.evaluation, "trials.evaluation"),
         forces=find.all(document.forces, "forces"),
         corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
+        mirrored=dict(document.mirrored),
         bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},

@@ -1380,6 +1380,7 @@ export interface SubjectDocument {
   trials: Trials;
   forces?: Record<string, string>;
   corrections?: Record<string, Array<Correction>>;
+  mirrored?: Record<string, "x" | "y" | "z">;
   bones?: Bones | null;
   bone_bodies?: Record<string, string>;
   image_markers?: string | null;

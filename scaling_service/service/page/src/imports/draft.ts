@@ -105,6 +105,7 @@ export class Draft {
       trials: { static: with_("static")[0] ?? null, calibration: with_("calibration"), evaluation: with_("evaluation") },
       forces: below("forces"),
       corrections: this.document.corrections,
+      mirrored: this.document.mirrored,
       bones: Object.keys(bones).length === 0 ? undefined : { units: before?.units ?? "mm", ...bones },
       image_markers: with_("image_markers")[0],
       sizes: this.document.sizes,

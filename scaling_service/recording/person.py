@@ -1,0 +1,427 @@
+"""Before anything is computed: whether recordings show one person, whose markers are what their labels say.
+
+Each question takes recordings and gives what it found as values. Those that contradict a sound person beyond
+doubt are refused by whoever computes; the others are told.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import TypeVar
+
+import numpy as np
+
+from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
+from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model.compile import compile_model, free_coordinates, list_parameter_values
+from scaling_service.model.trial import Array, Relabelling, Repair, Trial, is_unlabelled
+from scaling_service.numerics.least_squares.problem import find_shown
+from scaling_service.numerics.multibody.tree import (
+    compute_jacobian,
+    order_by_frame,
+    place_tree_markers,
+    pose_links,
+)
+from scaling_service.recording.exchanged import (
+    LEG_PAIRS,
+    Clusters,
+    Exchange,
+    find_exchanged_labels,
+    find_exchanges,
+    measure_shape,
+    relabel,
+)
+from scaling_service.recording.findings import (
+    BEYOND_DOUBT,
+    TOLD,
+    Finding,
+    Recordings,
+    list_roles,
+    sort_findings,
+)
+from scaling_service.recording.plausibility import find_moved_markers
+from scaling_service.recording.same_person import ask_same_person
+from scaling_service.recording.sides import (
+    FRAMES,
+    MIRRORED,
+    WRONG,
+    judge_handedness,
+)
+from scaling_service.recording.sizes import ask_sizes
+
+
+def ask(given: Recordings) -> tuple[Finding, ...]:
+    """All questions, those that refuse first."""
+    found = [
+        *(one for trial in given.trials for one in ask_one_person(trial)),
+        *(one for trial in given.trials for one in ask_sides(trial, given.model)),
+        *(one for trial in given.trials for one in ask_root(trial, given.model, given.clusters)),
+        *ask_sizes(given.trials, given.static, given.stated),
+        *ask_same_person(given.trials),
+        *ask_posture(given.trials, given.static),
+        *(one for trial in given.trials for one in ask_exchanged(trial)),
+        *ask_segments(given.trials, given.clusters),
+        *ask_moved(given.trials, given.clusters),
+    ]
+    return sort_findings(found)
+
+
+_Kind = TypeVar("_Kind", bound=Trial)
+
+
+def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None) -> _Kind:
+    """The recording as its person says that it should be, each change among its repairs.
+
+    ``trial``: in the laboratory's axes. ``mirrored``: ``x``, ``y`` or ``z``: the axis along which the
+    positions of all markers are mirrored; force plates keep their places. Raises MarkerMissing: see
+    :func:`relabel`.
+    """
+    if mirrored is not None:
+        markers = trial.markers.copy()
+        markers[..., "xyz".index(mirrored)] *= -1.0
+        detail = f"positions mirrored along {mirrored}, as the subject file says"
+        made = Repair(what="mirrored", where=trial.name, detail=detail, frames=trial.n_frames)
+        trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
+    return relabel(trial, corrections)
+
+
+ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
+_FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
+_AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
+
+
+def ask_one_person(trial: Trial) -> Iterator[Finding]:
+    """Whether two sets of the same labels stand in one recording, far apart."""
+    step = max(1, trial.n_frames // FRAMES)
+    shown = find_shown(trial.markers[::step])
+    keys = {
+        label: make_plain_key(label)
+        for label, seen in zip(trial.labels, shown, strict=True)
+        if seen and not is_computed(label) and not is_unlabelled(label)
+    }
+    roles = {label: find_canonical(label) for label in keys}
+    twice: dict[str, list[tuple[str, str]]] = {}
+    for one, other in combinations(keys, 2):
+        alike = _find_affix(keys[one], keys[other])
+        if alike is None and roles[one] is not None and roles[other] == roles[one]:
+            alike = ""
+        if alike is None:
+            continue
+        distance = np.linalg.norm((trial.position(one) - trial.position(other))[::step], axis=1)
+        known = distance[np.isfinite(distance)]
+        if len(known) and np.median(known) > ANOTHER_M:
+            twice.setdefault(alike, []).append((one, other))
+    found = max(twice.values(), key=len, default=[])
+    if len(found) >= _FEWEST_TWICE:
+        names = list_few([f"{one} and {other}" for one, other in found])
+        yield Finding(
+            code="two_persons",
+            trial=trial.name,
+            severity="refusal",
+            labels=tuple(label for pair in found for label in pair),
+            problem=f"two persons stand in it: {len(found)} landmarks are labelled twice, more than "
+            f"{ANOTHER_M:g} m apart ({names})",
+            remedy="Export one person alone, or remove the other's labels",
+        )
+
+
+def _find_affix(one: str, other: str) -> str | None:
+    """What one name has more than the other, before or after it; None where the rest is not the same."""
+    short, long = sorted((one, other), key=len)
+    more = len(long) - len(short)
+    if not 0 < more <= _AFFIX or len(short) < 2:
+        return None
+    if long.startswith(short) and re.search(r"\d$|^[A-Z]+$", long[-more:]):
+        return f"{long[-more:]}>"
+    return f"<{long[:more]}" if long.endswith(short) else None
+
+
+def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]:
+    """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
+    roles = list_roles(trial)
+    found = judge_handedness(trial, roles)
+    if found is None:
+        yield from ask_shapes(trial, model) if model is not None else ()
+        return
+    sure = found.log_odds > np.log(BEYOND_DOUBT)
+    if found.log_odds <= np.log(TOLD):
+        return
+    if found.pairs:
+        labels = tuple(label for pair in found.pairs for label in pair)
+        exchange = Exchange(
+            labels=labels,
+            true=tuple(label for pair in found.pairs for label in reversed(pair)),
+            start_s=float(trial.times[0]),
+            end_s=float(trial.times[-1]),
+        )
+        names = list_few([right for right, _ in found.pairs])
+        seen = list_few(list(found.witnesses))
+        if found.whole:
+            problem = (
+                f"it shows the mirror image of a person: {names} lie on the left of where {seen} face. "
+                "Either an axis was mirrored, or the labels of both sides are exchanged; positions do not "
+                "tell which"
+            )
+            remedy = (
+                "Mend the export; or say in the subject file which it is: the axis under `mirrored:`, or the "
+                "labels under `corrections:`"
+            )
+        else:
+            of = f" of {found.part}" if found.part else ""
+            pairs = list_few([f"{right} and {left}" for right, left in found.pairs])
+            problem = f"the labels{of} {pairs} look exchanged between right and left"
+            remedy = "Correct the labels under `corrections:`, or in the recording"
+        yield Finding(
+            code="mirrored" if found.whole else "sides_exchanged",
+            trial=trial.name,
+            severity="refusal" if sure else "warning",
+            labels=labels,
+            exchanges=(exchange,),
+            problem=problem,
+            remedy=remedy,
+        )
+    alone = len(found.turned) == len([name for name in found.witnesses if name != "the walk"])
+    for witness in found.turned:
+        what = "bends backwards" if witness.name.endswith("knee") else "faces backwards"
+        yield Finding(
+            code="backwards",
+            trial=trial.name,
+            severity="refusal" if sure else "warning",
+            labels=witness.labels,
+            problem=f"{witness.name} {what}, as {list_few(list(witness.labels))} lie"
+            + (": labels are exchanged, or the recording is mirrored" if alone else ", against all else"),
+            remedy="Correct the labels in the recording"
+            + ("; or name the axis along which it is mirrored under `mirrored:`" if alone else ""),
+        )
+
+
+_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
+_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
+_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
+
+
+def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
+    """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
+    turned, seen = 0.0, []
+    for segment in model.segments:
+        own = [
+            m
+            for m in model.markers
+            if m.segment == segment.name and m.name in trial.labels and m.weight > 0.0
+        ]
+        if len(own) < _FEWEST_SOLID:
+            continue
+        step = max(1, trial.n_frames // FRAMES)
+        cloud = trial.select([m.name for m in own]).markers[::step]
+        cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))]
+        if not len(cloud):
+            continue
+        gain = _compare_with_mirror(cloud, np.array([m.nominal for m in own]))
+        turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
+        seen.append(segment.name)
+    log_odds = turned + np.log(MIRRORED)
+    if log_odds > np.log(TOLD):
+        yield Finding(
+            code="mirrored",
+            trial=trial.name,
+            severity="refusal" if log_odds > np.log(BEYOND_DOUBT) else "warning",
+            problem=f"the markers of {list_few(seen)} are the mirror image of the model's: an axis was "
+            "mirrored, or labels are exchanged",
+            remedy="Mend the export; or say in the subject file along which axis it is mirrored, under "
+            "`mirrored:`",
+        )
+
+
+def _compare_with_mirror(cloud: Array, places: Array) -> float:
+    """Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
+
+    The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
+    """
+    away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
+    cross = np.einsum("nmi,mj->nij", away, local)
+    singular = np.linalg.svd(cross, compute_uv=False)
+    sign = np.sign(np.linalg.det(cross))
+    whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
+    floor = len(places) * _NOISE_FLOOR_M**2
+    plain, mirrored = (
+        whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
+        for side in (1.0, -1.0)
+    )
+    return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
+
+
+_NOISE_M = 0.01  # chosen: skin over bone
+_LARGEST_SD = np.radians(30.0)
+"""Chosen: the root's turn that markers with this noise leave less certain is not shown by them."""
+
+
+def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Iterator[Finding]:
+    """Whether the segment that carries all others is shown, by its own markers or by what hangs on it.
+
+    A root at the end of what is shown (an arm or a leg alone) is only not told; one between two branches
+    would be invented from them.
+    """
+    if model is None:
+        return
+    shown = set(trial.shown_labels)
+    carried = {m.name: m.segment for m in model.markers if m.name in shown and m.weight > 0.0}
+    for root in model.children(GROUND):
+        free = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}
+        branches = [
+            child for child in model.children(root.name) if _list_below(model, child) & {*carried.values()}
+        ]
+        if len(free) < 6 or len(branches) < 2 or not carried or _is_shown(trial, clusters.get(root.name, ())):
+            continue
+        if _measure_root_sd(model, root, tuple(carried)) > _LARGEST_SD:
+            own = [
+                m.name
+                for m in model.markers
+                if m.segment == root.name and m.name not in shown and m.weight > 0.0
+            ]
+            seen = [name for name, segment in carried.items() if segment == root.name]
+            shows = f"only {list_few(seen)} show it" if seen else "no marker shows it"
+            yield Finding(
+                code="no_root",
+                trial=trial.name,
+                severity="refusal",
+                labels=tuple(own),
+                problem=f"the {root.name} is not shown, which carries "
+                f"{list_few([branch.name for branch in branches])}: {shows}",
+                remedy=f"Record or label {list_few(own)}; if they have other names, map them under "
+                "`markers:`; if other markers sit on it, name them under `extra_markers:`",
+            )
+
+
+_ACROSS_M = 0.01  # chosen: three markers that lie nearer to one line show no turn about it
+
+
+def _is_shown(trial: Trial, labels: Sequence[str]) -> bool:
+    """Whether some frame shows three markers of a segment off one line."""
+    step = max(1, trial.n_frames // FRAMES)
+    some = trial.select(list(labels)).markers[::step]
+    for frame in some[np.isfinite(some).all(axis=2).sum(axis=1) >= 3][:1]:
+        known = frame[np.isfinite(frame).all(axis=1)]
+        return bool(np.linalg.svd(known - known.mean(axis=0), compute_uv=False)[1] > _ACROSS_M)
+    return False
+
+
+def _list_below(model: BodyModel, segment: Segment) -> set[str]:
+    below = {segment.name}
+    for child in model.children(segment.name):
+        below |= _list_below(model, child)
+    return below
+
+
+def _measure_root_sd(model: BodyModel, root: Segment, markers: tuple[str, ...]) -> float:
+    """The largest standard deviation of the root's turns, rad, near the neutral pose."""
+    tree = compile_model(model, markers)
+    free = free_coordinates(model)
+    names = [c.name for c in model.coordinates]
+    kinds = [c.kind for c in model.coordinates]
+    own = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}
+    turns = [k for k, name in enumerate(names) if name in own and kinds[k] == "rotation" and free[k]]
+    q = np.array([c.default for c in model.coordinates])
+    # A little bent: at the neutral pose axes may coincide that no person keeps aligned.
+    q = q + np.where(
+        free & np.array([kind == "rotation" for kind in kinds]), 0.15 + 0.01 * np.arange(len(q)) % 0.1, 0.0
+    )
+    poses = pose_links(tree, np.ascontiguousarray(q[:, None]), list_parameter_values(model))
+    variables = np.flatnonzero(free)
+    rates = order_by_frame(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables))[0]
+    values, vectors = np.linalg.eigh(rates @ rates.T)
+    variance = (np.square(vectors) / np.maximum(values, 1e-9)).sum(axis=1) * _NOISE_M**2
+    return float(np.sqrt(max((variance[np.flatnonzero(variables == k)[0]] for k in turns), default=0.0)))
+
+
+_HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
+
+
+def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:
+    """Whether somebody hangs head down throughout, which no standing trial shows; trials with Y up."""
+    for trial in trials:
+        places = {role: trial.position(label) for label, role in list_roles(trial).items()}
+        pelvis = [places[name] for name in ("RASIS", "LASIS", "SACR", "RPSIS", "LPSIS") if name in places]
+        feet = [places[name] for name in ("RLM", "LLM", "RHEE", "LHEE") if name in places]
+        if not pelvis or not feet:
+            continue
+        up = np.mean(pelvis, axis=0) - np.mean(feet, axis=0)
+        known = up[np.isfinite(up).all(axis=1)]
+        if not len(known):
+            continue
+        cosine = known[:, 1] / np.linalg.norm(known, axis=1)
+        if cosine.max() < _HANGS:
+            yield Finding(
+                code="upside_down",
+                trial=trial.name,
+                severity="refusal" if trial.name == static else "warning",
+                problem="the feet are above the pelvis in every frame",
+                remedy="Correct which axis points up, or leave it out, so that it is found from the markers",
+            )
+
+
+def ask_exchanged(trial: Trial) -> Iterator[Finding]:
+    """Labels of an outer and an inner landmark that look exchanged; throughout, nothing can be computed."""
+    roles = list_roles(trial)
+    for exchange, throughout in find_exchanged_labels(trial, roles):
+        sure = throughout and tuple(roles[label][1:] for label in exchange.labels) in LEG_PAIRS
+        end = ", the end" if exchange.end_s == trial.times[-1] else ""
+        span = "throughout" if throughout else f"from {exchange.start_s:.2f} s to {exchange.end_s:.2f} s{end}"
+        yield Finding(
+            code="exchanged",
+            trial=trial.name,
+            severity="refusal" if sure else "warning",
+            labels=exchange.labels,
+            exchanges=(exchange,),
+            problem=f"the labels {' and '.join(exchange.labels)} look exchanged {span}",
+            remedy="Correct the labels in the recording",
+        )
+
+
+def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
+    """Labels of one segment that stand for each other for a while.
+
+    Of two recordings that contradict each other all along, it is told once for both.
+    """
+    wrong: dict[str, list[Exchange]] = {}
+    for trial in trials:
+        usual = measure_shape((other for other in trials if other is not trial), clusters)
+        wrong[trial.name] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
+    told: set[tuple[str, ...]] = set()
+    for name, found in wrong.items():
+        for item in found:
+            rivals = [
+                n for n, others in wrong.items() if n != name and item.labels in [o.labels for o in others]
+            ]
+            if rivals and item.labels in told:
+                continue
+            told.add(item.labels)
+            where = f", or in {list_few(rivals)}" if rivals else ""
+            yield Finding(
+                code="exchanged",
+                trial=name,
+                labels=item.labels,
+                exchanges=tuple(o for o in found if o.labels == item.labels),
+                rivals={rival: tuple(o for o in wrong[rival] if o.labels == item.labels) for rival in rivals},
+                problem=f"the labels {' and '.join(item.labels)} look exchanged from {item.start_s:.2f} to "
+                f"{item.end_s:.2f} s{where}: distances on their segment differ by "
+                f"{1e3 * item.difference_m:.0f} mm from those in the other recordings, by "
+                f"{1e3 * item.left_m:.0f} mm with the labels put right",
+                remedy="Correct the labels under `corrections:`, or in the recording; until then do not fit "
+                "it: good markers would be blamed",
+            )
+
+
+def ask_moved(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
+    """Markers that sit elsewhere than in the other recordings."""
+    for one in find_moved_markers(trials, clusters):
+        yield Finding(
+            code="moved",
+            trial=one.trial,
+            labels=(one.label,),
+            problem=str(one).removeprefix(f"{one.trial}: "),
+            remedy="Look at the recordings; leave the marker out, or use recordings of one placement",
+        )

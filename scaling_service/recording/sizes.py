@@ -1,0 +1,242 @@
+"""Whether distances between landmarks can be a person's, each and all together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
+from scaling_service.model.trial import Array, Trial
+from scaling_service.recording.findings import Finding, Stated, list_roles
+from scaling_service.recording.sides import FRAMES, measure_within_segments
+
+DEVIATIONS = 5.0
+"""Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see
+``predict_dimensions``, the doubt about where a marker sits included."""
+
+DOUBTFUL = 2.5
+"""Deviations of the common scale from which on it is asked about (chosen: one sound session in eighty)."""
+
+MISSTATED = 0.04
+"""Relative standard deviation of a stated height that is wrong (chosen: 70 mm; last year's child, shoes, a
+slip of the pen): what only contradicts the height is asked about and not refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Size:
+    """A distance between landmarks in terms of measures of the body, and its doubt by where markers sit."""
+
+    ends: tuple[str, str]
+    terms: Mapping[str, float]
+    offset_m: float
+    sd_m: float
+    at_most: bool = False  # a bound that posture falls short of
+
+
+_SIZES = (
+    _Size(("LFE", "LM"), {"lateral_epicondyle_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.02),
+    _Size(("ELB", "WRA"), {"radiale_stylion": 1.0}, 0.0, 0.02),
+    _Size(("ELB", "WRB"), {"radiale_stylion": 1.0}, 0.0, 0.02),
+    _Size(("SHO", "ELB"), {"acromion_radiale": 1.0}, 0.0, 0.04),
+    _Size(("LM", "MM"), {"bimalleolar_breadth": 1.0}, 0.016, 0.012),
+    _Size(("LFE", "MFE"), {"knee_width": 1.0}, 0.016, 0.02),
+    _Size(("HEE", "MT5"), {"foot_length": 0.70}, 0.0, 0.02),
+    _Size(("ASIS", "PSIS"), {"stature": 0.115}, 0.0, 0.03),
+    _Size(
+        ("ASIS", "LFE"),
+        {"trochanterion_height": 1.0, "lateral_epicondyle_height": -1.0},
+        0.09,
+        0.05,
+        at_most=True,
+    ),
+    _Size(("HEE", "LM"), {"foot_length": 0.30}, 0.02, 0.02, at_most=True),
+    _Size(("ASIS", "SHO"), {"acromion_height": 1.0, "iliocristale_height": -1.0}, 0.12, 0.06, at_most=True),
+)
+"""Offsets and deviations: chosen: balls stand 8 mm off the skin, palpation 5 to 15 mm (Della Croce 2005),
+skin over moving joints up to 30 mm; the foot's markers lie over 0.66 to 0.79 of its length."""
+
+_ACROSS = (
+    _Size(("RASIS", "LASIS"), {"pelvis_width": 1.0}, 0.0, 0.025),
+    _Size(("RPSIS", "LPSIS"), {"pelvis_width": 0.4}, 0.0, 0.015),
+    _Size(("RSHO", "LSHO"), {"biacromial_breadth": 1.0}, 0.0, 0.05, at_most=True),
+)
+
+
+_STANDING = (
+    _Size(("C7", "LM"), {"cervicale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
+    _Size(("SHO", "LM"), {"acromion_height": 1.0, "lateral_malleolus_height": -1.0}, 0.01, 0.03),
+    _Size(("CLAV", "LM"), {"suprasternale_height": 1.0, "lateral_malleolus_height": -1.0}, 0.0, 0.025),
+    _Size(("ASIS", "LM"), {"leg_length": 1.0}, 0.0, 0.025),
+)
+"""Heights over the ankles of somebody who stands upright, whose stature foretells them (deviations chosen: 15
+mm of slack in trunk and knees, and palpation)."""
+
+_UPRIGHT = np.cos(np.radians(15.0))  # chosen: thighs, shanks and trunk of somebody who stands lean less
+
+
+def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> Iterator[Finding]:
+    """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
+    people = predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg)
+    for trial in trials:
+        found = list(_ask_sizes_of(trial, people, stated, standing=trial.name == static))
+        yield from found or _ask_reaches(trial, stated)
+
+
+_REACHES: Mapping[str, float] = {
+    "head": 0.20, "trunk": 0.33, "arm": 0.50, "pelvis": 0.25, "thigh": 0.33, "shank": 0.28, "foot": 0.22
+}  # fmt: skip
+"""How far apart two markers of a part of the body may be, over stature (chosen: a quarter more than the
+farthest of twelve persons, clusters and wands included)."""
+
+_TALLEST_M = 2.1  # chosen: of a person whose height is not known
+
+
+def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
+    """Whether a label is on another segment than its name says."""
+    distances = measure_within_segments(trial, list_roles(trial))
+    tall = (stated.height_m or _TALLEST_M) * (1.0 + MISSTATED)
+    far = {ends: size for ends, size in distances.items() if size > tall * _REACHES[ends[0].split()[0]]}
+    labels = [label for _, *ends in far for label in ends]
+    if not labels:
+        return
+    worst = max(dict.fromkeys(labels), key=labels.count)
+    (segment, *ends), size = max(((e, s) for e, s in far.items() if worst in e), key=lambda item: item[1])
+    (other,) = {*ends} - {worst}
+    part = segment.replace(" R", " on the right").replace(" L", " on the left")
+    yield Finding(
+        code="length",
+        trial=trial.name,
+        severity="refusal",
+        labels=(worst, other),
+        problem=f"{worst} and {other} are {1e3 * size:.0f} mm apart, both by their names on the {part}, "
+        f"where two markers are at most {1e3 * tall * _REACHES[segment.split()[0]]:.0f} mm apart",
+        remedy=f"Correct the labels: {worst} looks like another place's or another person's",
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Measured:
+    """A size of a recording beside a person's."""
+
+    labels: tuple[str, ...]
+    size_m: float
+    usual_m: float
+    slopes: Array  # (n_dimensions,): of its logarithm on those of the measures
+    sd_m: float
+    at_most: bool
+
+
+def _measure_sizes(trial: Trial, people: DimensionPrior, *, standing: bool) -> Iterator[_Measured]:
+    step = max(1, trial.n_frames // FRAMES)
+    where = {role: (label, trial.position(label)[::step]) for label, role in list_roles(trial).items()}
+    sides = [_on_side(size, side) for size in _SIZES for side in "RL"]
+    for size in (*sides, *_ACROSS):
+        if all(end in where for end in size.ends):
+            (a, one), (b, other) = (where[end] for end in size.ends)
+            found = _compare(size, (a, b), np.linalg.norm(one - other, axis=1), people)
+            if found is not None:
+                yield found
+    if standing and _is_upright({role: at for role, (_, at) in where.items()}):
+        for size in _STANDING:
+            high, low = ([end] if end in where else [f"R{end}", f"L{end}"] for end in size.ends)
+            if all(end in where for end in (*high, *low)):
+                heights = [np.mean([where[end][1][:, 1] for end in ends], axis=0) for ends in (high, low)]
+                found = _compare(size, tuple(where[end][0] for end in high), heights[0] - heights[1], people)
+                if found is not None:
+                    yield found
+
+
+def _is_upright(where: Mapping[str, Array]) -> bool:
+    """Whether legs and trunk are upright, as far as they are known; Y up."""
+    middles = [
+        np.mean([where[f"{side}{name}"] for side in "RL"], axis=0)
+        for name in ("LM", "LFE", "ASIS", "SHO")
+        if all(f"{side}{name}" in where for side in "RL")
+    ]
+    rises = [np.nanmean(high - low, axis=0) for low, high in pairwise(middles)]
+    return len(rises) > 1 and all(rise[1] > _UPRIGHT * np.linalg.norm(rise) for rise in rises)
+
+
+def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: DimensionPrior) -> _Measured | None:
+    known = values[np.isfinite(values)]
+    if not len(known) or np.median(known) <= 0.0:
+        return None
+    terms = {name if name in people.names else f"{name}_r": share for name, share in size.terms.items()}
+    usual = size.offset_m + sum(share * people.value(name) for name, share in terms.items())
+    slopes = np.zeros(len(people.names))
+    for name, share in terms.items():
+        slopes[people.names.index(name)] += share * people.value(name) / usual
+    return _Measured(labels, float(np.median(known)), usual, slopes, size.sd_m, size.at_most)
+
+
+def _ask_sizes_of(
+    trial: Trial, people: DimensionPrior, stated: Stated, *, standing: bool
+) -> Iterator[Finding]:
+    found = list(_measure_sizes(trial, people, standing=standing))
+    exact = [k for k, one in enumerate(found) if not one.at_most]
+    if not exact:
+        return
+    slopes = np.array([one.slopes for one in found])
+    shared = slopes @ people.covariance @ slopes.T
+    size, usual = np.array([(one.size_m, one.usual_m) for one in found]).T
+    off = np.log(size / usual)
+    own = np.array([one.sd_m for one in found]) / np.maximum(size, usual)  # where markers sit differs by mm
+    misstated = 0.0 if stated.height_m is None else MISSTATED
+    single = np.where(off < 0.0, size / usual - 1.0, off)  # a small one is off by mm, not by a factor
+    deviations = single / np.sqrt(np.diag(shared) + own**2 + misstated**2)
+    rest = np.array([one.sd_m for one in found])[exact] / usual[exact]
+    weights = np.linalg.solve(shared[np.ix_(exact, exact)] + np.diag(rest**2), np.ones(len(exact)))
+    scale, sd = float(weights @ off[exact] / weights.sum()), float(1.0 / np.sqrt(weights.sum()))
+    prior = _describe_prior(stated)
+    doubt = float(np.hypot(sd, misstated))
+    wrong = [
+        k for k, z in enumerate(deviations) if abs(z) > DEVIATIONS and not (found[k].at_most and z < 0.0)
+    ]
+    # A few that are wrong are labels; all of them are the scale.
+    if wrong and 2 * len(set(wrong) & set(exact)) < len(exact):
+        worst = max(wrong, key=lambda k: abs(deviations[k]))
+        names = " and ".join(found[worst].labels)
+        bound = "at most " if found[worst].at_most else ""
+        yield Finding(
+            code="length",
+            trial=trial.name,
+            severity="refusal",
+            labels=found[worst].labels,
+            problem=f"{names} are {1e3 * size[worst]:.0f} mm apart, and those of a person {prior} {bound}"
+            f"{1e3 * usual[worst]:.0f} mm: {abs(deviations[worst]):.0f} standard deviations off",
+            remedy="Correct the labels, one of them is of another place or person; or the person's height",
+        )
+    elif wrong or abs(scale) > DEVIATIONS * doubt:
+        yield Finding(
+            code="scale",
+            trial=trial.name,
+            severity="refusal",
+            problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, "
+            f"{abs(scale) / doubt:.1f} standard deviations off",
+            remedy="Correct the recording's unit, the calibration of its volume, its labels or the person's "
+            "height",
+        )
+    elif stated.height_m is not None and abs(scale) > DOUBTFUL * sd:
+        change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
+        yield Finding(
+            code="scale",
+            trial=trial.name,
+            problem=f"on the whole its lengths are {change} than those of a person {prior}, "
+            f"{abs(scale) / sd:.1f} standard deviations off",
+            remedy="Check the person's height and the calibration of the volume",
+        )
+
+
+def _on_side(size: _Size, side: str) -> _Size:
+    one, other = size.ends
+    return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, size.at_most)
+
+
+def _describe_prior(stated: Stated) -> str:
+    if stated.height_m is None:
+        return "of unknown height, child or adult"
+    kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"
+    return f"of {stated.height_m:.2f} m, {kind}"

@@ -48,8 +48,23 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
+class Surface:
+    """A smooth function of several coordinates.
+
+    ``powers``: the product of their powers, ``numbers`` the exponents. ``normal_x`` … ``normal_z``: the z axis
+    after turns by two coordinates about x and y. ``arc_x`` … ``arc_z``: the end of an arc of constant
+    curvature and length one that leaves along y, and arrives along the y axis after turns about x and z by
+    two coordinates to which ``numbers`` (rad) are added.
+    """
+
+    kind: Literal["powers", "normal_x", "normal_y", "normal_z", "arc_x", "arc_y", "arc_z"]
+    coordinates: tuple[str, ...]
+    numbers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Term:
-    """One summand of a law: ``gain * parameter * shape(coordinate)``.
+    """One summand of a law: ``gain * parameter * shape(coordinate)``, or ``gain * parameter * surface``.
 
     Absent factors are one. A coordinate without a shape is taken as it is.
     """
@@ -58,11 +73,19 @@ class Term:
     parameter: str | None = None
     coordinate: str | None = None
     shape: Shape | None = None
+    surface: Surface | None = None
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Those that enter."""
+        if self.surface is not None:
+            return self.surface.coordinates
+        return () if self.coordinate is None else (self.coordinate,)
 
     @property
     def is_constant(self) -> bool:
         """Whether nothing but the gain enters."""
-        return self.parameter is None and self.coordinate is None
+        return self.parameter is None and not self.coordinates
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +112,7 @@ class Law:
     @property
     def coordinates(self) -> set[str]:
         """Those that enter."""
-        return {t.coordinate for t in self.terms if t.coordinate is not None}
+        return {name for t in self.terms for name in t.coordinates}
 
     @property
     def constant_part(self) -> float:

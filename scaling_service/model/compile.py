@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Surface, Term
 from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
@@ -28,6 +28,7 @@ from scaling_service.numerics.multibody.laws import (
     TermArrays,
     Turn,
 )
+from scaling_service.numerics.multibody import surfaces
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
@@ -40,18 +41,22 @@ class _Index:
     def __init__(self, model: BodyModel) -> None:
         self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
         self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
-        self._factors: dict[tuple[str, Shape | None], int] = {}
+        self._factors: dict[tuple[tuple[str, ...], Shape | Surface | None], int] = {}
         self.factors: list[Factor] = []
 
     def factor(self, term: Term) -> int:
         """The number of a term's factor; locked coordinates stay coordinates."""
-        if term.coordinate is None:
+        if not term.coordinates:
             return NONE
-        key = (term.coordinate, term.shape)
+        key = (term.coordinates, term.surface or term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            shape = to_piecewise(term.shape) if term.shape is not None else None
-            self.factors.append(Factor(self.coordinates[term.coordinate], shape))
+            shape: Piecewise | surfaces.Surface | None = None
+            if term.surface is not None:
+                shape = _to_arrays(term.surface)
+            elif term.shape is not None:
+                shape = to_piecewise(term.shape)
+            self.factors.append(Factor(tuple(self.coordinates[name] for name in term.coordinates), shape))
         return self._factors[key]
 
     def terms(self, law: Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
@@ -74,12 +79,20 @@ def to_piecewise(shape: Shape) -> Piecewise:
     return Piecewise(np.array(shape.breaks), rows)
 
 
+def _to_arrays(surface: Surface) -> surfaces.Surface:
+    return surfaces.Surface(surface.kind, surface.numbers)
+
+
 def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
     """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
     total: Any = 0.0
     for term in law.terms:
         factor = 1.0 if term.parameter is None else values[term.parameter]
-        if term.coordinate is not None:
+        if term.surface is not None:
+            x = np.array(np.broadcast_arrays(*(values[name] for name in term.surface.coordinates)), dtype=float)
+            found = _to_arrays(term.surface).evaluate(x.reshape(len(x), -1))[0]
+            factor = factor * found.reshape(x.shape[1:])
+        elif term.coordinate is not None:
             x = values[term.coordinate]
             factor = factor * (x if term.shape is None else evaluate_shape(term.shape, x))
         total = total + term.gain * factor

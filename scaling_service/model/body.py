@@ -137,6 +137,9 @@ class Joint:
     scales_with: str | None = None
     """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
     frame, or in a joint frame fixed in it."""
+    size_axis: Vector | None = None
+    """(3,) unit vector along an axis of that segment, where the translation follows its size along this one
+    and not along its own axis."""
 
     @property
     def turns(self) -> bool:
@@ -215,6 +218,24 @@ class Marker:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Constraint:
+    """What every pose must obey beside the joints, which form a tree.
+
+    ``point``: the two ends meet. ``weld``: frames at the ends, turned in their segments by ``turns`` (rotation
+    vectors, rad), are one. ``distance``: the ends are ``distance`` (m) apart. ``line``: the second end lies on
+    the line through the first along ``direction`` (in the first's segment). ``law``: ``law`` is zero.
+    """
+
+    name: str
+    kind: Literal["point", "weld", "distance", "line", "law"]
+    ends: tuple[Marker, ...] = ()
+    turns: tuple[Vector, Vector] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    distance: float = 0.0
+    direction: Vector = (0.0, 0.0, 0.0)
+    law: Law = Law()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A number shared by all frames: a scale factor, an axis tilt, a marker shift."""
 
@@ -252,6 +273,7 @@ class BodyModel:
     markers: tuple[Marker, ...] = ()
     parameters: tuple[Parameter, ...] = ()
     couplers: tuple[Coupler, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     source: str = ""
     expectations: tuple[Expectation, ...] = ()
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
@@ -290,7 +312,7 @@ class BodyModel:
                 raise ModelRefused(
                     f"two {kind}s are called '{min(twice)}'", field=min(twice), remedy="Rename one of them"
                 )
-        for marker in self.markers:
+        for marker in (*self.markers, *(end for c in self.constraints for end in c.ends)):
             if marker.segment not in known:
                 raise ModelRefused(
                     f"marker '{marker.name}' sits on '{marker.segment}', which is no segment of the model",

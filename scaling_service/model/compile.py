@@ -8,14 +8,25 @@ that few of them remain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Surface, Term
+from scaling_service.model.body import (
+    GROUND,
+    BodyModel,
+    Constraint,
+    Joint,
+    Law,
+    Marker,
+    Segment,
+    Shape,
+    Surface,
+    Term,
+)
 from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
@@ -29,7 +40,8 @@ from scaling_service.numerics.multibody.laws import (
     Turn,
 )
 from scaling_service.numerics.multibody import surfaces
-from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.closure import Closure
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
@@ -89,7 +101,9 @@ def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
     for term in law.terms:
         factor = 1.0 if term.parameter is None else values[term.parameter]
         if term.surface is not None:
-            x = np.array(np.broadcast_arrays(*(values[name] for name in term.surface.coordinates)), dtype=float)
+            x = np.array(
+                np.broadcast_arrays(*(values[name] for name in term.surface.coordinates)), dtype=float
+            )
             found = _to_arrays(term.surface).evaluate(x.reshape(len(x), -1))[0]
             factor = factor * found.reshape(x.shape[1:])
         elif term.coordinate is not None:
@@ -174,6 +188,72 @@ def _compile_cached(same: _Same, markers: tuple[str, ...] | None) -> Tree:
         marker_local=local,
         marker_terms=terms,
     )
+
+
+def compile_constraints(model: BodyModel) -> Closure | None:
+    """What poses of a model must obey beside its joints; None if there is nothing."""
+    if not model.constraints:
+        return None
+    return _compile_constraints(_Same(model))
+
+
+@lru_cache(maxsize=_KEPT)
+def _compile_constraints(same: _Same) -> Closure:
+    model = same.model
+    points: list[Marker] = []
+    meeting, apart, level = (
+        list[tuple[int, int]](),
+        list[tuple[int, int, float]](),
+        list[tuple[int, int, int]](),
+    )
+
+    def add(segment: str, laws: tuple[Law, Law, Law]) -> int:
+        where = segment if segment != GROUND else _STILL
+        points.append(Marker(name=f"end {len(points)}", segment=where, laws=laws))
+        return len(points) - 1
+
+    for item in model.constraints:
+        if item.kind == "law":
+            meeting.append((add(GROUND, (item.law, Law(), Law())), add(GROUND, (Law(), Law(), Law()))))
+            continue
+        first, second = (add(end.segment, end.laws) for end in item.ends)
+        if item.kind == "distance":
+            apart.append((first, second, item.distance))
+        elif item.kind == "line":
+            start = item.ends[0]
+            level += [(second, first, add(start.segment, _move(start, tip))) for tip in _find_across(item)]
+        else:
+            meeting.append((first, second))
+        if item.kind == "weld":
+            turns = [convert_vector_to_rotation(np.array(turn)) for turn in item.turns]
+            for axis in _WELDED.T:
+                tips = zip(item.ends, turns, strict=True)
+                a, b = (add(end.segment, _move(end, turn @ axis)) for end, turn in tips)
+                meeting.append((a, b))
+    still = Segment(name=_STILL, parent=GROUND, joint_name=_STILL, joints=())
+    whole = replace(model, segments=(still, *model.segments), markers=tuple(points), constraints=())
+    return Closure(
+        tree=compile_model(whole),
+        meeting=np.array(meeting, dtype=np.intp).reshape(-1, 2),
+        apart=np.array([pair[:2] for pair in apart], dtype=np.intp).reshape(-1, 2),
+        distances=np.array([distance for *_, distance in apart]),
+        level=np.array(level, dtype=np.intp).reshape(-1, 3),
+    )
+
+
+_STILL = "fixed to the ground"
+_WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+"""Two axes of a welded frame, whose tips must meet, too (m; chosen: an error of 1 rad counts as 1 m)."""
+
+
+def _move(end: Marker, by: Array) -> tuple[Law, Law, Law]:
+    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(end.laws, by, strict=True))
+    return x, y, z
+
+
+def _find_across(line: Constraint) -> Array:
+    """Two unit vectors across a line, (2, 3)."""
+    return np.linalg.svd(np.array([line.direction]))[2][1:]
 
 
 def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:

@@ -5,25 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.joints import NotPolynomial, fit_piecewise, substitute
+from scaling_service.files.osim.joints import REACH, NotPolynomial, fit_piecewise, substitute
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
+    Constraint,
     Coordinate,
     Coupler,
     Joint,
     Law,
     Marker,
     Segment,
+    Surface,
     Term,
     to_tensor,
+    Vector,
     to_vector,
 )
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
@@ -42,19 +45,49 @@ def read_body_model(model: Any) -> BodyModel:
     Raises ModelRefused: names the joint, constraint, coordinate or frame that cannot be represented.
     """
     ranges = {c.getName(): (c.getRangeMin(), c.getRangeMax()) for c in list_items(model.getCoordinateSet())}
-    direct = {coupler.dependent: (name, coupler) for name, coupler in _list_couplers(model, ranges)}
+    direct: dict[str, tuple[str, Coupler]] = {}
+    constraints: list[Constraint] = []
+    for item in list_items(model.getConstraintSet()):
+        if item.get_isEnforced():
+            coupled = item.getConcreteClassName() == "CoordinateCouplerConstraint"
+            found = _read_coupler(item, ranges) if coupled else _read_constraint(item)
+            if isinstance(found, Constraint):
+                constraints.append(found)
+            else:
+                direct[found.dependent] = (item.getName(), found)
     links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
+    segments, follows = _order_segments(model, links), dict[str, Coupler]()
+    while True:
+        try:
+            follows = {dependent: _resolve_coupler(dependent, direct) for dependent in direct}
+            driven = tuple(_substitute_coupler(segment, follows) for segment in segments)
+            bound = tuple(replace(c, law=_substitute_all(c.law, follows)) for c in constraints)
+            break
+        except _NotSubstituted as error:  # the coordinate stays, and an equation holds it
+            name, coupler = direct.pop(error.coordinate)
+            law = Law.of(coupler.dependent) + coupler.law.scale(-1.0)
+            constraints.append(Constraint(name=name, kind="law", law=law))
+            links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
+            segments = _order_segments(model, links)
     coordinates = [
         _read_coordinate(c) for c in list_items(model.getCoordinateSet()) if c.getName() not in direct
     ]
-    follows = {dependent: _resolve_coupler(dependent, direct) for dependent in direct}
     return BodyModel(
         name=model.getName(),
-        segments=tuple(_substitute_coupler(segment, follows) for segment in _order_segments(model, links)),
+        segments=driven,
         coordinates=tuple(coordinates),
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
+        constraints=bound,
     )
+
+
+class _NotSubstituted(Exception):
+    """A coordinate enters something in which the law that it follows cannot be put in its place."""
+
+    def __init__(self, coordinate: str) -> None:
+        super().__init__(coordinate)
+        self.coordinate = coordinate
 
 
 _SPLINE_DEGREE: Mapping[str, Callable[[Any], int]] = {
@@ -68,8 +101,8 @@ POLYNOMIAL_SPAN = (-math.pi, math.pi)
 one further turn to each side."""
 
 
-def _read_law(function: Any, coordinate: str | None, ranges: Mapping[str, Range], component: str) -> Law:
-    """A function of a coordinate (None where the component names none) as a law.
+def _read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Range], component: str) -> Law:
+    """A function of coordinates (none where the component names none) as a law.
 
     Raises ModelRefused if the function is of another kind, or has no argument and is not constant.
     """
@@ -79,27 +112,72 @@ def _read_law(function: Any, coordinate: str | None, ranges: Mapping[str, Range]
         return Law.constant(library.Constant.safeDownCast(function).getValue())
     if kind == "MultiplierFunction":
         scaled = library.MultiplierFunction.safeDownCast(function)
-        return _read_law(scaled.getFunction(), coordinate, ranges, component).scale(scaled.getScale())
-    if coordinate is None:
+        return _read_law(scaled.getFunction(), coordinates, ranges, component).scale(scaled.getScale())
+    if not coordinates:
         raise ModelRefused(
             f"the {kind} of '{component}' has no coordinate",
             field=component,
             remedy="Name the coordinate in <coordinates>, or use a Constant",
         )
     if kind == "LinearFunction":
-        line = library.LinearFunction.safeDownCast(function)
-        return Law.of(coordinate, line.getSlope(), line.getIntercept())
+        numbers = library.LinearFunction.safeDownCast(function).getCoefficients()
+        *slopes, offset = (numbers.get(k) for k in range(numbers.getSize()))
+        terms = (Term(slope, coordinate=c) for slope, c in zip(slopes, coordinates, strict=False) if slope)
+        return Law(tuple(terms)) + Law.constant(offset)
+    if kind == "MultivariatePolynomialFunction":
+        polynomial = library.MultivariatePolynomialFunction.safeDownCast(function)
+        return _read_multivariate(polynomial, coordinates)
+    coordinate = coordinates[0]
+    span = ranges.get(coordinate, (0.0, 0.0))
+    if len(coordinates) > 1:
+        raise ModelRefused(
+            f"the {kind} of '{component}' is given several coordinates",
+            field=component,
+            remedy="Use a LinearFunction or a MultivariatePolynomialFunction",
+        )
     if kind == "PolynomialFunction":
         polynomial = library.PolynomialFunction.safeDownCast(function)
-        return _read_polynomial(polynomial, coordinate, ranges.get(coordinate, (0.0, 0.0)), component)
+        return _read_polynomial(polynomial, coordinate, span, component)
     if kind in _SPLINE_DEGREE:
         spline = getattr(library, kind).safeDownCast(function)
         return _read_spline(spline, _SPLINE_DEGREE[kind](spline), coordinate, component)
-    raise ModelRefused(
-        f"'{component}' uses a {kind}, which is no piecewise polynomial of one coordinate",
-        field=component,
-        remedy="Replace it by a SimmSpline, GCVSpline or PolynomialFunction",
-    )
+    if kind == "StepFunction":
+        step = library.StepFunction.safeDownCast(function)
+        return _fit_law(
+            function, [step.getStartTime(), step.getEndTime()], _STEP_DEGREE, coordinate, component
+        )
+    # any other is followed in pieces so short that it is smooth within each
+    lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
+    breaks = [float(x) for x in np.linspace(lower - REACH, upper + REACH, _PIECES + 1)]
+    return _fit_law(function, breaks, _PIECE_DEGREE, coordinate, component, follow_ends=False)
+
+
+_STEP_DEGREE = 5  # of SimTK's step
+_PIECES, _PIECE_DEGREE = 128, 9  # chosen: sines of up to ten turns a turn are met to EXACT
+
+
+def _read_number(thing: Any, name: str) -> float:
+    return float(import_opensim().PropertyHelper.getValueDouble(thing.getPropertyByName(name)))
+
+
+def _read_multivariate(polynomial: Any, coordinates: Sequence[str]) -> Law:
+    """One term for each product of powers; the last coordinate's power grows first."""
+    order = polynomial.getOrder()
+    powers = [e for e in product(range(order + 1), repeat=len(coordinates)) if sum(e) <= order]
+    law = Law()
+    for gain, exponents in zip(list_numbers(polynomial.getCoefficients()), powers, strict=True):
+        if gain:
+            law = law + _multiply_powers(gain, coordinates, exponents)
+    return law
+
+
+def _multiply_powers(gain: float, coordinates: Sequence[str], exponents: Sequence[int]) -> Law:
+    used = {c: e for c, e in zip(coordinates, exponents, strict=True) if e}
+    if not used:
+        return Law.constant(gain)
+    if list(used.values()) == [1]:
+        return Law((Term(gain, coordinate=next(iter(used))),))
+    return Law((Term(gain, surface=Surface("powers", tuple(used), tuple(map(float, used.values())))),))
 
 
 def _read_polynomial(function: Any, coordinate: str, span: Range, component: str) -> Law:
@@ -109,10 +187,13 @@ def _read_polynomial(function: Any, coordinate: str, span: Range, component: str
     if len(coefficients) <= 2:
         slope, offset = [0.0, *coefficients][-2:]
         return Law.of(coordinate, slope, offset) if slope else Law.constant(offset)
-    lower, upper = span
-    if not (math.isfinite(lower) and math.isfinite(upper) and 0.0 < upper - lower < 4.0 * math.pi):
-        lower, upper = POLYNOMIAL_SPAN
+    lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
     return _fit_law(function, [lower, upper], len(coefficients) - 1, coordinate, component)
+
+
+def _is_range(span: Range) -> bool:
+    lower, upper = span
+    return math.isfinite(lower) and math.isfinite(upper) and 0.0 < upper - lower < 4.0 * math.pi
 
 
 def _read_spline(function: Any, degree: int, coordinate: str, component: str) -> Law:
@@ -126,10 +207,20 @@ def _read_spline(function: Any, degree: int, coordinate: str, component: str) ->
     return _fit_law(function, knots, degree, coordinate, component)
 
 
-def _fit_law(function: Any, breaks: list[float], degree: int, coordinate: str, component: str) -> Law:
+def _fit_law(
+    function: Any,
+    breaks: list[float],
+    degree: int,
+    coordinate: str,
+    component: str,
+    *,
+    follow_ends: bool = True,
+) -> Law:
     library = import_opensim()
     try:
-        shape = fit_piecewise(lambda x: float(function.calcValue(library.Vector(1, x))), breaks, degree)
+        shape = fit_piecewise(
+            lambda x: float(function.calcValue(library.Vector(1, x))), breaks, degree, follow_ends=follow_ends
+        )
     except NotPolynomial as error:
         raise ModelRefused(
             f"the {function.getConcreteClassName()} of '{component}' is {error}",
@@ -182,17 +273,26 @@ class _Link(NamedTuple):
 
 
 def _link(joint: Any, ranges: Mapping[str, Range], dependent: Set[str]) -> _Link:
+    """The moves between a joint's two frames, and between these and the bodies."""
+    name = joint.getName()
+    parent, outwards = _read_frame(joint.getParentFrame(), name)
+    child, onwards = _read_frame(joint.getChildFrame(), name)
+    kind = joint.getConcreteClassName()
+    if kind in _SURFACE_JOINTS:
+        moves = _SURFACE_JOINTS[kind](joint, parent, child)
+    else:
+        moves = _read_moves(joint, parent, ranges, dependent)
+    return _Link(name, parent, child, (*outwards, *moves, *_invert_chain(onwards)))
+
+
+def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent: Set[str]) -> list[Joint]:
     """Translations along axes fixed in the parent's joint frame, then body-fixed successive rotations.
 
     So Simbody's function-based mobilizer moves.
     """
-    name = joint.getName()
     axes = _read_axes(joint, ranges)
-    parent, outwards = _read_frame(joint.getParentFrame(), name)
-    child, onwards = _read_frame(joint.getChildFrame(), name)
     moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
-    moves.sort(key=lambda move: move.kind == "rotation")
-    return _Link(name, parent, child, (*outwards, *moves, *_invert_chain(onwards)))
+    return sorted(moves, key=lambda move: move.kind == "rotation")
 
 
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -227,14 +327,98 @@ def _read_axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:
 
 
 def _read_custom_axis(axis: Any, translates: bool, ranges: Mapping[str, Range], joint: str) -> Axis:
-    names = axis.getCoordinateNamesInArray()
-    if names.getSize() > 1:
-        raise ModelRefused(
-            f"joint '{joint}' uses a function of several coordinates", field=joint, remedy=_REMEDY
-        )
-    law = _read_law(axis.getFunction(), names.get(0) if names.getSize() else None, ranges, joint)
+    law = _read_law(axis.getFunction(), _list_strings(axis.getCoordinateNamesInArray()), ranges, joint)
     kind: Kind = "translation" if translates else "rotation"
     return kind, list_numbers(axis.get_axis()), law, not is_pure(axis.getFunction())
+
+
+def _list_strings(names: Any) -> list[str]:
+    return [names.get(k) for k in range(names.getSize())]
+
+
+def _read_ellipsoid(joint: Any, parent: str, child: str) -> list[Joint]:
+    """The child glides on an ellipsoid of the parent, its z axis along the normal of the unit sphere."""
+    radii = list_numbers(import_opensim().EllipsoidJoint.safeDownCast(joint).get_radii_x_y_z())
+    names = _list_coordinates(joint)
+    turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((_X, _Y, _Z), names, strict=True)]
+    return [*_glide(names, "xyz", (_X, _Y, _Z), radii, parent), *turns]
+
+
+def _read_scapulothoracic(joint: Any, parent: str, child: str) -> list[Joint]:
+    """An ellipsoid joint a quarter turn about z off the joint frames, then a hinge in the tangent plane.
+
+    Seth et al. 2016, PLoS ONE 11:e0141028.
+    """
+    own = import_opensim().ScapulothoracicJoint.safeDownCast(joint)
+    across, along, through = list_numbers(own.get_thoracic_ellipsoid_radii_x_y_z())
+    *names, winging = _list_coordinates(joint)
+    quarter = Joint("rotation", _Z, Law.constant(0.5 * math.pi))
+    turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((_X, _Y, _Z), names, strict=True)]
+    size = None if child == GROUND else child
+    to_hinge = [
+        Joint("translation", axis, Law.constant(own.get_scapula_winging_axis_origin(k)), size)
+        for k, axis in enumerate((_X, _Y))
+    ]
+    slant = own.get_scapula_winging_axis_direction()
+    hinge = Joint("rotation", (-math.sin(slant), math.cos(slant), 0.0), Law.of(winging))
+    # x and y of the turned frame are y and -x of the joint's
+    glide = _glide(names, "yxz", (_X, _Y, _Z), (-across, along, through), parent)
+    back = (*_invert_chain([quarter]), *to_hinge, hinge, *_invert_chain(to_hinge))
+    return [*glide, quarter, *turns, *back]
+
+
+def _glide(
+    names: Sequence[str],
+    components: str,
+    axes: Sequence[tuple[float, float, float]],
+    radii: Sequence[float],
+    parent: str,
+) -> list[Joint]:
+    surfaces: dict[str, Surface] = {
+        "x": Surface("normal_x", tuple(names[:2])),
+        "y": Surface("normal_y", tuple(names[:2])),
+        "z": Surface("normal_z", tuple(names[:2])),
+    }
+    size = None if parent == GROUND else parent
+    return [
+        Joint("translation", axis, Law((Term(radius, surface=surfaces[letter]),)), size)
+        for letter, axis, radius in zip(components, axes, radii, strict=True)
+    ]
+
+
+def _read_constant_curvature(joint: Any, parent: str, child: str) -> list[Joint]:
+    """An arc that leaves the parent along y and arrives in the child along y, then turned about it.
+
+    OpenSim takes the end of the arc's chord where it bends by less than 0.001 or more than 1.53 rad, and
+    leaves it unturned within the bound of 1.56 rad; here it stays an arc.
+    """
+    own = import_opensim().ConstantCurvatureJoint.safeDownCast(joint)
+    x, z, y = list_numbers(own.get_neutral_angle_x_z_y())
+    names = _list_coordinates(joint)
+    bent = tuple(names[:2])
+    surfaces = (
+        Surface("arc_x", bent, (x, z)),
+        Surface("arc_y", bent, (x, z)),
+        Surface("arc_z", bent, (x, z)),
+    )
+    size = None if child == GROUND else child
+    moves = [
+        Joint("translation", axis, Law((Term(own.get_length(), surface=surface),)), size, _Y)
+        for axis, surface in zip((_X, _Y, _Z), surfaces, strict=True)
+    ]
+    turns = zip((_X, _Z, _Y), names, (x, z, y), strict=True)
+    return [*moves, *(Joint("rotation", axis, Law.of(name, offset=angle)) for axis, name, angle in turns)]
+
+
+def _list_coordinates(joint: Any) -> list[str]:
+    return [joint.get_coordinates(k).getName() for k in range(joint.numCoordinates())]
+
+
+_SURFACE_JOINTS: Mapping[str, Callable[[Any, str, str], list[Joint]]] = {
+    "EllipsoidJoint": _read_ellipsoid,
+    "ScapulothoracicJoint": _read_scapulothoracic,
+    "ConstantCurvatureJoint": _read_constant_curvature,
+}
 
 
 def is_pure(function: Any) -> bool:
@@ -340,25 +524,78 @@ def _report_loose(body: str, component: str) -> ModelRefused:
     )
 
 
-def _list_couplers(model: Any, ranges: Mapping[str, Range]) -> Iterator[tuple[str, Coupler]]:
-    """Name and content of every constraint that is enforced."""
-    for constraint in list_items(model.getConstraintSet()):
-        if not constraint.get_isEnforced():
-            continue
-        name, kind = constraint.getName(), constraint.getConcreteClassName()
-        coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
-        if coupler is None:
-            raise ModelRefused(
-                f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
-            )
-        names = coupler.getIndependentCoordinateNames()
-        if names.getSize() != 1:
-            raise ModelRefused(
-                f"constraint '{name}' couples to several coordinates", field=name, remedy=_REMEDY
-            )
-        law = _read_law(coupler.getFunction(), names.get(0), ranges, name)
-        factor = import_opensim().PropertyHelper.getValueDouble(coupler.getPropertyByName("scale_factor"))
-        yield name, Coupler(coupler.getDependentCoordinateName(), names.get(0), law.scale(factor))
+def _read_coupler(constraint: Any, ranges: Mapping[str, Range]) -> Coupler | Constraint:
+    """A coordinate that follows one other, or an equation between several."""
+    name = constraint.getName()
+    coupler = import_opensim().CoordinateCouplerConstraint.safeDownCast(constraint)
+    names, dependent = (
+        _list_strings(coupler.getIndependentCoordinateNames()),
+        coupler.getDependentCoordinateName(),
+    )
+    law = _read_law(coupler.getFunction(), names, ranges, name).scale(_read_number(coupler, "scale_factor"))
+    if len(law.coordinates) == 1 and not any(t.surface for t in law.terms):
+        return Coupler(dependent, next(iter(law.coordinates)), law)
+    return Constraint(name=name, kind="law", law=Law.of(dependent) + law.scale(-1.0))
+
+
+def _read_constraint(constraint: Any) -> Constraint:
+    """A constraint between bodies.
+
+    ModelRefused: of a kind that no equation between points says.
+    """
+    name, kind = constraint.getName(), constraint.getConcreteClassName()
+    library = import_opensim()
+    if kind == "WeldConstraint":
+        weld = library.WeldConstraint.safeDownCast(constraint)
+        places = [_find_in_body(frame, name) for frame in (weld.getFrame1(), weld.getFrame2())]
+        ends = tuple(Marker.at(name, body, shift) for body, shift, _ in places)
+        return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
+    if kind not in _POINTS:
+        raise ModelRefused(
+            f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
+        )
+    own = getattr(library, kind).safeDownCast(constraint)
+    what, sockets, places_of = _POINTS[kind]
+    frames = [library.PhysicalFrame.safeDownCast(constraint.getConnectee(socket)) for socket in sockets]
+    ends = tuple(
+        _read_end(name, frame, getattr(own, place)()) for frame, place in zip(frames, places_of, strict=True)
+    )
+    found = Constraint(name=name, kind=what, ends=ends)
+    if kind == "ConstantDistanceConstraint":
+        return replace(found, distance=own.get_constant_distance())
+    if kind == "PointOnLineConstraint":
+        along = frames[0].findTransformInBaseFrame().xformFrameVecToBase(own.get_line_direction_vec())
+        return replace(found, direction=to_vector(list_numbers(along)))
+    return found
+
+
+_POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[str], Sequence[str]]] = {
+    "PointConstraint": ("point", ("body_1", "body_2"), ("get_location_body_1", "get_location_body_2")),
+    "ConstantDistanceConstraint": (
+        "distance",
+        ("body_1", "body_2"),
+        ("get_location_body_1", "get_location_body_2"),
+    ),
+    "PointOnLineConstraint": (
+        "line",
+        ("line_body", "follower_body"),
+        ("get_point_on_line", "get_point_on_follower"),
+    ),
+}
+"""Constraints between points: what they say, the sockets of the two frames, and where the points are."""
+
+
+def _read_end(name: str, frame: Any, location: Any) -> Marker:
+    place = frame.findTransformInBaseFrame().shiftFrameStationToBase(location)
+    return Marker.at(name, frame.findBaseFrame().getName(), to_vector(list_numbers(place)))
+
+
+def _find_in_body(frame: Any, component: str) -> tuple[str, Vector, Vector]:
+    """The body under a frame, where the frame is in it and how it is turned (a rotation vector)."""
+    body, _ = _read_frame(frame, component)
+    place = frame.findTransformInBaseFrame()
+    turn = convert_rotation_to_vector([[place.R().get(i, j) for j in range(3)] for i in range(3)])
+    return body, to_vector(list_numbers(place.p())), to_vector(turn)
 
 
 def _resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -> Coupler:
@@ -372,27 +609,24 @@ def _resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) 
             )
         passed.add(independent)
         inner = direct[independent][1]
-        law = _substitute(coupler.law, independent, inner.law, name)
+        law = _substitute(coupler.law, independent, inner.law)
         coupler = Coupler(dependent, inner.independent, law)
     return coupler
 
 
 def _substitute_coupler(segment: Segment, follows: Mapping[str, Coupler]) -> Segment:
-    joints = []
-    for joint in segment.joints:
-        law = joint.law
-        for coordinate in {t.coordinate for t in law.terms if t.coordinate in follows}:
-            law = _substitute(law, str(coordinate), follows[str(coordinate)].law, segment.joint_name)
-        joints.append(replace(joint, law=law))
+    joints = (replace(joint, law=_substitute_all(joint.law, follows)) for joint in segment.joints)
     return replace(segment, joints=tuple(joints))
 
 
-def _substitute(law: Law, coordinate: str, follows: Law, component: str) -> Law:
+def _substitute_all(law: Law, follows: Mapping[str, Coupler]) -> Law:
+    for coordinate in sorted(law.coordinates & follows.keys()):
+        law = _substitute(law, coordinate, follows[coordinate].law)
+    return law
+
+
+def _substitute(law: Law, coordinate: str, follows: Law) -> Law:
     try:
         return substitute(law, coordinate, follows)
     except NotPolynomial as error:
-        raise ModelRefused(
-            f"the coupled coordinate '{coordinate}' cannot be substituted in '{component}': {error}",
-            field=component,
-            remedy="Use functions of lower degree, such as piecewise linear ones, for the coupling",
-        ) from error
+        raise _NotSubstituted(coordinate) from error

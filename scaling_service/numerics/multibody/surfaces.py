@@ -127,7 +127,9 @@ def _differentiate_angle_over_sine(cosine: Array, order: int) -> list[Array]:
         found.append(((2 * k - 1) * far * found[k - 1] + above) / rest)
     small, coefficients = np.where(near, u, 0.0), _SERIES
     for k in range(order + 1):
-        found[k] = np.where(near, (-1.0) ** k * np.polynomial.polynomial.polyval(small, coefficients), found[k])
+        found[k] = np.where(
+            near, (-1.0) ** k * np.polynomial.polynomial.polyval(small, coefficients), found[k]
+        )
         coefficients = np.polynomial.polynomial.polyder(coefficients)
     return found
 

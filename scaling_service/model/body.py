@@ -51,10 +51,11 @@ class Shape:
 class Surface:
     """A smooth function of several coordinates.
 
-    ``powers``: the product of their powers, ``numbers`` the exponents. ``normal_x`` … ``normal_z``: the z axis
-    after turns by two coordinates about x and y. ``arc_x`` … ``arc_z``: the end of an arc of constant
-    curvature and length one that leaves along y, and arrives along the y axis after turns about x and z by
-    two coordinates to which ``numbers`` (rad) are added.
+    ``powers``: the product of their powers, ``numbers`` the exponents.
+    ``normal_x``, ``normal_y``, ``normal_z``: the z axis after turns by two coordinates about x and y.
+    ``arc_x``, ``arc_y``, ``arc_z``: the end of an arc of constant curvature and length one that leaves along
+        y, and arrives along the y axis after turns about x and z by two coordinates to which ``numbers``
+        (rad) are added.
     """
 
     kind: Literal["powers", "normal_x", "normal_y", "normal_z", "arc_x", "arc_y", "arc_z"]
@@ -221,9 +222,11 @@ class Marker:
 class Constraint:
     """What every pose must obey beside the joints, which form a tree.
 
-    ``point``: the two ends meet. ``weld``: frames at the ends, turned in their segments by ``turns`` (rotation
-    vectors, rad), are one. ``distance``: the ends are ``distance`` (m) apart. ``line``: the second end lies on
-    the line through the first along ``direction`` (in the first's segment). ``law``: ``law`` is zero.
+    ``point``: the two ends meet.
+    ``weld``: frames at the ends, turned in their segments by ``turns`` (rotation vectors, rad), are one.
+    ``distance``: the ends are ``distance`` (m) apart.
+    ``line``: the second end lies on the line through the first along ``direction`` (in the first's segment).
+    ``law``: ``law`` is zero.
     """
 
     name: str

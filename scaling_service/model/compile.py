@@ -27,6 +27,8 @@ from scaling_service.model.body import (
     Surface,
     Term,
 )
+from scaling_service.numerics.multibody import surfaces
+from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
@@ -39,8 +41,6 @@ from scaling_service.numerics.multibody.laws import (
     TermArrays,
     Turn,
 )
-from scaling_service.numerics.multibody import surfaces
-from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 

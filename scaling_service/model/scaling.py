@@ -38,17 +38,17 @@ def scale_model(
     ``mass_kg``: the total mass that all masses and inertias are multiplied to reach.
     ``preserve_mass_distribution``: whether segment masses keep their proportions; otherwise each follows its
         volume.
-    Translations that scale with a segment, centres of mass, markers and ends of constraints are multiplied component by component,
-        joint axes and coordinates stay as they are.
+    Translations that scale with a segment, centres of mass, markers and ends of constraints are multiplied
+        component by component, joint axes and coordinates stay as they are.
     Raises KeyError: a factor for a segment that the model does not have.
     Raises ValueError: a factor or mass that is not positive and finite, or a mass for a massless model.
 
     Reproduces OpenSim's ``Model::scale`` (Seth et al. 2018, PLoS Comput Biol 14:e1006223; behaviour of
     version 4.6), inertia included: by the square of a uniform factor, otherwise as a cylinder. Two deliberate
-    differences: the ends of constraints follow their segments' sizes like everything that is fixed in them,
-    while OpenSim leaves all but those of welds where they were; and a translation along an axis oblique to the axes of its frame is multiplied component by
+    differences: a translation along an axis oblique to the axes of its frame is multiplied component by
     component like everything else, while OpenSim multiplies it by the sum of the factors weighted with the
-    axis' components, which stretches it even where all factors are one.
+    axis' components, which stretches it even where all factors are one; and the ends of constraints follow
+    their segments like everything fixed in them, while OpenSim moves those of welds only.
 
     Examples
     --------

@@ -174,8 +174,8 @@ def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> MotionSolution:
     """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
 
-    Where a loop is open at the start, it first counts as one more marker: to close it at once would forget the
-    markers.
+    Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
+    the markers.
     """
     none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
     measured = task.measured[rows]

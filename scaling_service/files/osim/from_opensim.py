@@ -25,8 +25,8 @@ from scaling_service.model.body import (
     Segment,
     Surface,
     Term,
-    to_tensor,
     Vector,
+    to_tensor,
     to_vector,
 )
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
@@ -279,7 +279,7 @@ def _link(joint: Any, ranges: Mapping[str, Range], dependent: Set[str]) -> _Link
     child, onwards = _read_frame(joint.getChildFrame(), name)
     kind = joint.getConcreteClassName()
     if kind in _SURFACE_JOINTS:
-        moves = _SURFACE_JOINTS[kind](joint, parent, child)
+        moves = _SURFACE_JOINTS[kind](joint, *(None if body == GROUND else body for body in (parent, child)))
     else:
         moves = _read_moves(joint, parent, ranges, dependent)
     return _Link(name, parent, child, (*outwards, *moves, *_invert_chain(onwards)))
@@ -336,7 +336,7 @@ def _list_strings(names: Any) -> list[str]:
     return [names.get(k) for k in range(names.getSize())]
 
 
-def _read_ellipsoid(joint: Any, parent: str, child: str) -> list[Joint]:
+def _read_ellipsoid(joint: Any, parent: str | None, _: str | None) -> list[Joint]:
     """The child glides on an ellipsoid of the parent, its z axis along the normal of the unit sphere."""
     radii = list_numbers(import_opensim().EllipsoidJoint.safeDownCast(joint).get_radii_x_y_z())
     names = _list_coordinates(joint)
@@ -344,7 +344,7 @@ def _read_ellipsoid(joint: Any, parent: str, child: str) -> list[Joint]:
     return [*_glide(names, "xyz", (_X, _Y, _Z), radii, parent), *turns]
 
 
-def _read_scapulothoracic(joint: Any, parent: str, child: str) -> list[Joint]:
+def _read_scapulothoracic(joint: Any, parent: str | None, child: str | None) -> list[Joint]:
     """An ellipsoid joint a quarter turn about z off the joint frames, then a hinge in the tangent plane.
 
     Seth et al. 2016, PLoS ONE 11:e0141028.
@@ -354,9 +354,8 @@ def _read_scapulothoracic(joint: Any, parent: str, child: str) -> list[Joint]:
     *names, winging = _list_coordinates(joint)
     quarter = Joint("rotation", _Z, Law.constant(0.5 * math.pi))
     turns = [Joint("rotation", axis, Law.of(name)) for axis, name in zip((_X, _Y, _Z), names, strict=True)]
-    size = None if child == GROUND else child
     to_hinge = [
-        Joint("translation", axis, Law.constant(own.get_scapula_winging_axis_origin(k)), size)
+        Joint("translation", axis, Law.constant(own.get_scapula_winging_axis_origin(k)), child)
         for k, axis in enumerate((_X, _Y))
     ]
     slant = own.get_scapula_winging_axis_direction()
@@ -372,21 +371,20 @@ def _glide(
     components: str,
     axes: Sequence[tuple[float, float, float]],
     radii: Sequence[float],
-    parent: str,
+    parent: str | None,
 ) -> list[Joint]:
     surfaces: dict[str, Surface] = {
         "x": Surface("normal_x", tuple(names[:2])),
         "y": Surface("normal_y", tuple(names[:2])),
         "z": Surface("normal_z", tuple(names[:2])),
     }
-    size = None if parent == GROUND else parent
     return [
-        Joint("translation", axis, Law((Term(radius, surface=surfaces[letter]),)), size)
+        Joint("translation", axis, Law((Term(radius, surface=surfaces[letter]),)), parent)
         for letter, axis, radius in zip(components, axes, radii, strict=True)
     ]
 
 
-def _read_constant_curvature(joint: Any, parent: str, child: str) -> list[Joint]:
+def _read_constant_curvature(joint: Any, _: str | None, child: str | None) -> list[Joint]:
     """An arc that leaves the parent along y and arrives in the child along y, then turned about it.
 
     OpenSim takes the end of the arc's chord where it bends by less than 0.001 or more than 1.53 rad, and
@@ -401,9 +399,8 @@ def _read_constant_curvature(joint: Any, parent: str, child: str) -> list[Joint]
         Surface("arc_y", bent, (x, z)),
         Surface("arc_z", bent, (x, z)),
     )
-    size = None if child == GROUND else child
     moves = [
-        Joint("translation", axis, Law((Term(own.get_length(), surface=surface),)), size, _Y)
+        Joint("translation", axis, Law((Term(own.get_length(), surface=surface),)), child, _Y)
         for axis, surface in zip((_X, _Y, _Z), surfaces, strict=True)
     ]
     turns = zip((_X, _Z, _Y), names, (x, z, y), strict=True)
@@ -414,7 +411,7 @@ def _list_coordinates(joint: Any) -> list[str]:
     return [joint.get_coordinates(k).getName() for k in range(joint.numCoordinates())]
 
 
-_SURFACE_JOINTS: Mapping[str, Callable[[Any, str, str], list[Joint]]] = {
+_SURFACE_JOINTS: Mapping[str, Callable[[Any, str | None, str | None], list[Joint]]] = {
     "EllipsoidJoint": _read_ellipsoid,
     "ScapulothoracicJoint": _read_scapulothoracic,
     "ConstantCurvatureJoint": _read_constant_curvature,
@@ -533,8 +530,8 @@ def _read_coupler(constraint: Any, ranges: Mapping[str, Range]) -> Coupler | Con
         coupler.getDependentCoordinateName(),
     )
     law = _read_law(coupler.getFunction(), names, ranges, name).scale(_read_number(coupler, "scale_factor"))
-    if len(law.coordinates) == 1 and not any(t.surface for t in law.terms):
-        return Coupler(dependent, next(iter(law.coordinates)), law)
+    if len(law.coordinates) <= 1:
+        return Coupler(dependent, next(iter(law.coordinates), names[0]), law)
     return Constraint(name=name, kind="law", law=Law.of(dependent) + law.scale(-1.0))
 
 

@@ -45,7 +45,7 @@ class Closure:
         return self._miss(np.moveaxis(place_tree_markers(self.tree, poses), -1, 0))
 
     def linearise(self, q: Array, p: Array, variables: Index) -> tuple[Array, Array]:
-        """What the equations miss, (n, count), and how that changes with variables, (n, n_variables, count)."""
+        """What the equations miss, (n, count), and its rates with variables, (n, n_variables, count)."""
         poses = pose_links(self.tree, np.ascontiguousarray(q.T), p)
         placed = place_tree_markers(self.tree, poses)
         rates = np.moveaxis(compute_jacobian(self.tree, poses, placed, variables), -1, 0)
@@ -72,8 +72,8 @@ class Closure:
     def close(self, q: Array, p: Array, free: Index, lower: Array, upper: Array) -> None:
         """Move coordinates (n, n_coordinates), in place, the shortest way to where the equations are met.
 
-        ``free`` int (m,): those that may move, ``lower``, ``upper`` (m,): how far. Where there is no such pose
-        near, equations stay open: see :meth:`evaluate`.
+        ``free`` int (m,): those that may move, ``lower``, ``upper`` (m,): how far. Where there is no such
+        pose near, equations stay open: see :meth:`evaluate`.
         """
         rows = np.arange(len(q))
         for _ in range(_MOST_STEPS):

@@ -281,6 +281,7 @@ class BodyModel:
     expectations: tuple[Expectation, ...] = ()
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
     bones: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()  # what the file that it was read from holds beside, or means otherwise
 
     def __repr__(self) -> str:
         mass = sum(segment.mass for segment in self.segments)

@@ -79,6 +79,11 @@ def read_body_model(model: Any) -> BodyModel:
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
         constraints=bound,
+        notes=tuple(
+            f"constraint '{item.getName()}' is not enforced: motions need not obey it"
+            for item in list_items(model.getConstraintSet())
+            if not item.get_isEnforced()
+        ),
     )
 
 

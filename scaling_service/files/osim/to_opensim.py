@@ -14,7 +14,14 @@ from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
 from scaling_service.files.osim.from_opensim import is_pure, read_body_model
 from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load, shorten_message
+from scaling_service.files.osim.library import (
+    import_opensim,
+    list_items,
+    list_numbers,
+    load,
+    put_back,
+    shorten_message,
+)
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
 from scaling_service.model.compile import evaluate_shape
 from scaling_service.model.parameters import tilt_rotation
@@ -33,7 +40,8 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     _set_markers(osim, model.markers)
     osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
     check_same(model, _write_and_check(osim))
-    return Path(_WRITTEN).read_text(encoding="utf-8")
+    text = Path(_WRITTEN).read_text(encoding="utf-8")
+    return text if request["file"] is None else put_back(text, Path(request["file"]))
 
 
 def _write_and_check(osim: Any) -> BodyModel:

@@ -15,8 +15,8 @@ from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, po
 
 _BLOCK = 256  # frames linearised together
 CLOSING = 1e6
-"""Weight of an equation that a pose must obey, as a share of all markers' (chosen: residuals of 1 cm then open
-it by 10 nm at most, and ten digits are left for the markers)."""
+"""Weight of an equation that a pose must obey, as a share of all markers' (chosen: residuals of 1 cm then
+open it by 10 nm at most, and ten digits are left for the markers)."""
 
 
 class Loss(Protocol):

@@ -143,7 +143,7 @@ _KINDS: Mapping[str, Callable[[Sequence[_Series], Sequence[float]], _Series]] = 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """A smooth function of several coordinates; ``kind`` and ``numbers`` as ``model.body.Surface`` has them."""
+    """A smooth function of several coordinates, as ``model.body.Surface`` describes it."""
 
     kind: str
     numbers: tuple[float, ...]

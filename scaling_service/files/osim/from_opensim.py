@@ -552,39 +552,42 @@ def _read_constraint(constraint: Any) -> Constraint:
         places = [_find_in_body(frame, name) for frame in (weld.getFrame1(), weld.getFrame2())]
         ends = tuple(Marker.at(name, body, shift) for body, shift, _ in places)
         return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
-    if kind not in _POINTS:
+    if kind not in POINTS:
         raise ModelRefused(
             f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
         )
     own = getattr(library, kind).safeDownCast(constraint)
-    what, sockets, places_of = _POINTS[kind]
-    frames = [library.PhysicalFrame.safeDownCast(constraint.getConnectee(socket)) for socket in sockets]
-    ends = tuple(
-        _read_end(name, frame, getattr(own, place)()) for frame, place in zip(frames, places_of, strict=True)
-    )
-    found = Constraint(name=name, kind=what, ends=ends)
+    frames = list_end_frames(constraint)
+    ends = tuple(_read_end(name, frame, getattr(own, f"get_{place}")()) for frame, place in frames)
+    found = Constraint(name=name, kind=POINTS[kind][0], ends=ends)
     if kind == "ConstantDistanceConstraint":
         return replace(found, distance=own.get_constant_distance())
     if kind == "PointOnLineConstraint":
-        along = frames[0].findTransformInBaseFrame().xformFrameVecToBase(own.get_line_direction_vec())
-        return replace(found, direction=to_vector(list_numbers(along)))
+        line = frames[0][0].findTransformInBaseFrame()
+        return replace(
+            found, direction=to_vector(list_numbers(line.xformFrameVecToBase(own.get_line_direction_vec())))
+        )
     return found
 
 
-_POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[str], Sequence[str]]] = {
-    "PointConstraint": ("point", ("body_1", "body_2"), ("get_location_body_1", "get_location_body_2")),
-    "ConstantDistanceConstraint": (
-        "distance",
-        ("body_1", "body_2"),
-        ("get_location_body_1", "get_location_body_2"),
-    ),
+_BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
+
+POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[tuple[str, str]]]] = {
+    "PointConstraint": ("point", _BODIES),
+    "ConstantDistanceConstraint": ("distance", _BODIES),
     "PointOnLineConstraint": (
         "line",
-        ("line_body", "follower_body"),
-        ("get_point_on_line", "get_point_on_follower"),
+        (("line_body", "point_on_line"), ("follower_body", "point_on_follower")),
     ),
 }
-"""Constraints between points: what they say, the sockets of the two frames, and where the points are."""
+"""Constraints between points: what they say; for both ends, the socket of its frame and the name of its place."""
+
+
+def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:
+    """The frames of a constraint between points, each with the name of the point's place in it."""
+    cast = import_opensim().PhysicalFrame.safeDownCast
+    _, ends = POINTS[constraint.getConcreteClassName()]
+    return [(cast(constraint.getConnectee(socket)), place) for socket, place in ends]
 
 
 def _read_end(name: str, frame: Any, location: Any) -> Marker:

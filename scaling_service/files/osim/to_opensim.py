@@ -12,7 +12,7 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
-from scaling_service.files.osim.from_opensim import is_pure, read_body_model
+from scaling_service.files.osim.from_opensim import POINTS, is_pure, list_end_frames, read_body_model
 from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
@@ -103,7 +103,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique = _list_oblique_translations(model)
+    oblique, ends = _list_oblique_translations(model), _list_ends(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
@@ -113,6 +113,24 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         ) from error
     for joint, number, gain in oblique:
         _scale_componentwise(model, factors, joint, number, gain)
+    for frame, place, write in ends:
+        body = frame.findBaseFrame().getName()
+        moved = _to_vec3(place * np.array(factors.get(body, (1.0, 1.0, 1.0))))
+        write(frame.findTransformInBaseFrame().shiftBaseStationToFrame(moved))
+
+
+def _list_ends(model: Any) -> list[tuple[Any, Array, Callable[[Any], None]]]:
+    """Ends of constraints that OpenSim does not scale: frame, place in the body, how to write it in the frame."""
+    found = []
+    for constraint in list_items(model.getConstraintSet()):
+        if constraint.getConcreteClassName() in POINTS:
+            own = getattr(import_opensim(), constraint.getConcreteClassName()).safeDownCast(constraint)
+            for frame, name in list_end_frames(constraint):
+                place = frame.findTransformInBaseFrame().shiftFrameStationToBase(
+                    getattr(own, f"get_{name}")()
+                )
+                found.append((frame, np.array(list_numbers(place)), getattr(own, f"set_{name}")))
+    return found
 
 
 def _list_custom_joints(model: Any) -> list[Any]:
@@ -254,7 +272,8 @@ def _set_inertia(body: Any, segment: Segment) -> None:
 
 def _set_coordinates(osim: Any, model: BodyModel) -> None:
     """Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay."""
-    used = {t.coordinate for _, joint in model.joints() for t in joint.law.terms}
+    laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
+    used = {name for law in laws for name in law.coordinates}
     present = osim.updCoordinateSet()
     for item in model.coordinates:
         if item.name not in used:

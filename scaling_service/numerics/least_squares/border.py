@@ -40,7 +40,7 @@ class _Block:
     """The normal equations of some frames, parameters in normalised units."""
 
     curvature: Array  # (n, nq, nq)
-    diagonal: Array  # (n, nq): the markers' share of its diagonal, which is damped
+    diagonal: Array  # (n, nq): its diagonal, a closure's equations as one more marker, which is damped
     cross: Array  # (n, nq, np)
     slope: Array  # (n, nq)
     shared_curvature: Array  # (np, np), summed over the frames
@@ -179,6 +179,7 @@ def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
     stiff = np.square(white[:, : len(problem.coordinates)]).sum(axis=2)
     if problem.closure is not None:
         missed, following = problem.closure.linearise(q[rows], p, problem.variables)
+        stiff += problem.weights.sum() * np.square(following[:, : len(problem.coordinates)]).sum(axis=2)
         root = np.sqrt(problem.closing)
         white, gap = np.concatenate([white, root * following], axis=2), np.hstack([gap, -root * missed])
     return _form_normal_equations(problem, white, gap, stiff)

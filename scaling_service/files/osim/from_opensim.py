@@ -79,12 +79,17 @@ def read_body_model(model: Any) -> BodyModel:
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
         constraints=bound,
-        notes=tuple(
-            f"constraint '{item.getName()}' is not enforced: motions need not obey it"
-            for item in list_items(model.getConstraintSet())
-            if not item.get_isEnforced()
-        ),
+        notes=tuple(_note_constraints(model, constraints)),
     )
+
+
+def _note_constraints(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
+    idle = [item.getName() for item in list_items(model.getConstraintSet()) if not item.get_isEnforced()]
+    if idle:
+        yield f"constraints that the model does not enforce are left out: {', '.join(idle)}"
+    if followed:
+        names = ", ".join(item.name for item in followed)
+        yield f"motions obey the constraints {names}; joint moments leave out their forces, as OpenSim's do"
 
 
 class _NotSubstituted(Exception):
@@ -580,7 +585,7 @@ POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[tuple[
         (("line_body", "point_on_line"), ("follower_body", "point_on_follower")),
     ),
 }
-"""Constraints between points: what they say; for both ends, the socket of its frame and the name of its place."""
+"""Constraints between points: what they say; for both ends, the frame's socket and the name of the place."""
 
 
 def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:

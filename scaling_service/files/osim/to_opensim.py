@@ -120,7 +120,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
 
 
 def _list_ends(model: Any) -> list[tuple[Any, Array, Callable[[Any], None]]]:
-    """Ends of constraints that OpenSim does not scale: frame, place in the body, how to write it in the frame."""
+    """Ends of constraints that OpenSim does not scale: frame, place in the body, and how to write another."""
     found = []
     for constraint in list_items(model.getConstraintSet()):
         if constraint.getConcreteClassName() in POINTS:

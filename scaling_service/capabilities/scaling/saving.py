@@ -147,7 +147,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         write_courses(folder, results.muscles.courses[calibration.method])
     try:
         replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
-    except DependencyMissing as error:
+    except (DependencyMissing, ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)

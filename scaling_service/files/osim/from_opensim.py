@@ -55,20 +55,18 @@ def read_body_model(model: Any) -> BodyModel:
                 constraints.append(found)
             else:
                 direct[found.dependent] = (item.getName(), found)
-    links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
-    segments, follows = _order_segments(model, links), dict[str, Coupler]()
     while True:
+        links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
+        segments, welds = _order_segments(model, links)
         try:
             follows = {dependent: _resolve_coupler(dependent, direct) for dependent in direct}
             driven = tuple(_substitute_coupler(segment, follows) for segment in segments)
-            bound = tuple(replace(c, law=_substitute_all(c.law, follows)) for c in constraints)
+            bound = tuple(replace(c, law=_substitute_all(c.law, follows)) for c in (*constraints, *welds))
             break
         except _NotSubstituted as error:  # the coordinate stays, and an equation holds it
             name, coupler = direct.pop(error.coordinate)
             law = Law.of(coupler.dependent) + coupler.law.scale(-1.0)
             constraints.append(Constraint(name=name, kind="law", law=law))
-            links = [_link(joint, ranges, direct.keys()) for joint in list_items(model.getJointSet())]
-            segments = _order_segments(model, links)
     coordinates = [
         _read_coordinate(c) for c in list_items(model.getCoordinateSet()) if c.getName() not in direct
     ]
@@ -79,7 +77,7 @@ def read_body_model(model: Any) -> BodyModel:
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
         constraints=bound,
-        notes=tuple(_note_constraints(model, constraints)),
+        notes=tuple(_note_constraints(model, bound)),
     )
 
 
@@ -89,7 +87,7 @@ def _note_constraints(model: Any, followed: Sequence[Constraint]) -> Iterator[st
         yield f"constraints that the model does not enforce are left out: {', '.join(idle)}"
     if followed:
         names = ", ".join(item.name for item in followed)
-        yield f"motions obey the constraints {names}; joint moments leave out their forces, as OpenSim's do"
+        yield f"motions obey the model's constraints ({names}); joint moments leave out their forces"
 
 
 class _NotSubstituted(Exception):
@@ -481,11 +479,20 @@ def _invert_chain(chain: Sequence[Joint]) -> tuple[Joint, ...]:
     return tuple(replace(joint, law=joint.law.scale(-1.0)) for joint in reversed(chain))
 
 
-def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
-    """Segments in topological order: each joint is taken once the body on one side is reached."""
+def name_copy(body: str, joint: str) -> str:
+    """What the massless copy of a body is called that a joint carries in a loop."""
+    return f"{body}_of_{joint}"
+
+
+def _order_segments(model: Any, links: Sequence[_Link]) -> tuple[list[Segment], list[Constraint]]:
+    """Segments in topological order: each joint is taken once the body on one side is reached.
+
+    A joint that closes a loop carries a massless copy of its body, welded to it, as OpenSim does it.
+    """
     bodies = {body.getName(): body for body in list_items(model.getBodySet())}
     waiting, reached = list(links), {GROUND}
     segments: list[Segment] = []
+    welds: list[Constraint] = []
     while waiting:
         link = next((each for each in waiting if {each.parent, each.child} & reached), None)
         if link is None:
@@ -495,11 +502,11 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
         if parent not in reached:
             parent, child, chain = child, parent, _invert_chain(chain)
         if child in reached:
-            raise ModelRefused(
-                f"joint '{link.name}' closes a loop",
-                field=link.name,
-                remedy="The model must be a tree: remove one of the loop's joints",
-            )
+            copy = name_copy(child, link.name)
+            ends = tuple(Marker.at(link.name, name, (0.0, 0.0, 0.0)) for name in (copy, child))
+            welds.append(Constraint(name=link.name, kind="weld", ends=ends))
+            segments.append(Segment(name=copy, parent=parent, joint_name=link.name, joints=chain))
+            continue
         reached.add(child)
         body = bodies[child]
         com, inertia = (
@@ -520,7 +527,7 @@ def _order_segments(model: Any, links: Sequence[_Link]) -> list[Segment]:
     for name in bodies:
         if name not in reached:
             raise _report_loose(name, name)
-    return segments
+    return segments, welds
 
 
 def _report_loose(body: str, component: str) -> ModelRefused:

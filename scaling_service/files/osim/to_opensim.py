@@ -12,7 +12,13 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
-from scaling_service.files.osim.from_opensim import POINTS, is_pure, list_end_frames, read_body_model
+from scaling_service.files.osim.from_opensim import (
+    POINTS,
+    is_pure,
+    list_end_frames,
+    name_copy,
+    read_body_model,
+)
 from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
@@ -77,7 +83,8 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
         if joint in tilts or any(moves[joint]["turn"]):
             _tilt(osim, joint, turn @ tilt_rotation(tilts.get(joint, (0.0, 0.0))))
     if request["inertia_from_model"]:
-        for segment in model.segments:
+        copies = _list_copies(osim)
+        for segment in (s for s in model.segments if s.name not in copies):
             if not osim.getBodySet().contains(segment.name):
                 raise ModelRefused(
                     f"the source model has no body '{segment.name}'",
@@ -91,7 +98,10 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
 def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | None, preserve: bool) -> None:
     library = import_opensim()
     scales = library.ScaleSet()
+    copies = _list_copies(model)
     for segment, xyz in factors.items():
+        if segment in copies:
+            continue
         if not model.getBodySet().contains(segment):
             raise ModelRefused(
                 f"there is a scale factor for '{segment}', which the model does not have",
@@ -131,6 +141,13 @@ def _list_ends(model: Any) -> list[tuple[Any, Array, Callable[[Any], None]]]:
                 )
                 found.append((frame, np.array(list_numbers(place)), getattr(own, f"set_{name}")))
     return found
+
+
+def _list_copies(model: Any) -> set[str]:
+    """What copies of bodies would be called that joints carry in loops."""
+    joints = list_items(model.getJointSet())
+    ends = ((j.getName(), f.findBaseFrame()) for j in joints for f in (j.getParentFrame(), j.getChildFrame()))
+    return {name_copy(body.getName(), joint) for joint, body in ends}
 
 
 def _list_custom_joints(model: Any) -> list[Any]:

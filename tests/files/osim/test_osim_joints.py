@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from scaling_service.core.errors import ModelRefused
-from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.models import read_osim, write_osim
 from scaling_service.model.compile import compile_constraints
+from scaling_service.model.scaling import scale_model
 
 LINE = {"kind": "LinearFunction", "values": [1.0, 0.0]}
 KNOTS = [
@@ -189,6 +190,31 @@ def test_poses_that_obey_the_model_obey_opensim(oracle, tmp_path, kind, other):
     assert np.abs(oracle({**request, "poses": q.tolist()})["missed"]).max() < 1e-9
 
 
+@pytest.mark.parametrize("kind", ["PinJoint", "BallJoint", "WeldJoint", "EllipsoidJoint"])
+def test_joints_that_close_loops(oracle, tmp_path, kind):
+    """A pose that obeys the weld of the body's copy obeys OpenSim's own cut."""
+    path = tmp_path / "loop.osim"
+    joints = [
+        {"kind": "GimbalJoint", "name": "one", "parent": "ground", "child": "a"},
+        {"kind": "GimbalJoint", "name": "two", "parent": "a", "child": "b"},
+        {"kind": "GimbalJoint", "name": "three", "parent": "b", "child": "c"},
+        {"kind": kind, "name": "loop", "parent": "ground", "child": "c", "closing": True},
+    ]
+    oracle({"operation": "build", "file": str(path), "joints": joints})
+    model = read_osim(path)
+    assert model.segment_names[-1] == "c_of_loop"
+    assert [(c.name, c.kind) for c in model.constraints] == [("loop", "weld")]
+    q = np.random.default_rng(5).uniform(-0.3, 0.3, (20, len(model.coordinates)))
+    bound = np.full(q.shape[1], np.inf)
+    compile_constraints(model).close(q, np.zeros(0), np.arange(q.shape[1]), -bound, bound)
+    request = {"operation": "missed", "file": str(path), "coordinates": model.coordinate_names}
+    assert np.abs(oracle({**request, "poses": q.tolist()})["missed"]).max() < 1e-9
+    factors = dict.fromkeys(model.segment_names, (1.1, 0.9, 1.2))
+    scaled, written = scale_model(model, factors), tmp_path / "written.osim"
+    write_osim(written, scaled, source=path, factors=factors, inertia_from_model=True)
+    assert read_osim(written).segment_names == model.segment_names
+
+
 def test_a_coupler_of_several_coordinates_is_a_constraint(oracle, tmp_path):
     path = tmp_path / "coupled.osim"
     law = {"kind": "MultivariatePolynomialFunction", "dimension": 2, "order": 2}
@@ -274,12 +300,6 @@ def refused(oracle, path, request):
 
 def test_refusals_name_the_component(oracle, tmp_path):
     path = tmp_path / "bad.osim"
-    pins = [
-        {"kind": "PinJoint", "name": "one", "parent": "ground", "child": "a"},
-        {"kind": "PinJoint", "name": "two", "parent": "a", "child": "b"},
-    ]
-    loop = {"kind": "PinJoint", "name": "loop", "parent": "ground", "child": "b", "closing": True}
-    assert refused(oracle, path, {"joints": [*pins, loop]}).field == "loop"
     stairs = custom("stairs", "a", {0: ("q", {"kind": "PiecewiseConstantFunction", "points": KNOTS})})
     assert refused(oracle, path, {"joints": [stairs]}).field == "stairs"
 

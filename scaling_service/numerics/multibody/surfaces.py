@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import factorial
 
 import numpy as np
@@ -91,7 +92,7 @@ def _multiply_powers(x: Sequence[_Series], exponents: Sequence[float]) -> _Serie
     return result
 
 
-def _point_normal(x: Sequence[_Series], axis: int) -> _Series:
+def _point_normal(x: Sequence[_Series], _: Sequence[float], axis: int) -> _Series:
     """A component of the z axis after turns about x and y, both of the frame reached."""
     (sin_a, cos_a), (sin_b, cos_b) = _turn(x[0]), _turn(x[1])
     return (sin_b, sin_a * cos_b * -1.0, cos_a * cos_b)[axis]
@@ -136,8 +137,8 @@ def _differentiate_angle_over_sine(cosine: Array, order: int) -> list[Array]:
 
 _KINDS: Mapping[str, Callable[[Sequence[_Series], Sequence[float]], _Series]] = {
     "powers": _multiply_powers,
-    **{f"normal_{c}": lambda x, _, k=k: _point_normal(x, k) for k, c in enumerate("xyz")},
-    **{f"arc_{c}": lambda x, offsets, k=k: _reach_along_arc(x, offsets, k) for k, c in enumerate("xyz")},
+    **{f"normal_{letter}": partial(_point_normal, axis=k) for k, letter in enumerate("xyz")},
+    **{f"arc_{letter}": partial(_reach_along_arc, axis=k) for k, letter in enumerate("xyz")},
 }
 
 

@@ -116,7 +116,7 @@ class Tree:
 
 def list_variables(tree: Tree, term: TermArrays) -> list[int]:
     """The variables that enter a term: its coordinates, its parameter."""
-    found = []
+    found: list[int] = []
     if term.factor != NONE:
         found += tree.factors[term.factor].coordinates
     if term.parameter != NONE:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, TypeVar
 
 from scaling_service.core.errors import ModelRefused
@@ -74,6 +74,7 @@ class Term:
     parameter: str | None = None
     coordinate: str | None = None
     shape: Shape | None = None
+    _: KW_ONLY
     surface: Surface | None = None
 
     @property
@@ -138,6 +139,7 @@ class Joint:
     scales_with: str | None = None
     """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
     frame, or in a joint frame fixed in it."""
+    _: KW_ONLY
     size_axis: Vector | None = None
     """(3,) unit vector along an axis of that segment, where the translation follows its size along this one
     and not along its own axis."""

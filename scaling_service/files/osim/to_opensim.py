@@ -12,14 +12,10 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
-from scaling_service.files.osim.from_opensim import (
-    POINTS,
-    is_pure,
-    list_end_frames,
-    name_copy,
-    read_body_model,
-)
-from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
+from scaling_service.files.osim.constraints import list_ends
+from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
+from scaling_service.files.osim.functions import make_function
+from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
     list_items,
@@ -28,8 +24,7 @@ from scaling_service.files.osim.library import (
     put_back,
     shorten_message,
 )
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
-from scaling_service.model.compile import evaluate_shape
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
@@ -113,7 +108,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique, ends = _list_oblique_translations(model), _list_ends(model)
+    oblique, ends = _list_oblique_translations(model), list_ends(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
@@ -127,20 +122,6 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         body = frame.findBaseFrame().getName()
         moved = _to_vec3(place * np.array(factors.get(body, (1.0, 1.0, 1.0))))
         write(frame.findTransformInBaseFrame().shiftBaseStationToFrame(moved))
-
-
-def _list_ends(model: Any) -> list[tuple[Any, Array, Callable[[Any], None]]]:
-    """Ends of constraints that OpenSim does not scale: frame, place in the body, and how to write another."""
-    found = []
-    for constraint in list_items(model.getConstraintSet()):
-        if constraint.getConcreteClassName() in POINTS:
-            own = getattr(import_opensim(), constraint.getConcreteClassName()).safeDownCast(constraint)
-            for frame, name in list_end_frames(constraint):
-                place = frame.findTransformInBaseFrame().shiftFrameStationToBase(
-                    getattr(own, f"get_{name}")()
-                )
-                found.append((frame, np.array(list_numbers(place)), getattr(own, f"set_{name}")))
-    return found
 
 
 def _list_copies(model: Any) -> set[str]:
@@ -404,40 +385,4 @@ def _set_axis(transform_axis: Any, axis: Axis) -> None:
     transform_axis.setAxis(_to_vec3(axis.direction))
     if axis.coordinate is not None:
         transform_axis.setCoordinateNames(_list_names(axis.coordinate))
-    transform_axis.set_function(_make_function(axis.law))
-
-
-def _make_function(law: Law) -> Any:
-    """A law of one coordinate, or of none, as a function of OpenSim's."""
-    library = import_opensim()
-    if law.is_constant:
-        return library.Constant(law.constant_part)
-    if all(t.shape is None for t in law.terms):
-        slope = sum(t.gain for t in law.terms if t.coordinate is not None)
-        return library.LinearFunction(slope, law.constant_part)
-    shape = merge_shapes(law)
-    single = _find_single_polynomial(shape)
-    if single is not None:
-        coefficients = library.Vector(len(single), 0.0)
-        for k, value in enumerate(single):
-            coefficients.set(k, value)
-        return library.PolynomialFunction(coefficients)
-    straight = all(not any(piece[:-2]) for piece in shape.coefficients)
-    spline = library.PiecewiseLinearFunction() if straight else library.SimmSpline()
-    for x, y in zip(shape.breaks, evaluate_shape(shape, np.array(shape.breaks)).tolist(), strict=True):
-        spline.addPoint(x, y)
-    return spline
-
-
-def _find_single_polynomial(shape: Shape) -> list[float] | None:
-    """Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)."""
-    middle = len(shape.coefficients) // 2
-    local = np.poly1d(shape.coefficients[middle])
-    breaks = np.array(shape.breaks)
-    between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
-    there = evaluate_shape(shape, between)
-    size = max(1e-3, float(np.abs(there).max()))
-    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
-        return None
-    moved = local(np.poly1d([1.0, -breaks[middle]]))
-    return [float(c) for c in np.atleast_1d(moved.coeffs)]
+    transform_axis.set_function(make_function(axis.law))

@@ -28,7 +28,6 @@ from scaling_service.numerics.multibody.sweep import (
     DEFAULT,
     MotionSolution,
     SweepSettings,
-    is_articulated,
     solve_motion,
 )
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
@@ -149,7 +148,7 @@ def _solve(
     progress: Callable[[int], None] | None = None,
     settings: SweepSettings = DEFAULT,
 ) -> MotionSolution:
-    if is_articulated(task.tree) and task.loss is SQUARED and task.closure is None:
+    if task.is_swept:
         return solve_motion(
             task.tree,
             task.measured[rows],

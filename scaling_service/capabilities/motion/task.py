@@ -24,6 +24,7 @@ from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.numerics.multibody.sweep import is_articulated
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
@@ -87,6 +88,11 @@ class Task:
             loss=loss,
             closure=compile_constraints(model),
         )
+
+    @property
+    def is_swept(self) -> bool:
+        """Whether sweeps over the tree solve it: coordinates in one link each, plain squares, no loops."""
+        return is_articulated(self.tree) and self.loss is SQUARED and self.closure is None
 
     def at(self, p: Array) -> Task:
         """The same task at other parameter values, shape (n_parameters,)."""

@@ -17,8 +17,6 @@ from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
-_REMEDY = "Remove or replace it in the model"
-
 
 class NotSubstituted(Exception):
     """A coordinate enters something in which the law that it follows cannot be put in its place."""
@@ -61,7 +59,9 @@ def read_constraint(constraint: Any) -> Constraint:
         return Constraint(name=name, kind="weld", ends=ends, turns=(places[0][2], places[1][2]))
     if kind not in POINTS:
         raise ModelRefused(
-            f"constraint '{name}' is a {kind}, which is not supported", field=name, remedy=_REMEDY
+            f"constraint '{name}' is a {kind}, which is not supported",
+            field=name,
+            remedy="Set its isEnforced to false: motions then need not obey it",
         )
     own = getattr(library, kind).safeDownCast(constraint)
     frames = list_end_frames(constraint)

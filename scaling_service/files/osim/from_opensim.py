@@ -81,11 +81,19 @@ def read_body_model(model: Any) -> BodyModel:
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
         couplers=tuple(follows.values()),
         constraints=bound,
-        notes=tuple(_note_constraints(model, bound)),
+        notes=tuple(_list_notes(model, bound)),
     )
 
 
-def _note_constraints(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
+def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
+    """What of a model is taken otherwise than it stands in the file."""
+    moved = [
+        c.getName()
+        for c in list_items(model.getCoordinateSet())
+        if c.get_prescribed() and _find_prescribed(c) is None
+    ]
+    if moved:
+        yield f"prescribed as functions of time, here estimated from markers: {', '.join(moved)}"
     idle = [item.getName() for item in list_items(model.getConstraintSet()) if not item.get_isEnforced()]
     if idle:
         yield f"constraints that the model does not enforce are left out: {', '.join(idle)}"
@@ -96,16 +104,9 @@ def _note_constraints(model: Any, followed: Sequence[Constraint]) -> Iterator[st
 
 def _read_coordinate(coordinate: Any) -> Coordinate:
     default, locked = coordinate.getDefaultValue(), coordinate.getDefaultLocked()
-    if coordinate.get_prescribed():
-        function = coordinate.get_prescribed_function()
-        constant = import_opensim().Constant.safeDownCast(function)
-        if constant is None:
-            raise ModelRefused(
-                f"coordinate '{coordinate.getName()}' is prescribed by a {function.getConcreteClassName()}",
-                field=coordinate.getName(),
-                remedy="Set <prescribed> to false, or prescribe a Constant",
-            )
-        default, locked = constant.getValue(), True
+    prescribed = _find_prescribed(coordinate)
+    if prescribed is not None:
+        default, locked = prescribed, True
     return Coordinate(
         name=coordinate.getName(),
         kind="rotation" if int(coordinate.getMotionType()) == _ROTATIONAL else "translation",
@@ -115,6 +116,14 @@ def _read_coordinate(coordinate: Any) -> Coordinate:
         clamped=coordinate.getDefaultClamped(),
         locked=locked,
     )
+
+
+def _find_prescribed(coordinate: Any) -> float | None:
+    """The value at which a coordinate is held; None where it is free, or prescribed by a function of time."""
+    if not coordinate.get_prescribed():
+        return None
+    constant = import_opensim().Constant.safeDownCast(coordinate.get_prescribed_function())
+    return None if constant is None else float(constant.getValue())
 
 
 _ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled

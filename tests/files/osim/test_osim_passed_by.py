@@ -75,6 +75,23 @@ def test_forces_of_plug_ins_are_passed_by_and_kept(oracle, built, tmp_path, know
     assert read_osim(written).notes == model.notes
 
 
+def test_coordinates_prescribed_in_time_are_estimated(built):
+    """One that is held at a number stays locked there."""
+    sine = "<Sine><amplitude>0.1</amplitude></Sine>"
+    prescribed = "<prescribed>true</prescribed><prescribed_function>{}</prescribed_function>"
+    path = built(
+        ('<Coordinate name="j_0">', f'<Coordinate name="j_0">{prescribed.format(sine)}'),
+        (
+            '<Coordinate name="j_1">',
+            f'<Coordinate name="j_1">{prescribed.format("<Constant><value>0.3</value></Constant>")}',
+        ),
+    )
+    model = read_osim(path)
+    assert not model.coordinate("j_0").locked
+    assert (model.coordinate("j_1").locked, model.coordinate("j_1").default) == (True, 0.3)
+    assert [note for note in model.notes if "functions of time" in note and note.endswith(": j_0")]
+
+
 @pytest.mark.parametrize("version", ["20302", "30000"])
 def test_files_of_old_versions_keep_their_constraints(tmp_path, version, oracle):
     path = tmp_path / "old.osim"

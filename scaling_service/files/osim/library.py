@@ -99,10 +99,11 @@ def _is_unknown(element: ElementTree.Element) -> bool:
 
 
 def _find_idle_sets(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
-    """The lists of members of the sets that motion does not need."""
+    """The lists of members of the sets that motion does not need, and the model's own list."""
     model = root if root.tag == "Model" else root.find("Model")
-    found = {kind: model.find(f"{kind}/objects") for kind in _WITHOUT_KINEMATICS if model is not None}
-    return {kind: objects for kind, objects in found.items() if objects is not None}
+    places = {"components": "components", **{kind: f"{kind}/objects" for kind in _WITHOUT_KINEMATICS}}
+    found = {kind: model.find(place) for kind, place in places.items() if model is not None}
+    return {kind: members for kind, members in found.items() if members is not None}
 
 
 def _find_aside(sets: Mapping[str, ElementTree.Element]) -> dict[str, list[ElementTree.Element]]:
@@ -130,14 +131,18 @@ def put_back(text: str, path: Path) -> str:
     aside = _find_aside(_find_idle_sets(ElementTree.fromstring(path.read_bytes())))
     for kind, elements in aside.items():
         lines = "".join(ElementTree.tostring(element, encoding="unicode") for element in elements)
-        empty = rf"(<{kind}\b(?:(?!</{kind}>).)*?)<objects\s*/>"
-        text = re.sub(empty, r"\1<objects></objects>", text, count=1, flags=re.DOTALL)
-        place = re.search(rf"<{kind}\b(?:(?!</{kind}>).)*?<objects>", text, flags=re.DOTALL)
-        if place is not None:
+        own = "components" if kind == "components" else "objects"
+        before = r"<Model\b[^>]*>(?:\s|<!--[^>]*-->)*" if kind == own else rf"<{kind}\b(?:(?!</{kind}>).)*?"
+        place = re.search(rf"{before}<{own}\s*(/?)>", text, flags=re.DOTALL)
+        if not lines:
+            continue
+        if place is None:
+            inner = lines if kind == own else f"<objects>{lines}</objects>"
+            text = text.replace("</Model>", f"<{kind}>{inner}</{kind}></Model>", 1)
+        elif place[1]:  # an empty list
+            text = f"{text[: place.start(1)]}>{lines}</{own}{text[place.end(1) :]}"
+        else:
             text = text[: place.end()] + lines + text[place.end() :]
-        elif lines:
-            own = f"<{kind}><objects>{lines}</objects></{kind}>"
-            text = text.replace("</Model>", own + "</Model>", 1)
     return text
 
 

@@ -75,6 +75,16 @@ def test_forces_of_plug_ins_are_passed_by_and_kept(oracle, built, tmp_path, know
     assert read_osim(written).notes == model.notes
 
 
+def test_components_of_plug_ins_are_kept_too(built, tmp_path):
+    path = built(("</Model>", "<components><HomemadeSensor name='ear'/></components></Model>"))
+    model = read_osim(path)
+    assert "ear (HomemadeSensor)" in model.notes[0]
+    written = tmp_path / "written.osim"
+    write_osim(written, model, source=path)
+    (ear,) = ElementTree.parse(written).getroot().find("Model/components")
+    assert (ear.tag, ear.get("name")) == ("HomemadeSensor", "ear")
+
+
 def test_coordinates_prescribed_in_time_are_estimated(built):
     """One that is held at a number stays locked there."""
     sine = "<Sine><amplitude>0.1</amplitude></Sine>"

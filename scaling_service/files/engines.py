@@ -10,6 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Joint, Law, Segment, Term
 from scaling_service.model.compile import evaluate_law
 from scaling_service.model.trial import Array
@@ -54,9 +55,18 @@ def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
     """The model's segments, parents first; locked coordinates stand at their default.
 
     ValueError: parameters are not folded into the laws.
+    ModelRefused: a joint moves by a function of several coordinates.
     """
     if model.parameters:
         raise ValueError("fold the parameters into the laws first")
+    for segment, joint in model.joints():
+        if any(t.surface is not None for t in joint.law.terms):
+            raise ModelRefused(
+                f"joint '{segment.joint_name}' moves by a function of several coordinates, and the format's"
+                " axes by one each",
+                field=segment.joint_name,
+                remedy="Leave out the export; the .osim and the JSON model hold the joint",
+            )
     fixed = {c.name: c.default for c in model.coordinates if c.locked}
     leading: set[str] = set()
     return tuple(_make_limb(segment, fixed, leading) for segment in model.segments)
@@ -118,6 +128,8 @@ def list_uncarried(model: BodyModel) -> tuple[str, ...]:
         said.append(
             f"{len(following)} axes follow {', '.join(names)}: {', '.join(a.name for a in following)}"
         )
+    if model.constraints:
+        said.append(f"constraints are not carried: {', '.join(c.name for c in model.constraints)}")
     skin = [m.name for m in model.markers if not all(law.is_constant for law in m.laws)]
     if skin:
         said.append(f"markers that move with joints are fixed where they are nominally: {', '.join(skin)}")

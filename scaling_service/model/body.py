@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Literal, TypeVar
 
 from scaling_service.core.errors import ModelRefused
@@ -48,8 +48,24 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
+class Surface:
+    """A smooth function of several coordinates.
+
+    ``powers``: the product of their powers, ``numbers`` the exponents.
+    ``normal_x``, ``normal_y``, ``normal_z``: the z axis after turns by two coordinates about x and y.
+    ``arc_x``, ``arc_y``, ``arc_z``: the end of an arc of constant curvature and length one that leaves along
+        y, and arrives along the y axis after turns about x and z by two coordinates to which ``numbers``
+        (rad) are added.
+    """
+
+    kind: Literal["powers", "normal_x", "normal_y", "normal_z", "arc_x", "arc_y", "arc_z"]
+    coordinates: tuple[str, ...]
+    numbers: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Term:
-    """One summand of a law: ``gain * parameter * shape(coordinate)``.
+    """One summand of a law: ``gain * parameter * shape(coordinate)``, or ``gain * parameter * surface``.
 
     Absent factors are one. A coordinate without a shape is taken as it is.
     """
@@ -58,11 +74,20 @@ class Term:
     parameter: str | None = None
     coordinate: str | None = None
     shape: Shape | None = None
+    _: KW_ONLY
+    surface: Surface | None = None
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Those that enter."""
+        if self.surface is not None:
+            return self.surface.coordinates
+        return () if self.coordinate is None else (self.coordinate,)
 
     @property
     def is_constant(self) -> bool:
         """Whether nothing but the gain enters."""
-        return self.parameter is None and self.coordinate is None
+        return self.parameter is None and not self.coordinates
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +114,7 @@ class Law:
     @property
     def coordinates(self) -> set[str]:
         """Those that enter."""
-        return {t.coordinate for t in self.terms if t.coordinate is not None}
+        return {name for t in self.terms for name in t.coordinates}
 
     @property
     def constant_part(self) -> float:
@@ -114,6 +139,10 @@ class Joint:
     scales_with: str | None = None
     """For a translation: the segment whose size it follows. The axis then is expressed in that segment's
     frame, or in a joint frame fixed in it."""
+    _: KW_ONLY
+    size_axis: Vector | None = None
+    """(3,) unit vector along an axis of that segment, where the translation follows its size along this one
+    and not along its own axis."""
 
     @property
     def turns(self) -> bool:
@@ -192,6 +221,26 @@ class Marker:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Constraint:
+    """What every pose must obey beside the joints, which form a tree.
+
+    ``point``: the two ends meet.
+    ``weld``: frames at the ends, turned in their segments by ``turns`` (rotation vectors, rad), are one.
+    ``distance``: the ends are ``distance`` (m) apart.
+    ``line``: the second end lies on the line through the first along ``direction`` (in the first's segment).
+    ``law``: ``law`` is zero.
+    """
+
+    name: str
+    kind: Literal["point", "weld", "distance", "line", "law"]
+    ends: tuple[Marker, ...] = ()
+    turns: tuple[Vector, Vector] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    distance: float = 0.0
+    direction: Vector = (0.0, 0.0, 0.0)
+    law: Law = Law()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A number shared by all frames: a scale factor, an axis tilt, a marker shift."""
 
@@ -229,10 +278,12 @@ class BodyModel:
     markers: tuple[Marker, ...] = ()
     parameters: tuple[Parameter, ...] = ()
     couplers: tuple[Coupler, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     source: str = ""
     expectations: tuple[Expectation, ...] = ()
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
     bones: tuple[tuple[str, str], ...] = ()
+    notes: tuple[str, ...] = ()  # what the file that it was read from holds beside, or means otherwise
 
     def __repr__(self) -> str:
         mass = sum(segment.mass for segment in self.segments)
@@ -267,7 +318,7 @@ class BodyModel:
                 raise ModelRefused(
                     f"two {kind}s are called '{min(twice)}'", field=min(twice), remedy="Rename one of them"
                 )
-        for marker in self.markers:
+        for marker in (*self.markers, *(end for c in self.constraints for end in c.ends)):
             if marker.segment not in known:
                 raise ModelRefused(
                     f"marker '{marker.name}' sits on '{marker.segment}', which is no segment of the model",

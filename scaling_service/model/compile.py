@@ -8,14 +8,27 @@ that few of them remain.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.model.body import GROUND, BodyModel, Joint, Law, Marker, Segment, Shape, Term
+from scaling_service.model.body import (
+    GROUND,
+    BodyModel,
+    Constraint,
+    Joint,
+    Law,
+    Marker,
+    Segment,
+    Shape,
+    Surface,
+    Term,
+)
+from scaling_service.numerics.multibody import surfaces
+from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import (
     NONE,
     Array,
@@ -28,7 +41,7 @@ from scaling_service.numerics.multibody.laws import (
     TermArrays,
     Turn,
 )
-from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
@@ -40,18 +53,22 @@ class _Index:
     def __init__(self, model: BodyModel) -> None:
         self.coordinates = {name: k for k, name in enumerate(model.coordinate_names)}
         self.parameters = {p.name: k for k, p in enumerate(model.parameters)}
-        self._factors: dict[tuple[str, Shape | None], int] = {}
+        self._factors: dict[tuple[tuple[str, ...], Shape | Surface | None], int] = {}
         self.factors: list[Factor] = []
 
     def factor(self, term: Term) -> int:
         """The number of a term's factor; locked coordinates stay coordinates."""
-        if term.coordinate is None:
+        if not term.coordinates:
             return NONE
-        key = (term.coordinate, term.shape)
+        key = (term.coordinates, term.surface or term.shape)
         if key not in self._factors:
             self._factors[key] = len(self.factors)
-            shape = to_piecewise(term.shape) if term.shape is not None else None
-            self.factors.append(Factor(self.coordinates[term.coordinate], shape))
+            shape: Piecewise | surfaces.Surface | None = None
+            if term.surface is not None:
+                shape = _to_arrays(term.surface)
+            elif term.shape is not None:
+                shape = to_piecewise(term.shape)
+            self.factors.append(Factor(tuple(self.coordinates[name] for name in term.coordinates), shape))
         return self._factors[key]
 
     def terms(self, law: Law, direction: Array) -> tuple[float, tuple[TermArrays, ...]]:
@@ -74,12 +91,22 @@ def to_piecewise(shape: Shape) -> Piecewise:
     return Piecewise(np.array(shape.breaks), rows)
 
 
+def _to_arrays(surface: Surface) -> surfaces.Surface:
+    return surfaces.Surface(surface.kind, surface.numbers)
+
+
 def evaluate_law(law: Law, values: Mapping[str, Any]) -> Any:
     """A law's value; ``values`` holds coordinates and parameters by name, numbers or arrays."""
     total: Any = 0.0
     for term in law.terms:
         factor = 1.0 if term.parameter is None else values[term.parameter]
-        if term.coordinate is not None:
+        if term.surface is not None:
+            x = np.array(
+                np.broadcast_arrays(*(values[name] for name in term.surface.coordinates)), dtype=float
+            )
+            found = _to_arrays(term.surface).evaluate(x.reshape(len(x), -1))[0]
+            factor = factor * found.reshape(x.shape[1:])
+        elif term.coordinate is not None:
             x = values[term.coordinate]
             factor = factor * (x if term.shape is None else evaluate_shape(term.shape, x))
         total = total + term.gain * factor
@@ -161,6 +188,72 @@ def _compile_cached(same: _Same, markers: tuple[str, ...] | None) -> Tree:
         marker_local=local,
         marker_terms=terms,
     )
+
+
+def compile_constraints(model: BodyModel) -> Closure | None:
+    """What poses of a model must obey beside its joints; None if there is nothing."""
+    if not model.constraints:
+        return None
+    return _compile_constraints(_Same(model))
+
+
+@lru_cache(maxsize=_KEPT)
+def _compile_constraints(same: _Same) -> Closure:
+    model = same.model
+    points: list[Marker] = []
+    meeting, apart, level = (
+        list[tuple[int, int]](),
+        list[tuple[int, int, float]](),
+        list[tuple[int, int, int]](),
+    )
+
+    def add(segment: str, laws: tuple[Law, Law, Law]) -> int:
+        where = segment if segment != GROUND else _STILL
+        points.append(Marker(name=f"end {len(points)}", segment=where, laws=laws))
+        return len(points) - 1
+
+    for item in model.constraints:
+        if item.kind == "law":
+            meeting.append((add(GROUND, (item.law, Law(), Law())), add(GROUND, (Law(), Law(), Law()))))
+            continue
+        first, second = (add(end.segment, end.laws) for end in item.ends)
+        if item.kind == "distance":
+            apart.append((first, second, item.distance))
+        elif item.kind == "line":
+            start = item.ends[0]
+            level += [(second, first, add(start.segment, _move(start, tip))) for tip in _find_across(item)]
+        else:
+            meeting.append((first, second))
+        if item.kind == "weld":
+            turns = [convert_vector_to_rotation(np.array(turn)) for turn in item.turns]
+            for axis in _WELDED.T:
+                tips = zip(item.ends, turns, strict=True)
+                a, b = (add(end.segment, _move(end, turn @ axis)) for end, turn in tips)
+                meeting.append((a, b))
+    still = Segment(name=_STILL, parent=GROUND, joint_name=_STILL, joints=())
+    whole = replace(model, segments=(still, *model.segments), markers=tuple(points), constraints=())
+    return Closure(
+        tree=compile_model(whole),
+        meeting=np.array(meeting, dtype=np.intp).reshape(-1, 2),
+        apart=np.array([pair[:2] for pair in apart], dtype=np.intp).reshape(-1, 2),
+        distances=np.array([distance for *_, distance in apart]),
+        level=np.array(level, dtype=np.intp).reshape(-1, 3),
+    )
+
+
+_STILL = "fixed to the ground"
+_WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+"""Two axes of a welded frame, whose tips must meet, too (m; chosen: an error of 1 rad counts as 1 m)."""
+
+
+def _move(end: Marker, by: Array) -> tuple[Law, Law, Law]:
+    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(end.laws, by, strict=True))
+    return x, y, z
+
+
+def _find_across(line: Constraint) -> Array:
+    """Two unit vectors across a line, (2, 3)."""
+    return np.linalg.svd(np.array([line.direction]))[2][1:]
 
 
 def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:

@@ -144,7 +144,8 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
 
     def check(law: Law, where: str) -> None:
         for term in law.terms:
-            _must_exist(term.coordinate, coordinates, "coordinate", where, file)
+            for name in term.coordinates:
+                _must_exist(name, coordinates, "coordinate", where, file)
             _must_exist(term.parameter, parameters, "parameter", where, file)
 
     for segment in model.segments:
@@ -157,6 +158,9 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
     for coupler in model.couplers:
         check(coupler.law, coupler.dependent)
         _must_exist(coupler.independent, coordinates, "coordinate", coupler.dependent, file)
+    for constraint in model.constraints:
+        for law in (constraint.law, *(law for end in constraint.ends for law in end.laws)):
+            check(law, constraint.name)
     for expected in model.expectations:
         _must_exist(expected.coordinate, coordinates, "coordinate", "expectations", file)
         check(expected.law, expected.coordinate)

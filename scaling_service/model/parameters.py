@@ -65,9 +65,10 @@ def free_scale_axes(
 
     def resize(item: Joint) -> tuple[Joint, ...]:
         return tuple(
-            replace(item, axis=unit, law=_multiply_law(item.law.scale(part), shares[letter]))
-            for letter, unit, part in zip(_LETTERS, _UNITS, item.axis, strict=True)
+            replace(item, axis=item.axis if item.size_axis else unit, law=_multiply_law(law, shares[letter]))
+            for letter, unit, part in zip(_LETTERS, _UNITS, item.size_axis or item.axis, strict=True)
             if part
+            for law in (item.law if item.size_axis else item.law.scale(part),)
         )
 
     return _resize_segment(model, segment, resize, shares, relative_bound, prior_sd)
@@ -111,7 +112,7 @@ def _resize_segment(
         )
         for name in dict.fromkeys(name for share in shares.values() for name in share)
     )
-    return _with(replace(model, segments=segments, markers=tuple(map(marker, model.markers))), *added)
+    return _with(_map_markers(replace(model, segments=segments), marker), *added)
 
 
 def _multiply_law(law: Law, shares: Mapping[str, float], *, constant_only: bool = False) -> Law:
@@ -234,7 +235,13 @@ def _map_model(
     model: BodyModel, joint: Callable[[Joint], Joint], marker: Callable[[Marker], Marker]
 ) -> BodyModel:
     segments = tuple(replace(s, joints=tuple(map(joint, s.joints))) for s in model.segments)
-    return replace(model, segments=segments, markers=tuple(map(marker, model.markers)))
+    return _map_markers(replace(model, segments=segments), marker)
+
+
+def _map_markers(model: BodyModel, marker: Callable[[Marker], Marker]) -> BodyModel:
+    """Markers, and ends of constraints, changed alike."""
+    ends = (replace(c, ends=tuple(map(marker, c.ends))) for c in model.constraints)
+    return replace(model, markers=tuple(map(marker, model.markers)), constraints=tuple(ends))
 
 
 def _with(model: BodyModel, *added: Parameter) -> BodyModel:

@@ -38,16 +38,17 @@ def scale_model(
     ``mass_kg``: the total mass that all masses and inertias are multiplied to reach.
     ``preserve_mass_distribution``: whether segment masses keep their proportions; otherwise each follows its
         volume.
-    Translations that scale with a segment, centres of mass and markers are multiplied component by component,
-        joint axes and coordinates stay as they are.
+    Translations that scale with a segment, centres of mass, markers and ends of constraints are multiplied
+        component by component, joint axes and coordinates stay as they are.
     Raises KeyError: a factor for a segment that the model does not have.
     Raises ValueError: a factor or mass that is not positive and finite, or a mass for a massless model.
 
     Reproduces OpenSim's ``Model::scale`` (Seth et al. 2018, PLoS Comput Biol 14:e1006223; behaviour of
-    version 4.6), inertia included: by the square of a uniform factor, otherwise as a cylinder. One deliberate
-    difference: a translation along an axis oblique to the axes of its frame is multiplied component by
+    version 4.6), inertia included: by the square of a uniform factor, otherwise as a cylinder. Two deliberate
+    differences: a translation along an axis oblique to the axes of its frame is multiplied component by
     component like everything else, while OpenSim multiplies it by the sum of the factors weighted with the
-    axis' components, which stretches it even where all factors are one.
+    axis' components, which stretches it even where all factors are one; and the ends of constraints follow
+    their segments like everything fixed in them, while OpenSim moves those of welds only.
 
     Examples
     --------
@@ -69,6 +70,9 @@ def scale_model(
         segments=segments,
         markers=tuple(_scale_marker(m, factors) for m in model.markers),
         couplers=tuple(_scale_coupler(c, model, factors) for c in model.couplers),
+        constraints=tuple(
+            replace(c, ends=tuple(_scale_marker(end, factors) for end in c.ends)) for c in model.constraints
+        ),
     )
 
 
@@ -104,6 +108,9 @@ def scale_joint(joint: Joint, factors: Mapping[str, Vector]) -> Joint:
     segment = joint.scales_with
     if joint.kind != "translation" or segment is None or segment not in factors:
         return joint
+    if joint.size_axis is not None:
+        size = float(np.linalg.norm(np.array(joint.size_axis) * np.array(factors[segment])))
+        return replace(joint, law=joint.law.scale(size))
     direction: Array = np.array(joint.axis) * np.array(factors[segment])
     length = float(np.linalg.norm(direction))
     if np.count_nonzero(direction) == 1:  # keep a coordinate axis free of rounding

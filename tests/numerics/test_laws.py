@@ -40,7 +40,7 @@ def test_it_continues_along_its_tangent_outside(seed: int, beyond: float) -> Non
 def test_a_law_sums_its_terms() -> None:
     q = np.array([[0.5, -1.0], [3.0, 4.0]])
     square = Piecewise(np.array([-5.0, 5.0]), np.array([[1.0], [-10.0], [25.0]]))  # (x + 5 - 5)^2
-    factors = (Factor(0), Factor(0, square), Factor(1))
+    factors = (Factor((0,)), Factor((0,), square), Factor((1,)))
     values = Values.of(factors, group_shapes(factors), q, np.array([2.0, 10.0]))
     terms = (
         TermArrays(np.array([1.5]), NONE, 0),
@@ -55,7 +55,7 @@ def test_a_law_sums_its_terms() -> None:
 
 
 def test_a_shift_takes_a_vector_of_gains() -> None:
-    values = Values.of((Factor(0),), (), np.array([[1.0, 2.0]]), np.array([3.0]))
+    values = Values.of((Factor((0,)),), (), np.array([[1.0, 2.0]]), np.array([3.0]))
     terms = (TermArrays(np.array([1.0, 0.0, -1.0]), 0, 0),)
     found = values.vector(np.array([0.1, 0.2, 0.3]), terms)
     np.testing.assert_allclose(found, [[3.1, 6.1], [0.2, 0.2], [-2.7, -5.7]], rtol=1e-14)

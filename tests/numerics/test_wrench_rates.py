@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Term
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Surface, Term
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.model.inertia import compile_mechanism
@@ -42,7 +42,31 @@ def _coupled() -> BodyModel:
     return replace(model, segments=segments, coordinates=locked)
 
 
-MODELS = {"coupled squat": _coupled(), "full body": load_builtin("full_body_35dof")}
+def _gliding() -> BodyModel:
+    """The squat with a thigh that glides along surfaces of knee and hip."""
+    model, both = load_builtin("squat_4dof"), ("knee_angle", "hip_angle")
+    surfaces = (
+        Surface("arc_x", both, (0.1, 0.2)),
+        Surface("normal_y", both),
+        Surface("powers", both, (2.0, 3.0)),
+    )
+    axes = ((0.6, 0.8, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    extra = tuple(
+        Joint("translation", axis, Law((Term(0.3, surface=surface),)))
+        for axis, surface in zip(axes, surfaces, strict=True)
+    )
+    twist = Joint("rotation", (0.0, 1.0, 0.0), Law((Term(0.3, surface=surfaces[0]),)))
+    segments = tuple(
+        replace(s, joints=(*s.joints, *extra, twist)) if s.name == "thigh" else s for s in model.segments
+    )
+    return replace(model, segments=segments)
+
+
+MODELS = {
+    "coupled squat": _coupled(),
+    "gliding squat": _gliding(),
+    "full body": load_builtin("full_body_35dof"),
+}
 
 
 def _motion(model: BodyModel) -> tuple[Array, Array, Array]:

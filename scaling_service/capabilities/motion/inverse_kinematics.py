@@ -22,12 +22,12 @@ from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
+from scaling_service.numerics.multibody.closure import CLOSED
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     DEFAULT,
     MotionSolution,
     SweepSettings,
-    is_articulated,
     solve_motion,
 )
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
@@ -44,6 +44,8 @@ _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
 _BETTER = 0.5  # chosen: a neighbour is worth starting from where it costs at most this share
+_OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
+_LOOSE = Settings(relative_decrease=1e-3)
 _TINY = 1e-12  # m2: noise-free frames differ by more than any factor
 
 
@@ -146,7 +148,7 @@ def _solve(
     progress: Callable[[int], None] | None = None,
     settings: SweepSettings = DEFAULT,
 ) -> MotionSolution:
-    if is_articulated(task.tree) and task.loss is SQUARED:
+    if task.is_swept:
         return solve_motion(
             task.tree,
             task.measured[rows],
@@ -169,7 +171,11 @@ def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> MotionSolution:
-    """By the general estimator: for coordinates that enter several links, and for robust losses."""
+    """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
+
+    Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
+    the markers.
+    """
     none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
     measured = task.measured[rows]
     problem = Problem(
@@ -184,7 +190,10 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
         prior_weight=none,
         coordinate_bounds=task.bounds,
         loss=task.loss,
+        closure=task.closure,
     )
+    if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
+        start = solve_motion_alone(replace(problem, closed=False), start, task.p, _LOOSE).q
     found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
     gap = measured - np.moveaxis(
         place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
@@ -252,7 +261,11 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
             task.tree, pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
         )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
-    known = find_determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
+    known = find_determined(
+        task.tree, task.measured, task.weights, solution.q, task.p, task.free, task.closure
+    )
+    if task.closure is not None:
+        known &= np.abs(task.closure.evaluate(solution.q, task.p)).max(axis=1, keepdims=True) <= CLOSED
     sometimes = np.asarray(known.any(axis=0))
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names

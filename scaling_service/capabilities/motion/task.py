@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
+    compile_constraints,
     compile_model,
     free_coordinates,
     list_coordinate_bounds,
@@ -19,9 +20,11 @@ from scaling_service.model.compile import (
 )
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
+from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.numerics.multibody.sweep import is_articulated
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
@@ -38,6 +41,7 @@ class Task:
     bounds: tuple[Array, Array]
     p: Array
     loss: Loss = SQUARED
+    closure: Closure | None = None
 
     @classmethod
     def of(
@@ -82,7 +86,13 @@ class Task:
             bounds=list_coordinate_bounds(model) if bounded else open_ended,
             p=list_parameter_values(model),
             loss=loss,
+            closure=compile_constraints(model),
         )
+
+    @property
+    def is_swept(self) -> bool:
+        """Whether sweeps over the tree solve it: coordinates in one link each, plain squares, no loops."""
+        return is_articulated(self.tree) and self.loss is SQUARED and self.closure is None
 
     def at(self, p: Array) -> Task:
         """The same task at other parameter values, shape (n_parameters,)."""
@@ -158,7 +168,7 @@ def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array
             prefix = prefix @ move.rotation
         elif isinstance(move, Turn):
             term = move.terms[0]
-            if len(move.terms) != 1 or term.parameter != NONE or tree.factors[term.factor].shape is not None:
+            if len(move.terms) != 1 or not is_plain(term, tree.factors):
                 return {}
             axes.append(prefix[:, move.axis])
             coordinates.append(tree.factors[term.factor].coordinate)

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.least_squares.problem import find_seen, find_shown
+from scaling_service.numerics.least_squares.problem import CLOSING, find_seen, find_shown
+from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import (
@@ -247,6 +248,9 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    if task.closure is not None:
+        bound = task.closure.linearise(q, task.p, free)[1] * ~held[:, free, None]
+        curvature += CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
     diagonal = np.einsum("nii->ni", curvature)
     diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
     return _Linearised(rates, curvature)
@@ -293,7 +297,13 @@ _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it 
 
 
 def find_determined(
-    tree: Tree, measured: Array, weights: Array, q: Array, p: Array, free: NDArray[np.bool_]
+    tree: Tree,
+    measured: Array,
+    weights: Array,
+    q: Array,
+    p: Array,
+    free: NDArray[np.bool_],
+    closure: Closure | None = None,
 ) -> NDArray[np.bool_]:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
 
@@ -301,13 +311,14 @@ def find_determined(
     seen, hardly the pose, that decides.
 
     ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
-    ``free`` (n_coordinates,): the others are known and count as determined.
+    ``free`` (n_coordinates,): the others are known and count as determined. ``closure``: what every pose
+    obeys, which determines coordinates as markers do.
     """
     shown = find_seen(measured)
     first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
-    verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
+    verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables, closure)
     return verdict[which]
 
 
@@ -320,7 +331,13 @@ def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], 
 
 
 def _judge(
-    tree: Tree, patterns: NDArray[np.bool_], weights: Array, q: Array, p: Array, variables: NDArray[np.intp]
+    tree: Tree,
+    patterns: NDArray[np.bool_],
+    weights: Array,
+    q: Array,
+    p: Array,
+    variables: NDArray[np.intp],
+    closure: Closure | None,
 ) -> NDArray[np.bool_]:
     poses = pose_links(tree, np.ascontiguousarray(q.T), p)
     rates = np.moveaxis(
@@ -328,6 +345,8 @@ def _judge(
     )
     share = patterns * (weights > 0.0)
     rates = (rates * share[:, :, None, None]).reshape(len(q), -1, len(variables))
+    if closure is not None:
+        rates = np.concatenate([rates, closure.linearise(q, p, variables)[1].transpose(0, 2, 1)], axis=1)
     curvature = np.matmul(rates.transpose(0, 2, 1), rates)
     values, vectors = np.linalg.eigh(curvature)
     loose = (vectors**2 * (values < _NULL)[:, None, :]).sum(axis=2)

@@ -36,7 +36,7 @@ from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.subject.loading import read_stated_sizes, record_provenance
-from scaling_service.core.errors import DependencyMissing
+from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.results import (
     ComparisonDocument,
@@ -147,13 +147,17 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         write_courses(folder, results.muscles.courses[calibration.method])
     try:
         replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
-    except DependencyMissing as error:
+    except (DependencyMissing, ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)
     for form in results.options.export:
         file, write = ENGINES[form]
-        skeleton = write(calibration.model)
+        try:
+            skeleton = write(calibration.model)
+        except ModelRefused as error:
+            warnings.append(f"{calibration.method}/{file} was not written: {error}")
+            continue
         replace_text(folder / file, skeleton.text)
         warnings += [f"{calibration.method}/{file}: {said}" for said in skeleton.left_out]
     if results.session.images is not None:

@@ -120,6 +120,7 @@ def load(
         evaluation=tuple(ready[path] for path in subject.evaluation),
         scale_setup=setup,
         warnings=(
+            *model.notes,
             *of_sizes,
             *of_tracking,
             *of_freedoms,

@@ -6,7 +6,7 @@ import numpy as np
 
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Coordinate, Marker
-from scaling_service.model.compile import compile_model
+from scaling_service.model.compile import compile_constraints, compile_model
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
@@ -62,10 +62,29 @@ def check_same(model: BodyModel, written: BodyModel) -> None:
                 field=segment.joint_name,
                 remedy="OpenSim cannot hold this joint exactly; use the JSON model",
             )
+    _check_constraints(model, written, poses)
     for marker in model.markers:
         shift = np.subtract(marker.nominal, written.marker(marker.name).nominal)
         if written.marker(marker.name).segment != marker.segment or np.abs(shift).max() > SAME:
             raise ModelRefused(f"marker '{marker.name}' was not written as given", field=marker.name)
+
+
+def _check_constraints(model: BodyModel, written: BodyModel, poses: Array) -> None:
+    """Compare what the equations of both models miss at the poses."""
+    ours, theirs = compile_constraints(model), compile_constraints(written)
+    if ours is None and theirs is None:
+        return
+    order = [model.coordinate_names.index(name) for name in written.coordinate_names]
+    if ours is not None and theirs is not None and ours.count == theirs.count:
+        none = np.zeros(0)
+        difference = np.abs(ours.evaluate(poses, none) - theirs.evaluate(poses[:, order], none))
+        if difference.max() <= SAME:
+            return
+    raise ModelRefused(
+        "OpenSim's constraints are not the model's",
+        field=(model.constraints or written.constraints)[0].name,
+        remedy="OpenSim cannot hold them exactly; use the JSON model",
+    )
 
 
 def _probe_segments(model: BodyModel, order: BodyModel, poses: Array) -> Array:

@@ -107,10 +107,12 @@ def substitute(law: Law, coordinate: str, follows: Law) -> Law:
     """A law with one coordinate replaced by the law of another coordinate that it follows.
 
     ``coordinate``: the dependent coordinate. ``follows``: its value; of at most one coordinate. Raises
-    NotPolynomial if the composition's degree is above MAX_DEGREE.
+    NotPolynomial if the composition's degree is above MAX_DEGREE, or the coordinate enters a surface.
     """
     terms: list[Term] = []
     for term in law.terms:
+        if term.surface is not None and coordinate in term.surface.coordinates:
+            raise NotPolynomial(f"'{coordinate}' enters a function of several coordinates")
         if term.coordinate != coordinate:
             terms.append(term)
         elif term.shape is None:
@@ -358,6 +360,12 @@ def _find_coordinate(segment: Segment, law: Law) -> str:
     """The only coordinate that drives an axis."""
     if any(t.parameter is not None for t in law.terms):
         raise _refuse_joint(segment, "depends on a free parameter", "Fold the parameters in first")
+    if any(t.surface is not None for t in law.terms):
+        raise _refuse_joint(
+            segment,
+            "glides on a surface",
+            "Write it with the file that the model was made from as its source",
+        )
     names = sorted(law.coordinates)
     if len(names) > 1:
         raise _refuse_joint(segment, f"adds functions of {', '.join(names)} on one axis", "Use one per axis")

@@ -6,6 +6,8 @@ It cannot live in one process with casadi, changes the working directory and is 
 from __future__ import annotations
 
 import importlib
+import re
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,7 +35,7 @@ def import_opensim() -> Any:
 
 
 def load(path: Path, marker_set: str | None = None) -> Any:
-    """Load and connect a model.
+    """Load and connect a model, without the forces and the like that :func:`list_unknown` lists.
 
     Raises FileUnreadable: if OpenSim cannot read it.
     Raises ModelRefused: if it holds a joint or constraint of a kind that OpenSim does not know, or the marker
@@ -41,9 +43,9 @@ def load(path: Path, marker_set: str | None = None) -> Any:
     """
     if not path.is_file():
         raise FileUnreadable("there is no such file", file=path, remedy="Check the path")
-    _refuse_unknown_types(path)
+    unknown = list_unknown(path)
     try:
-        model = import_opensim().Model(str(path))
+        model = import_opensim().Model(str(_set_aside(path) if unknown else path))
         model.finalizeConnections()
     except RuntimeError as error:
         raise FileUnreadable(
@@ -63,21 +65,85 @@ def shorten_message(error: RuntimeError) -> str:
     return head.split("': ", 1)[1] if head.startswith("std::exception in") and "': " in head else head
 
 
-def _refuse_unknown_types(path: Path) -> None:
+_WITHOUT_KINEMATICS = ("ForceSet", "ControllerSet", "ProbeSet", "ComponentSet")
+"""Sets of a model that its motion does not need."""
+_NAMING_OTHERS = ("ControllerSet", "ProbeSet")
+"""Of these, the sets whose members name forces: they are set aside with any force."""
+_KNOWN = "known.osim"  # in the worker's own scratch directory
+
+
+def list_unknown(path: Path) -> list[tuple[str, str]]:
+    """Name and kind of all that a plug-in defines and motion does not need.
+
+    Raises ModelRefused: a joint or constraint is of a kind that OpenSim does not know.
+    """
     try:
         root = ElementTree.fromstring(path.read_bytes())
     except ElementTree.ParseError:
-        return  # OpenSim's own parser is more lenient, and has read it
-    known = import_opensim().OpenSimObject.getDefaultInstanceOfType
+        return []  # OpenSim's own parser is more lenient, and has read it
     for element in root.iter():
         name = element.get("name")
-        if name and element.tag.endswith(("Joint", "Constraint")) and known(element.tag) is None:
+        if name and element.tag.endswith(("Joint", "Constraint")) and _is_unknown(element):
             raise ModelRefused(
                 f"'{name}' is a {element.tag}, a kind that OpenSim does not know",
                 file=path,
                 field=name,
                 remedy="Replace it by a CustomJoint, or load a model without the plug-in",
             )
+    members = (element for objects in _find_idle_sets(root).values() for element in objects)
+    return [(element.get("name") or element.tag, element.tag) for element in members if _is_unknown(element)]
+
+
+def _is_unknown(element: ElementTree.Element) -> bool:
+    return import_opensim().OpenSimObject.getDefaultInstanceOfType(element.tag) is None
+
+
+def _find_idle_sets(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The lists of members of the sets that motion does not need, and the model's own list."""
+    model = root if root.tag == "Model" else root.find("Model")
+    places = {"components": "components", **{kind: f"{kind}/objects" for kind in _WITHOUT_KINEMATICS}}
+    found = {kind: model.find(place) for kind, place in places.items() if model is not None}
+    return {kind: members for kind, members in found.items() if members is not None}
+
+
+def _find_aside(sets: Mapping[str, ElementTree.Element]) -> dict[str, list[ElementTree.Element]]:
+    return {
+        kind: [e for e in objects if kind in _NAMING_OTHERS or _is_unknown(e)]
+        for kind, objects in sets.items()
+    }
+
+
+def _set_aside(path: Path) -> Path:
+    """The model without what a plug-in defines, and what may name that."""
+    root = ElementTree.fromstring(path.read_bytes())
+    sets = _find_idle_sets(root)
+    for kind, elements in _find_aside(sets).items():
+        for element in elements:
+            sets[kind].remove(element)
+    ElementTree.ElementTree(root).write(_KNOWN, encoding="utf-8", xml_declaration=True)
+    return Path(_KNOWN)
+
+
+def put_back(text: str, path: Path) -> str:
+    """The text of a model made from a file, with what was set aside of it as it stands there."""
+    if not list_unknown(path):
+        return text
+    aside = _find_aside(_find_idle_sets(ElementTree.fromstring(path.read_bytes())))
+    for kind, elements in aside.items():
+        lines = "".join(ElementTree.tostring(element, encoding="unicode") for element in elements)
+        own = "components" if kind == "components" else "objects"
+        before = r"<Model\b[^>]*>(?:\s|<!--[^>]*-->)*" if kind == own else rf"<{kind}\b(?:(?!</{kind}>).)*?"
+        place = re.search(rf"{before}<{own}\s*(/?)>", text, flags=re.DOTALL)
+        if not lines:
+            continue
+        if place is None:
+            inner = lines if kind == own else f"<objects>{lines}</objects>"
+            text = text.replace("</Model>", f"<{kind}>{inner}</{kind}></Model>", 1)
+        elif place[1]:  # an empty list
+            text = f"{text[: place.start(1)]}>{lines}</{own}{text[place.end(1) :]}"
+        else:
+            text = text[: place.end()] + lines + text[place.end() :]
+    return text
 
 
 def _add_markers(model: Any, path: Path) -> None:

@@ -12,11 +12,19 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
-from scaling_service.files.osim.from_opensim import is_pure, read_body_model
-from scaling_service.files.osim.joints import EXACT, Axis, CustomJoint, Offset, merge_shapes, plan_joints
-from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load, shorten_message
-from scaling_service.model.body import GROUND, BodyModel, Coordinate, Law, Marker, Segment, Shape
-from scaling_service.model.compile import evaluate_shape
+from scaling_service.files.osim.constraints import list_ends
+from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
+from scaling_service.files.osim.functions import make_function
+from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
+from scaling_service.files.osim.library import (
+    import_opensim,
+    list_items,
+    list_numbers,
+    load,
+    put_back,
+    shorten_message,
+)
+from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
@@ -33,7 +41,8 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     _set_markers(osim, model.markers)
     osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
     check_same(model, _write_and_check(osim))
-    return Path(_WRITTEN).read_text(encoding="utf-8")
+    text = Path(_WRITTEN).read_text(encoding="utf-8")
+    return text if request["file"] is None else put_back(text, Path(request["file"]))
 
 
 def _write_and_check(osim: Any) -> BodyModel:
@@ -69,7 +78,8 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
         if joint in tilts or any(moves[joint]["turn"]):
             _tilt(osim, joint, turn @ tilt_rotation(tilts.get(joint, (0.0, 0.0))))
     if request["inertia_from_model"]:
-        for segment in model.segments:
+        copies = _list_copies(osim)
+        for segment in (s for s in model.segments if s.name not in copies):
             if not osim.getBodySet().contains(segment.name):
                 raise ModelRefused(
                     f"the source model has no body '{segment.name}'",
@@ -83,7 +93,10 @@ def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:
 def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | None, preserve: bool) -> None:
     library = import_opensim()
     scales = library.ScaleSet()
+    copies = _list_copies(model)
     for segment, xyz in factors.items():
+        if segment in copies:
+            continue
         if not model.getBodySet().contains(segment):
             raise ModelRefused(
                 f"there is a scale factor for '{segment}', which the model does not have",
@@ -95,7 +108,7 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         scale.setScaleFactors(library.Vec3(*xyz))
         scale.setApply(True)
         scales.cloneAndAppend(scale)
-    oblique = _list_oblique_translations(model)
+    oblique, ends = _list_oblique_translations(model), list_ends(model)
     try:
         model.scale(model.initSystem(), scales, preserve, mass_kg if mass_kg is not None else -1.0)
     except RuntimeError as error:
@@ -105,6 +118,17 @@ def _scale(model: Any, factors: Mapping[str, Sequence[float]], mass_kg: float | 
         ) from error
     for joint, number, gain in oblique:
         _scale_componentwise(model, factors, joint, number, gain)
+    for frame, place, write in ends:
+        body = frame.findBaseFrame().getName()
+        moved = _to_vec3(place * np.array(factors.get(body, (1.0, 1.0, 1.0))))
+        write(frame.findTransformInBaseFrame().shiftBaseStationToFrame(moved))
+
+
+def _list_copies(model: Any) -> set[str]:
+    """What copies of bodies would be called that joints carry in loops."""
+    joints = list_items(model.getJointSet())
+    ends = ((j.getName(), f.findBaseFrame()) for j in joints for f in (j.getParentFrame(), j.getChildFrame()))
+    return {name_copy(body.getName(), joint) for joint, body in ends}
 
 
 def _list_custom_joints(model: Any) -> list[Any]:
@@ -246,7 +270,8 @@ def _set_inertia(body: Any, segment: Segment) -> None:
 
 def _set_coordinates(osim: Any, model: BodyModel) -> None:
     """Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay."""
-    used = {t.coordinate for _, joint in model.joints() for t in joint.law.terms}
+    laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
+    used = {name for law in laws for name in law.coordinates}
     present = osim.updCoordinateSet()
     for item in model.coordinates:
         if item.name not in used:
@@ -360,40 +385,4 @@ def _set_axis(transform_axis: Any, axis: Axis) -> None:
     transform_axis.setAxis(_to_vec3(axis.direction))
     if axis.coordinate is not None:
         transform_axis.setCoordinateNames(_list_names(axis.coordinate))
-    transform_axis.set_function(_make_function(axis.law))
-
-
-def _make_function(law: Law) -> Any:
-    """A law of one coordinate, or of none, as a function of OpenSim's."""
-    library = import_opensim()
-    if law.is_constant:
-        return library.Constant(law.constant_part)
-    if all(t.shape is None for t in law.terms):
-        slope = sum(t.gain for t in law.terms if t.coordinate is not None)
-        return library.LinearFunction(slope, law.constant_part)
-    shape = merge_shapes(law)
-    single = _find_single_polynomial(shape)
-    if single is not None:
-        coefficients = library.Vector(len(single), 0.0)
-        for k, value in enumerate(single):
-            coefficients.set(k, value)
-        return library.PolynomialFunction(coefficients)
-    straight = all(not any(piece[:-2]) for piece in shape.coefficients)
-    spline = library.PiecewiseLinearFunction() if straight else library.SimmSpline()
-    for x, y in zip(shape.breaks, evaluate_shape(shape, np.array(shape.breaks)).tolist(), strict=True):
-        spline.addPoint(x, y)
-    return spline
-
-
-def _find_single_polynomial(shape: Shape) -> list[float] | None:
-    """Coefficients in the coordinate itself, if all pieces are one polynomial (highest power first)."""
-    middle = len(shape.coefficients) // 2
-    local = np.poly1d(shape.coefficients[middle])
-    breaks = np.array(shape.breaks)
-    between = np.concatenate([breaks[:-1] + f * np.diff(breaks) for f in (0.0, 0.37, 0.81)])
-    there = evaluate_shape(shape, between)
-    size = max(1e-3, float(np.abs(there).max()))
-    if np.abs(local(between - breaks[middle]) - there).max() > EXACT * size:
-        return None
-    moved = local(np.poly1d([1.0, -breaks[middle]]))
-    return [float(c) for c in np.atleast_1d(moved.coeffs)]
+    transform_axis.set_function(make_function(axis.law))

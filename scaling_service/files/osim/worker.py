@@ -10,19 +10,27 @@ import json
 import os
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.from_opensim import read_body_model
-from scaling_service.files.osim.library import load
+from scaling_service.files.osim.library import list_unknown, load
 from scaling_service.files.osim.muscle_paths import list_points, measure, move_points
 from scaling_service.files.osim.to_opensim import write
 from scaling_service.model.document import from_document, to_document
 
 
 def _read(request: dict[str, Any]) -> dict[str, Any]:
-    return {"model": to_document(read_body_model(load(Path(request["file"]), request["marker_set"])))}
+    path = Path(request["file"])
+    model = read_body_model(load(path, request["marker_set"]))
+    unknown = list_unknown(path)
+    if unknown:
+        names = ", ".join(f"{name} ({kind})" for name, kind in unknown)
+        said = f"passed by, for OpenSim does not know them and motion does not need them: {names}"
+        model = replace(model, notes=(*model.notes, said))
+    return {"model": to_document(model)}
 
 
 def _write(request: dict[str, Any]) -> dict[str, Any]:

@@ -40,6 +40,7 @@ class _Block:
     """The normal equations of some frames, parameters in normalised units."""
 
     curvature: Array  # (n, nq, nq)
+    diagonal: Array  # (n, nq): its diagonal, a closure's equations as one more marker, which is damped
     cross: Array  # (n, nq, np)
     slope: Array  # (n, nq)
     shared_curvature: Array  # (np, np), summed over the frames
@@ -172,19 +173,26 @@ def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
     weight = np.where(shown, problem.weights * problem.loss.weight(squared), 0.0)
     gap = np.where(shown[:, :, None], gap, 0.0)
     rates = compute_jacobian(problem.tree, poses, placed, problem.variables)
-    return _form_normal_equations(problem, rates, gap, np.sqrt(weight))
-
-
-def _form_normal_equations(problem: Problem, rates: Array, gap: Array, heavy: Array) -> _Block:
-    """Normal equations from derivatives (n_variables, m, 3, n), residuals (n, m, 3), root weights (n, m)."""
-    nq, n = len(problem.coordinates), len(gap)
     white = order_by_frame(rates)
-    white *= np.repeat(heavy, 3, axis=1)[:, None]
+    white *= np.repeat(np.sqrt(weight), 3, axis=1)[:, None]
+    gap = gap.reshape(len(gap), -1) * np.repeat(np.sqrt(weight), 3, axis=1)
+    stiff = np.square(white[:, : len(problem.coordinates)]).sum(axis=2)
+    if problem.closure is not None:
+        missed, following = problem.closure.linearise(q[rows], p, problem.variables)
+        stiff += problem.weights.sum() * np.square(following[:, : len(problem.coordinates)]).sum(axis=2)
+        root = np.sqrt(problem.closing)
+        white, gap = np.concatenate([white, root * following], axis=2), np.hstack([gap, -root * missed])
+    return _form_normal_equations(problem, white, gap, stiff)
+
+
+def _form_normal_equations(problem: Problem, white: Array, gap: Array, stiff: Array) -> _Block:
+    """Normal equations from derivatives (n, n_variables, m) and residuals (n, m), times root weights."""
+    nq = len(problem.coordinates)
     own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
-    gap = gap.reshape(n, -1) * np.repeat(heavy, 3, axis=1)
     flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(shared.shape[1], gap.size)
     return _Block(
         curvature=np.matmul(own, own.transpose(0, 2, 1)),
+        diagonal=stiff,
         cross=np.matmul(own, shared.transpose(0, 2, 1)),
         slope=np.matmul(own, gap[:, :, None])[:, :, 0],
         shared_curvature=flat @ flat.T,
@@ -210,7 +218,7 @@ def _eliminate(
     curvature = np.where(fixed[:, :, None] | fixed[:, None, :], 0.0, block.curvature)
     diagonal = np.einsum("nii->ni", curvature)
     ridge = _BLOCK_RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True) + 1e-300
-    diagonal += np.where(fixed, 1.0, damping[:, None] * diagonal + ridge)
+    diagonal += np.where(fixed, 1.0, damping[:, None] * block.diagonal + ridge)
     solved = np.linalg.solve(curvature, np.concatenate([slope[:, :, None], cross], axis=2))
     free_step, follow = solved[:, :, 0], np.ascontiguousarray(solved[:, :, 1:])
     gain += np.where(fixed, 0.0, slope * free_step).sum(axis=1)

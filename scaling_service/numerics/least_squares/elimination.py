@@ -16,8 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
-from scaling_service.numerics.multibody.laws import NONE, Array, TermArrays
-from scaling_service.numerics.multibody.plan import Entry, is_plain
+from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.plan import (
+    Entry,
+    find_entry_coordinate,
+    is_plain,
+    split_entries,
+)
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross
 
 Index = NDArray[np.intp]
@@ -40,7 +45,7 @@ class _Moves:
     parents: Index
     constant: Array
     matrix: Array
-    varying: tuple[TermArrays, ...]
+    varying: tuple[Entry, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,11 +114,8 @@ def _order_coordinates(tree: Tree, link: int, free: NDArray[np.bool_]) -> list[i
 
     Second derivatives need it: what stands before carries what comes after.
     """
-    used = [
-        tree.factors[e.term.factor].coordinate
-        for e in tree.plan.entries
-        if e.link == link and e.term.factor != NONE
-    ]
+    own = split_entries([e for e in tree.plan.entries if e.link == link], tree.factors)
+    used = [find_entry_coordinate(e, tree.factors) for e in own]
     return [v for v in dict.fromkeys(used) if free[v]]
 
 
@@ -148,7 +150,7 @@ def _list_moves(tree: Tree, columns: Sequence[tuple[int, int]]) -> _Moves:
         parents=tree.plan.parent[nodes],
         constant=constant,
         matrix=matrix.reshape(3 * len(items), len(varying)),
-        varying=tuple(entry.term for _, entry in varying),
+        varying=tuple(entry for _, entry in varying),
     )
 
 
@@ -156,9 +158,9 @@ def _list_sets(tree: Tree, columns: Sequence[tuple[int, int]], *, turns: bool) -
     """The turns, or the shifts, of all columns; those that move several nodes come again in the next set."""
     found: list[dict[int, list[Entry]]] = [{} for _ in columns]
     number = {variable: column for column, (variable, _) in enumerate(columns)}
-    for entry in tree.plan.entries:
-        if entry.is_turn == turns and entry.term.factor != NONE:
-            column = number.get(tree.factors[entry.term.factor].coordinate)
+    for entry in split_entries(tree.plan.entries, tree.factors):
+        if entry.is_turn == turns:
+            column = number.get(find_entry_coordinate(entry, tree.factors))
             if column is not None:
                 found[column].setdefault(entry.node, []).append(entry)
     return [
@@ -174,8 +176,8 @@ def compute_twists(plan: Elimination, poses: Poses) -> Array:
     local = moves.constant
     if moves.varying:
         rates = np.empty((len(moves.varying), n))
-        for k, term in enumerate(moves.varying):
-            rates[k] = poses.values.by_coordinate(term)
+        for k, entry in enumerate(moves.varying):
+            rates[k] = poses.values.by_coordinate(entry.term, entry.number)
         local = local + (moves.matrix @ rates).reshape(len(local), 3, n)
     directions = np.einsum("mjan,mjn->man", poses.frames[moves.parents, :3], local)
     about_ground = cross(poses.frames[moves.turned, 3], directions[: len(moves.turned)])

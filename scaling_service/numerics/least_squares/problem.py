@@ -9,10 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _BLOCK = 256  # frames linearised together
+CLOSING = 1e6
+"""Weight of an equation that a pose must obey, as a share of all markers' (chosen: residuals of 1 cm then
+open it by 10 nm at most, and ten digits are left for the markers)."""
 
 
 class Loss(Protocol):
@@ -78,6 +82,9 @@ class Problem:
     prior_weight: Array
     coordinate_bounds: tuple[Array, Array]  # each (n_coordinates,)
     loss: Loss = SQUARED
+    closure: Closure | None = None  # what every pose must obey
+    # Whether coordinates are kept where the closure is obeyed; otherwise it counts as one more marker
+    closed: bool = True
 
     @property
     def n_frames(self) -> int:
@@ -97,16 +104,26 @@ class Problem:
         """The same of some frames."""
         return replace(self, measured=self.measured[rows])
 
+    @property
+    def closing(self) -> float:
+        """The weight of the closure's equations."""
+        return float(self.weights.sum()) * (CLOSING if self.closed else 1.0)
+
     def hold_motion(self) -> Problem:
         """The same with no coordinate to estimate, only parameters."""
         return replace(self, coordinates=np.zeros(0, dtype=np.intp))
 
     def clip(self, q: Array, p: Array) -> tuple[Array, Array]:
-        """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place."""
+        """Coordinates (n_frames, n_coordinates) and parameters brought within their bounds, in place.
+
+        And to where the closure is obeyed.
+        """
         lower, upper = self.coordinate_bounds
         free = self.coordinates
         q[:, free] = np.clip(q[:, free], lower[free], upper[free])
         p[self.parameters] = np.clip(p[self.parameters], self.lower, self.upper)
+        if self.closure is not None and self.closed:
+            self.closure.close(q, p, free, lower[free], upper[free])
         return q, p
 
 
@@ -124,6 +141,8 @@ def compute_frame_costs(problem: Problem, q: Array, p: Array) -> Array:
         squared = np.einsum("nmc,nmc->nm", gaps, gaps)
         shown = np.isfinite(squared)
         costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
+        if problem.closure is not None:
+            costs[rows] += problem.closing * np.square(problem.closure.evaluate(q[rows], p)).sum(axis=1)
     return costs
 
 

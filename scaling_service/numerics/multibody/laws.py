@@ -1,9 +1,9 @@
 """Joint values from coordinates and shared parameters, and the moves that they drive.
 
-A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate
-or a piecewise polynomial of one coordinate; every distinct factor is evaluated once for
-all frames and then shared by the laws that use it. Arrays keep frames on the last axis, so that
-every operation runs over contiguous memory.
+A law's value is ``constant + sum_t gain_t * parameter_t * factor_t``. A *factor* is one coordinate,
+a piecewise polynomial of one coordinate, or a surface: a smooth function of several. Every distinct
+factor is evaluated once for all frames and then shared by the laws that use it. Arrays keep frames on
+the last axis, so that every operation runs over contiguous memory.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from math import perm
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.surfaces import Surface
 
 Array = NDArray[np.float64]
 NONE = -1
@@ -51,10 +53,15 @@ def evaluate_together(breaks: Array, coefficients: Array, x: Array) -> tuple[Arr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Factor:
-    """What varies from frame to frame: a coordinate, or a shape of it."""
+    """What varies from frame to frame: a coordinate, a shape of it, or a surface over several."""
 
-    coordinate: int
-    shape: Piecewise | None = None
+    coordinates: tuple[int, ...]
+    shape: Piecewise | Surface | None = None
+
+    @property
+    def coordinate(self) -> int:
+        """The first coordinate, which is the only one of all but surfaces."""
+        return self.coordinates[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,12 +93,12 @@ def group_shapes(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     """Sort the factors that are shapes into groups."""
     found: dict[tuple[bytes, int], list[int]] = {}
     for k, factor in enumerate(factors):
-        if factor.shape is not None:
+        if isinstance(factor.shape, Piecewise):
             key = (factor.shape.breaks.tobytes(), len(factor.shape.coefficients))
             found.setdefault(key, []).append(k)
     groups = []
     for rows in found.values():
-        shapes = [shape for k in rows if (shape := factors[k].shape) is not None]
+        shapes = [shape for k in rows if isinstance(shape := factors[k].shape, Piecewise)]
         groups.append(
             ShapeGroup(
                 tuple(rows),
@@ -103,14 +110,30 @@ def group_shapes(factors: tuple[Factor, ...]) -> tuple[ShapeGroup, ...]:
     return tuple(groups)
 
 
-def differentiate_shapes(
-    groups: tuple[ShapeGroup, ...], n_factors: int, q: Array, order: int
-) -> list[Array | None]:
-    """Derivatives of an order above one, (n,) for every factor that is a shape, None for the others."""
-    found: list[Array | None] = [None] * n_factors
+def follow_slopes(
+    factors: tuple[Factor, ...],
+    groups: tuple[ShapeGroup, ...],
+    q: Array,
+    qdot: Array,
+    qddot: Array | None = None,
+) -> list[list[tuple[Array, ...]] | None]:
+    """How the slopes of factors change along a motion.
+
+    ``q``, ``qdot``: (n_coordinates, n). ``qddot``: the same; if given, second rates are found, too.
+    Returns for every factor, and each of its coordinates, the rates, (n,); None for what is not curved.
+    """
+    found: list[list[tuple[Array, ...]] | None] = [None] * len(factors)
     for group in groups:
-        for k, value in zip(group.factors, group.derivatives(q, order), strict=True):
-            found[k] = value
+        rate, second = qdot[group.coordinates], group.derivatives(q, 2)
+        rates = [second * rate]
+        if qddot is not None:
+            rates.append(group.derivatives(q, 3) * rate**2 + second * qddot[group.coordinates])
+        for row, k in enumerate(group.factors):
+            found[k] = [tuple(each[row] for each in rates)]
+    for k, factor in enumerate(factors):
+        if isinstance(factor.shape, Surface):
+            own = list(factor.coordinates)
+            found[k] = factor.shape.follow_slopes(q[own], qdot[own], None if qddot is None else qddot[own])
     return found
 
 
@@ -127,11 +150,12 @@ class TermArrays:
 class Values:
     """Everything that laws depend on, evaluated for a block of frames.
 
-    ``factors`` and ``slopes`` are lists of (n_frames,) arrays, one per factor; ``p`` is (n_parameters,).
+    ``factors`` are (n_frames,), one per factor; ``slopes`` (n_frames,), one for each coordinate of a factor,
+    or None where that is taken as it is; ``p`` is (n_parameters,).
     """
 
     factors: list[Array]
-    slopes: list[Array | None]
+    slopes: list[tuple[Array, ...] | None]
     p: Array
 
     @classmethod
@@ -143,11 +167,14 @@ class Values:
         ``p``: (n_parameters,).
         """
         values = [q[factor.coordinate] for factor in factors]
-        slopes: list[Array | None] = [None] * len(factors)
+        slopes: list[tuple[Array, ...] | None] = [None] * len(factors)
         for group in groups:
             value, slope = evaluate_together(group.breaks, group.coefficients, q[group.coordinates])
             for row, k in enumerate(group.factors):
-                values[k], slopes[k] = value[row], slope[row]
+                values[k], slopes[k] = value[row], (slope[row],)
+        for k, factor in enumerate(factors):
+            if isinstance(factor.shape, Surface):
+                values[k], slopes[k] = factor.shape.evaluate(q[list(factor.coordinates)])
         return cls(values, slopes, p)
 
     def vector(self, constant: Array, terms: tuple[TermArrays, ...]) -> Array:
@@ -160,11 +187,11 @@ class Values:
             )
         return total
 
-    def by_coordinate(self, term: TermArrays) -> Array | float:
-        """Derivative of a term's scalar part with respect to its coordinate, per unit gain."""
+    def by_coordinate(self, term: TermArrays, number: int = 0) -> Array | float:
+        """Derivative of a term's scalar part with one of its factor's coordinates, per unit gain."""
         scale = self.p[term.parameter] if term.parameter != NONE else 1.0
-        slope = self.slopes[term.factor]
-        return scale if slope is None else scale * slope
+        slopes = self.slopes[term.factor]
+        return scale if slopes is None else scale * slopes[number]
 
     def by_parameter(self, term: TermArrays) -> Array | float:
         """Derivative of a term's scalar part with respect to its parameter, per unit gain."""

@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, differentiate_shapes
-from scaling_service.numerics.multibody.plan import Entry
+from scaling_service.numerics.multibody.laws import NONE, Array, follow_slopes
+from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 
 TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -87,8 +87,8 @@ class Mechanism:
 
     @cached_property
     def entries(self) -> tuple[Entry, ...]:
-        """The terms that move with time, turns first, then shifts."""
-        moving = [e for e in self.tree.plan.entries if e.term.factor != NONE]
+        """The terms that move with time, once for each of their coordinates, turns first, then shifts."""
+        moving = split_entries(self.tree.plan.entries, self.tree.factors)
         return tuple(sorted(moving, key=lambda e: not e.is_turn))
 
     @cached_property
@@ -120,7 +120,7 @@ class Mechanism:
     @cached_property
     def coordinates(self) -> NDArray[np.intp]:
         """The coordinate that each entry follows, shape (n_entries,)."""
-        return np.array([self.tree.factors[e.term.factor].coordinate for e in self.entries], dtype=np.intp)
+        return np.array([find_entry_coordinate(e, self.tree.factors) for e in self.entries], dtype=np.intp)
 
     @cached_property
     def gathering(self) -> Array:
@@ -191,11 +191,11 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     screws = _compute_screws(mechanism, poses)
     slopes = np.empty((len(mechanism.entries), n))
     for row, entry in enumerate(mechanism.entries):
-        slopes[row] = poses.values.by_coordinate(entry.term)
+        slopes[row] = poses.values.by_coordinate(entry.term, entry.number)
     rate, pace = motion.qdot[coordinates], motion.qddot[coordinates]
-    bend = differentiate_laws(mechanism, motion.q, p, 2)
+    (bend,) = _follow_laws(mechanism, motion, p, 1)
     speeds = screws * (slopes * rate)[:, None]
-    changes = screws * (bend * rate**2 + slopes * pace)[:, None]
+    changes = screws * (bend * rate + slopes * pace)[:, None]
     changes += cross_twist(_carry(mechanism, speeds), speeds)
     spread = mechanism.carriers.T
     return LinkMotion(
@@ -207,14 +207,16 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     )
 
 
-def differentiate_laws(mechanism: Mechanism, q: Array, p: Array, order: int) -> Array:
-    """Derivatives of an order above one of every entry's law with its coordinate, (n_entries, n)."""
-    tree, result = mechanism.tree, np.zeros((len(mechanism.entries), q.shape[1]))
-    found = differentiate_shapes(tree.shape_groups, len(tree.factors), q, order)
+def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> Array:
+    """First, and second, rates of every entry's slope along a motion, (count, n_entries, n)."""
+    tree, result = mechanism.tree, np.zeros((count, len(mechanism.entries), motion.n))
+    pace = motion.qddot if count > 1 else None
+    found = follow_slopes(tree.factors, tree.shape_groups, motion.q, motion.qdot, pace)
     for row, entry in enumerate(mechanism.entries):
-        value = found[entry.term.factor]
-        if value is not None:
-            result[row] = value * (p[entry.term.parameter] if entry.term.parameter != NONE else 1.0)
+        rates = found[entry.term.factor]
+        if rates is not None:
+            scale = p[entry.term.parameter] if entry.term.parameter != NONE else 1.0
+            result[:, row] = scale * np.array(rates[entry.number])
     return result
 
 
@@ -291,19 +293,18 @@ def list_screws(mechanism: Mechanism, motion: Motion, p: Array, free: NDArray[np
     ``free`` int (m,): coordinates.
     """
     state = move_links(mechanism, motion, p)
-    curves = [differentiate_laws(mechanism, motion.q, p, order) for order in (2, 3)]
+    bend = _follow_laws(mechanism, motion, p, 2)[:, :, None]
     speeds = state.screws * state.slopes[:, None]  # of all entries, for those that are locked never move
     rate, pace = motion.qdot[mechanism.coordinates], motion.qddot[mechanism.coordinates]
     carried = _carry(mechanism, speeds * rate[:, None])
-    first = cross_twist(carried, speeds) + state.screws * (curves[0] * rate)[:, None]
+    first = cross_twist(carried, speeds) + state.screws * bend[0]
     carried_rate = _carry(mechanism, first * rate[:, None] + speeds * pace[:, None])
-    bend = (curves[1] * rate**2 + curves[0] * pace)[:, None]
     screw_rate = cross_twist(carried, state.screws)
     second = (
         cross_twist(carried_rate, speeds)
         + cross_twist(carried, first)
-        + screw_rate * (curves[0] * rate)[:, None]
-        + state.screws * bend
+        + screw_rate * bend[0]
+        + state.screws * bend[1]
     )
     wanted = np.flatnonzero(np.isin(mechanism.coordinates, free))
     place = {int(c): k for k, c in enumerate(free)}

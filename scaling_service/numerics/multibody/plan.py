@@ -7,7 +7,7 @@ depth do not depend on each other, so they are computed in one operation. Node 0
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -91,6 +91,7 @@ class Entry:
     term: TermArrays
     direction: Array
     is_turn: bool
+    number: int = 0  # which coordinate of the term's factor is looked at, where they are one by one
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -219,6 +220,21 @@ def _build_linear(
         factors=tuple(used.tolist()),
         others=tuple(others),
     )
+
+
+def split_entries(entries: Sequence[Entry], factors: Sequence[Factor]) -> list[Entry]:
+    """The entries that coordinates move, once for each coordinate."""
+    return [
+        replace(entry, number=number) if number else entry
+        for entry in entries
+        if entry.term.factor != NONE
+        for number in range(len(factors[entry.term.factor].coordinates))
+    ]
+
+
+def find_entry_coordinate(entry: Entry, factors: Sequence[Factor]) -> int:
+    """The coordinate that an entry of :func:`split_entries` follows."""
+    return factors[entry.term.factor].coordinates[entry.number]
 
 
 def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:

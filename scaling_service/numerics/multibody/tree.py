@@ -115,10 +115,10 @@ class Tree:
 
 
 def list_variables(tree: Tree, term: TermArrays) -> list[int]:
-    """The variables that enter a term: its coordinate, its parameter."""
-    found = []
+    """The variables that enter a term: its coordinates, its parameter."""
+    found: list[int] = []
     if term.factor != NONE:
-        found.append(tree.factors[term.factor].coordinate)
+        found += tree.factors[term.factor].coordinates
     if term.parameter != NONE:
         found.append(tree.n_coordinates + term.parameter)
     return found
@@ -128,7 +128,8 @@ def list_rates(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, 
     """The variables of a term and the rate of its scalar part with each."""
     rates: list[tuple[int, Array | float]] = []
     if term.factor != NONE:
-        rates.append((tree.factors[term.factor].coordinate, values.by_coordinate(term)))
+        coordinates = tree.factors[term.factor].coordinates
+        rates += [(c, values.by_coordinate(term, k)) for k, c in enumerate(coordinates)]
     if term.parameter != NONE:
         rates.append((tree.n_coordinates + term.parameter, values.by_parameter(term)))
     return rates

@@ -60,6 +60,8 @@ def _slow_positions(model: BodyModel, q: np.ndarray) -> np.ndarray:
 
 
 def _term(term: Any, at: dict[str, float]) -> float:
+    if term.surface is not None:
+        return float(term.gain * _surface(term.surface, [at[name] for name in term.surface.coordinates]))
     if term.coordinate is None:
         return float(term.gain)
     x = at[term.coordinate]
@@ -71,6 +73,21 @@ def _term(term: Any, at: dict[str, float]) -> float:
     piece = np.polynomial.Polynomial(pieces[k][::-1])
     local = inside - breaks[k]
     return float(term.gain * (piece(local) + piece.deriv()(local) * (x - inside)))
+
+
+def _surface(surface: Any, x: list[float]) -> float:
+    if surface.kind == "powers":
+        return float(np.prod([v**n for v, n in zip(x, surface.numbers, strict=True)]))
+    name, letter = surface.kind.split("_")
+    turn = lambda k, angle: _motion("rotation", np.eye(3)[k], angle)[:3, :3]  # noqa: E731
+    if name == "normal":
+        return float((turn(0, x[0]) @ turn(1, x[1]))["xyz".index(letter), 2])
+    end = (turn(0, x[0] + surface.numbers[0]) @ turn(2, x[1] + surface.numbers[1]))[:, 1]
+    aside = np.hypot(end[0], end[2])
+    angle = np.arctan2(aside, end[1])
+    if letter == "y":
+        return float(np.sin(angle) / angle)
+    return float((1.0 - np.cos(angle)) / angle * end["xyz".index(letter)] / aside)
 
 
 def _motion(kind: str, axis: np.ndarray, value: float) -> np.ndarray:

@@ -53,6 +53,30 @@ def located(model, state, request):
     return {"positions": result}
 
 
+def listed(names):
+    """One name, or several, as OpenSim's array."""
+    found = osim.ArrayStr()
+    for name in [names] if isinstance(names, str) else names:
+        found.append(name)
+    return found
+
+
+def missed(request):
+    """By how much the constraints are missed at some poses, (poses, equations)."""
+    model, state = load(request)
+    coordinates, result = model.getCoordinateSet(), []
+    for k in range(coordinates.getSize()):
+        coordinates.get(k).setLocked(state, False)
+        coordinates.get(k).setClamped(state, False)
+    for pose in request["poses"]:
+        for name, value in zip(request["coordinates"], pose, strict=True):
+            coordinates.get(name).setValue(state, value, False)
+        model.realizePosition(state)
+        errors = state.getQErr()
+        result.append([errors.get(k) for k in range(errors.size())])
+    return {"missed": result}
+
+
 def scaled(request):
     """Positions, masses, centres and inertia after OpenSim's Model.scale."""
     model, state = load(request)
@@ -87,6 +111,11 @@ def joint(kind, name, parent, child):
     )
     if kind == "EllipsoidJoint":
         return osim.EllipsoidJoint(name, *frames, osim.Vec3(0.1, 0.2, 0.3))
+    if kind == "ScapulothoracicJoint":
+        radii, origin = osim.Vec3(0.1, 0.2, 0.15), osim.Vec2(0.03, -0.05)
+        return osim.ScapulothoracicJoint(name, *frames, radii, origin, 0.4)
+    if kind == "ConstantCurvatureJoint":
+        return osim.ConstantCurvatureJoint(name, *frames, osim.Vec3(0.1, -0.2, 0.3), 0.25)
     if kind != "CustomJoint":
         return getattr(osim, kind)(name, *frames)
     return osim.CustomJoint(name, *frames, osim.SpatialTransform())
@@ -110,13 +139,31 @@ def function(spec):
         scaled_function.setScale(spec["scale"])
         return scaled_function
     if kind == "Sine":
-        return osim.Sine()
+        return osim.Sine(*spec["values"])
+    if kind == "StepFunction":
+        return osim.StepFunction(*spec["values"])
+    if kind == "MultivariatePolynomialFunction":
+        values = osim.Vector(len(spec["values"]), 0.0)
+        for k, value in enumerate(spec["values"]):
+            values.set(k, value)
+        return osim.MultivariatePolynomialFunction(values, spec["dimension"], spec["order"])
     spline = getattr(osim, kind)()
     if "degree" in spec:
         spline.setDegree(spec["degree"])
     for x, y in spec["points"]:
         spline.addPoint(x, y)
     return spline
+
+
+def close(kind, a, b):
+    """A constraint between two bodies."""
+    at, to = osim.Vec3(0.03, -0.02, 0.05), osim.Vec3(-0.04, 0.01, 0.02)
+    if kind == "WeldConstraint":
+        return osim.WeldConstraint("c", a, at, osim.Vec3(0.1, 0.5, -0.3), b, to, osim.Vec3(-0.2, 0.3, 0.6))
+    if kind == "PointOnLineConstraint":
+        return osim.PointOnLineConstraint(a, osim.Vec3(0.3, 0.9, -0.2), at, b, to)
+    more = (0.2,) if kind == "ConstantDistanceConstraint" else ()
+    return getattr(osim, kind)(a, at, b, to, *more)
 
 
 def build(request):
@@ -140,9 +187,7 @@ def build(request):
                 target = transform.updTransformAxis(int(k))
                 target.setAxis(osim.Vec3(*axis["axis"]))
                 if axis.get("coordinate"):
-                    names = osim.ArrayStr()
-                    names.append(axis["coordinate"])
-                    target.setCoordinateNames(names)
+                    target.setCoordinateNames(listed(axis["coordinate"]))
                 target.set_function(function(axis["function"]))
         else:
             for k in range(made.numCoordinates()):
@@ -155,24 +200,15 @@ def build(request):
     for spec in request.get("couplers", ()):
         coupler = osim.CoordinateCouplerConstraint()
         coupler.setName(spec["name"])
-        names = osim.ArrayStr()
-        names.append(spec["independent"])
-        coupler.setIndependentCoordinateNames(names)
+        coupler.setIndependentCoordinateNames(listed(spec["independent"]))
         coupler.setDependentCoordinateName(spec["dependent"])
         coupler.setFunction(function(spec["function"]))
         model.addConstraint(coupler)
-    for first, second in request.get("welds", ()):
-        bodies = model.getBodySet()
-        weld = osim.WeldConstraint(
-            "weld",
-            bodies.get(first),
-            osim.Vec3(0),
-            osim.Vec3(0),
-            bodies.get(second),
-            osim.Vec3(0),
-            osim.Vec3(0),
-        )
-        model.addConstraint(weld)
+    for kind, *ends in request.get("closing", ()):
+        a, b = (model.getGround() if n == "ground" else model.getBodySet().get(n) for n in ends)
+        made = close(kind, a, b)
+        made.setName("closing")
+        model.addConstraint(made)
     if request.get("nested"):
         # a marker in a frame within a frame, both turned
         body = model.getBodySet().get(request["nested"])
@@ -244,7 +280,7 @@ def columns(file):
 
 def answer(request):
     osim.Logger.setLevelString("Error")
-    operations = (positions, scaled, build, muscle_analysis)
+    operations = (positions, missed, scaled, build, muscle_analysis)
     return {each.__name__: each for each in operations}[request["operation"]](request)
 
 

@@ -106,6 +106,28 @@ def test_translations_of_every_kind(oracle, random_poses, tmp_path, reverse):
     np.testing.assert_allclose(placed, answer["positions"], rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("kind", "reverse"),
+    [
+        ("EllipsoidJoint", False),
+        ("EllipsoidJoint", True),
+        ("ScapulothoracicJoint", False),
+        ("ConstantCurvatureJoint", False),
+        ("ConstantCurvatureJoint", True),
+    ],
+)
+def test_joints_of_surfaces(oracle, random_poses, tmp_path, kind, reverse):
+    """Radii grow with the parent, a hinge's origin and an arc's length with the child."""
+    path = tmp_path / "surface.osim"
+    root = {"kind": "FreeJoint", "name": "root", "parent": "ground", "child": "a"}
+    joint = {"kind": kind, "name": "j", "parent": "a", "child": "b", "reversed": reverse}
+    oracle({"operation": "build", "file": str(path), "joints": [root, joint]})
+    _, placed, answer = both(
+        oracle, lambda model, n: 0.35 * random_poses(model, n), path, drawn(read_osim(path))
+    )
+    np.testing.assert_allclose(placed, answer["positions"], rtol=0, atol=1e-9)
+
+
 def test_a_dependent_translation_follows_a_uniform_factor(oracle, random_poses, tmp_path):
     path = tmp_path / "coupled.osim"
     joints = [

@@ -120,6 +120,7 @@ class Fit:
             prior_weight=np.zeros(len(freed.parameters)),
             coordinate_bounds=task.bounds,
             loss=loss,
+            closure=task.closure,
         )
         return cls(
             task=task, problem=problem, q0=q0, p0=task.p, prior_sd=np.array(wide), blocks=frames.blocks

@@ -39,6 +39,7 @@ CONFIDENCE: Mapping[str, float] = {
 AMBIGUOUS = 0.4  # chosen: of a marker that two labels fit equally well
 
 FEWEST = 3  # markers without which a segment has no pose of its own
+MEASURED = ("ASIS", "PSIS", "LFE", "MFE", "LM", "MM")  # without side: what legs and pelvis are sized by
 SURE = 0.5  # of a label's segment: likelier than all others together
 
 _MOST_OTHERS = 3
@@ -110,8 +111,15 @@ def _assign(offers: Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
 
 
 def _by_place(missing: Sequence[str], used: set[str], who: Identification) -> dict[str, _Choice]:
-    """Labels that lie where a landmark is, whatever they are called."""
-    landmarks = {name: marker for marker in missing if (name := find_canonical(marker)) is not None}
+    """Labels that lie where a landmark is that sizes are measured by, whatever they are called.
+
+    Others follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
+    """
+    landmarks = {
+        name: marker
+        for marker in missing
+        if (name := find_canonical(marker)) is not None and name[1:] in MEASURED
+    }
     return {
         landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
         for one in who.labels.values()
@@ -340,7 +348,11 @@ def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identifi
     ``movements``: labels that are seen in each movement; those of standing where there is none. ``forces``:
     whether there are ground forces. ``who``: what geometry tells of the labels.
     """
-    names = {one.label: one.landmark for one in who.labels.values() if one.at_landmark > SURE}
+    names = {
+        one.label: one.landmark
+        for one in who.labels.values()
+        if one.landmark is not None and one.landmark[1:] in MEASURED and one.at_landmark > SURE
+    }
     known = [
         {names.get(label) or find_canonical(label) or strip_prefix(label).upper() for label in labels}
         for labels in movements

@@ -180,9 +180,10 @@ def prove(
     markers, unused = propose_markers(model, trials, mapped, labels or {}, who)
     extra = assign_extra_markers(unused, who, model)
     explicit = _list_explicit_markers(markers, known) | find_sacral_label(markers, who)
+    free = [one for one in extra if one.label not in explicit.values()]
     proposed = propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
-        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, extra, trials), sizes))
+        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compare(), *ask_for_person(sizes)]
     look.problems += look.refusals(proposed)

@@ -19,6 +19,7 @@ from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
@@ -143,6 +144,7 @@ class InputFile:
     why: str  # how that was found
     problem: ProblemEntry | None = None  # why it cannot be used
     content: RecordingFile | GroundForces | str | Mapping[str, Any] | None = None
+    asks: frozenset[str] = frozenset()  # the markers that a scale set-up measures between
 
     @property
     def usable(self) -> bool:
@@ -218,9 +220,20 @@ def _read_xml(file: Path) -> InputFile:
                 return InputFile(
                     name=file.name, kind="other", why="a set-up of OpenSim that is not used here"
                 )
-            kind = "a scale set-up" if place == "scale_setup" else "a marker set"
-            return InputFile(name=file.name, kind="setup", why=f"{kind} of OpenSim", content=place)
+            if place == "scale_setup":
+                return _read_setup(file)
+            return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
+
+
+def _read_setup(file: Path) -> InputFile:
+    guess = InputFile(name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup")
+    try:
+        setup = read_scale_setup(file)
+    except InputError as error:
+        return replace(guess, problem=make_problem(error, file=file.name))
+    pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
+    return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
 
 
 def _read_osim(file: Path) -> InputFile:

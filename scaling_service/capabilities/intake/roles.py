@@ -12,6 +12,7 @@ from scaling_service.capabilities.intake.standing import STANDING, Standing, ran
 from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
 from scaling_service.core.text import list_few
 from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
+from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, merge
 
@@ -187,10 +188,28 @@ def assign_others(found: Sequence[InputFile], imaged: bool) -> Iterator[tuple[st
     if imaged or len(chosen) != 1:
         return
     yield chosen[0], ("model", "the only one" if len(models) == 1 else "its name says that it is not scaled")
-    for place in ("marker_set", "scale_setup") if chosen[0].lower().endswith(".osim") else ():
-        files = [f.name for f in found if f.kind == "setup" and f.content == place]
-        if len(files) == 1:
-            yield files[0], (place, "the only one")
+    if not chosen[0].lower().endswith(".osim"):
+        return
+    sets = [f.name for f in found if f.kind == "setup" and f.content == "marker_set"]
+    if len(sets) == 1:
+        yield sets[0], ("marker_set", "the only one")
+    yield from _choose_setup([f for f in found if f.content == "scale_setup"], found)
+
+
+def _choose_setup(
+    setups: Sequence[InputFile], found: Sequence[InputFile]
+) -> Iterator[tuple[str, tuple[str, str]]]:
+    """The scale set-up; of several the one whose markers the recordings show."""
+    if len(setups) < 2:
+        yield from ((f.name, ("scale_setup", "the only one")) for f in setups)
+        return
+    recorded = [f.content for f in found if isinstance(f.content, RecordingFile)]
+    shown = {name for r in recorded for label in r.trial.labels for name in (label, strip_prefix(label))}
+    lacking = {f.name: sorted(f.asks - shown) for f in setups if f.usable and f.asks}
+    fitting = [name for name, lost in lacking.items() if not lost]
+    if len(fitting) == 1:
+        others = [f"{n} asks for {list_few(lost)}" for n, lost in lacking.items() if lost]
+        yield fitting[0], ("scale_setup", f"its markers are in the recordings; {'; '.join(others)}")
 
 
 _TRIALS = ("static", "calibration", "evaluation")

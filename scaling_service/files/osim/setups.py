@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,6 +12,10 @@ from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import HEIGHT_RANGE_M
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.subject import MarkerPlacement, Measurement, ScaleSetup
+
+_DECLARATION = re.compile(r"^[^<]*<\?xml[^>]*\?>")
+_SEPARATORS = re.compile(r"[\[\](),;]")
+"""What scripts write about and between the numbers of a vector, which OpenSim takes for blanks."""
 
 
 def parse_xml(path: Path) -> Element:
@@ -31,9 +36,13 @@ def parse_xml(path: Path) -> Element:
     try:
         return ElementTree.fromstring(content)
     except ElementTree.ParseError as error:
+        first = error
+    try:  # a Latin-1 letter in a file that says UTF-8, which OpenSim reads
+        return ElementTree.fromstring(_DECLARATION.sub("", content.decode("latin-1"), count=1).lstrip())
+    except ElementTree.ParseError:
         raise FileUnreadable(
-            f"is not well-formed XML ({error})", file=path, remedy="Export or save it again from OpenSim"
-        ) from error
+            f"is not well-formed XML ({first})", file=path, remedy="Export or save it again from OpenSim"
+        ) from first
 
 
 _AXES = "XYZ"
@@ -93,7 +102,7 @@ def _explain_bad(path: Path, where: Element, problem: str) -> FileUnreadable:
 def _read_numbers(path: Path, element: Element, tag: str) -> list[float]:
     text = _read_text(element, tag)
     try:
-        return [float(word) for word in text.split()]
+        return [float(word) for word in _SEPARATORS.sub(" ", text).split()]
     except ValueError as error:
         raise _explain_bad(path, element, f"<{tag}> is not numbers: '{text}'") from error
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from scaling_service.model.body import (
     BodyModel,
+    Constraint,
     Coupler,
     Joint,
+    Law,
     Marker,
     Segment,
     Tensor,
@@ -70,9 +72,7 @@ def scale_model(
         segments=segments,
         markers=tuple(_scale_marker(m, factors) for m in model.markers),
         couplers=tuple(_scale_coupler(c, model, factors) for c in model.couplers),
-        constraints=tuple(
-            replace(c, ends=tuple(_scale_marker(end, factors) for end in c.ends)) for c in model.constraints
-        ),
+        constraints=tuple(_scale_constraint(c, model, factors) for c in model.constraints),
     )
 
 
@@ -132,6 +132,19 @@ def _scale_coupler(coupler: Coupler, model: BodyModel, factors: Mapping[str, Vec
         if joint.kind == "translation" and joint.scales_with in factors and joint.law == coupler.law:
             return replace(coupler, law=scale_joint(joint, factors).law)
     return coupler
+
+
+def _scale_constraint(constraint: Constraint, model: BodyModel, factors: Mapping[str, Vector]) -> Constraint:
+    """Ends follow their segments; what a translation follows grows with the joint that it drives."""
+    ends = tuple(_scale_marker(end, factors) for end in constraint.ends)
+    if constraint.kind == "law":
+        first, *others = constraint.law.terms
+        for segment, joint in model.joints():
+            driven = joint.kind == "translation" and joint.law == Law((replace(first, gain=1.0),))
+            if driven and segment.parent in factors:
+                size = float(np.linalg.norm(np.array(joint.axis) * np.array(factors[segment.parent])))
+                return replace(constraint, law=Law((first,)) + Law(tuple(others)).scale(size))
+    return replace(constraint, ends=ends)
 
 
 def _with_total_mass(segments: tuple[Segment, ...], mass_kg: float) -> tuple[Segment, ...]:

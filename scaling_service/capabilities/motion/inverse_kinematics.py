@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
@@ -130,7 +131,10 @@ def solve_task(
     natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
     close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
     fine = _solve(task, slice(None), close, progress, _FINE)
-    return free_trapped(fine, lambda some, near: _solve(task, some, near))
+    fine = free_trapped(fine, lambda some, near: _solve(task, some, near))
+    if task.closure is None:
+        return fine
+    return follow_neighbours(fine, times, lambda some, near: _solve(task, some, near))
 
 
 def _choose_stride(times: Array) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import estimate_coordinate_sd
 from scaling_service.model.body import BodyModel, Constraint, Coordinate, Joint, Law, Marker, Segment
@@ -15,6 +16,7 @@ from scaling_service.model.compile import compile_constraints, compile_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.closure import CLOSED
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import pose_markers
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -143,3 +145,36 @@ def test_bounds_hold_in_a_loop(bound: float) -> None:
     assert ((knee >= -1.6 - 1e-12) & (knee <= -bound + 1e-12) | np.isnan(knee)).all()
     within = q[:, 1] < -bound
     np.testing.assert_allclose(knee[within & (q[:, 1] > -1.6)], q[within & (q[:, 1] > -1.6), 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("default", [0.0, -0.5, 0.5])
+def test_a_leg_that_no_marker_shows_keeps_to_one_way_of_bending(default: float) -> None:
+    model, q = cyclist(), ride(200)
+    coordinates = tuple(replace(c, default=default) if c.name == "knee" else c for c in model.coordinates)
+    markers = (Marker.at("c", "crank", (0.1, 0.02, 0.0)), Marker.at("d", "crank", (-0.05, 0.08, 0.03)))
+    model = replace(model, coordinates=coordinates, markers=markers)
+    motion = inverse_kinematics(model, record(model, q, 0.0))
+    knee = motion.q[:, 1]
+    np.testing.assert_allclose(np.abs(knee), np.abs(q[:, 1]), atol=1e-5)
+    assert len(np.unique(np.sign(knee))) == 1
+    if default:
+        assert np.sign(knee[0]) == np.sign(default)
+
+
+def test_frames_beyond_a_jump_follow_the_longest_stretch_where_that_is_as_good() -> None:
+    """Of a motion written in two ways, with a jump that nothing else explains where it must stay."""
+    times = 0.01 * np.arange(10)
+    q = np.where(np.isin(np.arange(10), [0, 1, 6]), 5.0, 1.0)[:, None] + 0.01 * np.arange(10)[:, None]
+    q[9] = -7.0
+    found = MotionSolution(q, np.ones(10), np.ones(10, dtype=int), np.ones(10, dtype=bool))
+
+    def solve(rows: Array, start: Array) -> MotionSolution:
+        cost = np.where(rows == 9, 2.0, 1.0)
+        return MotionSolution(
+            start + 0.01, cost, np.ones(len(rows), dtype=int), np.ones(len(rows), dtype=bool)
+        )
+
+    joined = follow_neighbours(found, times, solve).q[:, 0]
+    assert (np.abs(np.diff(joined[:9])) < 0.05).all()
+    assert joined[3] == q[3, 0]
+    assert joined[9] == -7.0

@@ -160,6 +160,29 @@ def test_constraints_stay_in_what_is_written(built, tmp_path, kind):
     np.testing.assert_allclose(theirs.turns, ours.turns, atol=1e-14)
 
 
+def test_a_translation_that_follows_several_coordinates_grows_with_its_parent(oracle, tmp_path):
+    """By a uniform factor: OpenSim scales couplers by no other."""
+    line, plane = {"kind": "LinearFunction", "values": [1.0, 0.0]}, [0.1, 0.02, -0.03]
+    axes = {4: {"axis": [0, 1, 0], "coordinate": "glide", "function": line}}
+    joints = [*CHAIN, {"kind": "CustomJoint", "name": "s", "parent": "c", "child": "d", "axes": axes}]
+    law = {"kind": "MultivariatePolynomialFunction", "dimension": 2, "order": 1, "values": plane}
+    couplers = [{"name": "both", "independent": ["j_0", "j_1"], "dependent": "glide", "function": law}]
+    path, written = tmp_path / "model.osim", tmp_path / "written.osim"
+    oracle({"operation": "build", "file": str(path), "joints": joints, "couplers": couplers})
+    model, factors = read_osim(path), {"c": (1.2, 1.2, 1.2)}
+    write_osim(written, scale_model(model, factors), source=path, factors=factors)
+    before, after = (
+        {
+            c: sum(t.gain for t in m.constraints[0].law.terms if t.coordinate == c)
+            for c in ("glide", "j_0", "j_1")
+        }
+        for m in (model, read_osim(written))
+    )
+    assert after["glide"] == before["glide"] == 1.0
+    for name in ("j_0", "j_1"):
+        assert after[name] == pytest.approx(1.2 * before[name], rel=1e-12)
+
+
 def test_a_constraint_that_opensim_would_lose_is_refused(built):
     path = built(closing=[["PointConstraint", "a", "c"]])
     model = read_osim(path)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.surface import Surface, prepare
+from scaling_service.model.anatomy.frames import build_pelvis_frame
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,11 +28,32 @@ SOCKETS_APART_M = (0.11, 0.24)
 
 ALIKE = 1.2  # largest ratio of both sockets' radii: chosen, sides differ by 1-3 %
 
+_SACRUM_OUT, _SACRUM_SHARE = 0.2, 0.01  # chosen: bone in the middle, in halves; share of the whole surface
+_PSIS_OUT = (0.36, 0.75)
+"""Where PSIS lie to the side, in halves of the sockets' distance: half 40-47 of 87 mm (models and
+palpation), give or
+take two and a half standard deviations of 12 %."""
+_HIP_SD_M = np.array([0.009, 0.008, 0.008])
+_FAR = 4.0
+"""Of hips about Harrington's regression in adults, who miss it by 12 mm on average (Mantovani 2016), and of
+spines by
+one rater and another; beyond four of these a pelvis is none."""
+_NEAR_EDGE_M = 0.010  # chosen: edges of triangles and a blunt tip's size
+
 _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
 """Where both ends of the anterior plane lie, as shares of half the distance between the sockets:
 spines at 1.2-1.5, pubic tubercles at 0.2-0.4. Chosen between them."""
 
-_TURNS = 4  # chosen: the frame turns by 5 degrees the first time, by less than 0.1 the third
+_WINGS_OUT, _PUBIS_OUT = 1.1, 0.35
+_PUBIS_REACH, _PUBIS_BELOW, _PUBIS_AHEAD = 0.9, 0.3, 0.1
+"""In halves of the distance between the sockets. Beyond 1.1 to the side there is nothing but the wings: ASIS
+and
+crests lie at 1.2 to 1.7, ischia at 0.5 to 0.9 in women, too. Within 0.35 there is the pubis, not farther
+from the
+sockets' line than 0.9 (symphysis: 0.4 to 0.7), and behind it the sacrum, farther (1.0 to 1.4). Chosen between
+these, from the shapes in anatomies of both sexes; the pubis lies about 0.4 ahead."""
+
+_TURNS = 6  # chosen: the frame turns by 5 degrees the first time, by less than 0.1 the third
 _SIDES = (("r", 1.0), ("l", -1.0))
 
 _SPINE_M = 0.025
@@ -63,10 +86,11 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     ``acetabulum_r/l``; axis ``asis`` from left to right. Raises MeshRefused: no two sockets, or no anterior
     plane.
 
-    The sockets give the transverse axis. The anterior pelvic plane then is the one long edge of the
-    outline, seen along that axis, that joins something lateral (the spines) to something central
-    (the pubis); it says where forward and up are. ASIS and PSIS are
-    the foremost and rearmost points of the ilia once they stand level with each other.
+    The sockets give the transverse axis. Only the wings lie outside the sockets, so that they tell where up
+    is,
+    and between the sockets lies the pubis, ahead of them. The anterior pelvic plane then touches spines and
+    pubis.
+    ASIS and PSIS are the foremost and rearmost points of the ilia once they stand level with each other.
     """
     surface = prepare(vertices, faces)
     size = float(np.ptp(surface.points, axis=0).max())
@@ -81,9 +105,10 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     if float((high.centre - low.centre) @ frame.z) < 0:
         low, high = high, low
     points = {"acetabulum_r": high.centre, "acetabulum_l": low.centre}
-    points |= _level_spines(surface, frame)
+    sacrum = _holds_sacrum(surface, frame)
+    points |= _level_spines(surface, frame, sacrum)
     points["mid_asis"] = 0.5 * (points["asis_r"] + points["asis_l"])
-    _check(points, frame)
+    refused = _refuse_uneven(points, frame)
     across = points["asis_r"] - points["asis_l"]
     return BoneLandmarks(
         bone="pelvis",
@@ -95,8 +120,9 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
             for name, ball in (("acetabulum_r", high), ("acetabulum_l", low))
         },
         axes={"asis": surface.turn_to_image(across / np.linalg.norm(across))},
-        definitions=_DEFINITIONS,
-        warnings=surface.notes,
+        definitions={name: words for name, words in _DEFINITIONS.items() if name in points},
+        refused=refused,
+        warnings=(*surface.notes, *_list_doubts(surface, points, frame, sacrum)),
     )
 
 
@@ -131,6 +157,7 @@ def _find_sockets(surface: Surface) -> tuple[SphereOnBone, SphereOnBone]:
 
 
 def _find_anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone) -> _Frame:
+    """Up is where the wings are, the only bone outside the sockets; ahead is the pubis, between them."""
     middle = 0.5 * (low.centre + high.centre)
     z = high.centre - low.centre
     half = 0.5 * float(np.linalg.norm(z))
@@ -138,26 +165,29 @@ def _find_anterior_frame(surface: Surface, low: SphereOnBone, high: SphereOnBone
     first = np.linalg.svd(z[None, :])[2][1]
     plane = np.stack([first, np.cross(z, first)])
     flat = (surface.smooth - middle) @ plane.T
-    out = np.abs((surface.smooth - middle) @ z) / half
-    corners = ConvexHull(flat).vertices  # counter-clockwise
-    best: tuple[float, int, int] | None = None
-    for i, j in zip(corners, np.roll(corners, -1), strict=True):
-        spine, pubis = (i, j) if out[i] > out[j] else (j, i)
-        length = float(np.linalg.norm(flat[i] - flat[j]))
-        joins = out[spine] > _SPINE_OUT and out[pubis] < _PUBIS_IN
-        if joins and (best is None or length > best[0]):
-            best = (length, int(spine), int(pubis))
-    if best is None or best[0] < 0.4 * half:
+    out, reach = np.abs((surface.smooth - middle) @ z) / half, np.linalg.norm(flat, axis=1) / half
+    wings = out > _WINGS_OUT
+    if not wings.any():
         raise MeshRefused(
-            "no plane touches both anterior spines and the pubis",
-            remedy="Give whole hip bones; ilium and pubis must be in the surface",
+            "nothing of it lies outside the hip sockets",
+            remedy="Give whole hip bones; the ilia must be in the surface",
         )
-    _, spine, pubis = best
-    y = flat[spine] - flat[pubis]
+    y = np.average(flat[wings], axis=0, weights=surface.areas[wings])
     y = y / np.linalg.norm(y)
     x = np.array([y[1], -y[0]])
-    if float(x @ flat[spine]) < 0:  # the plane lies in front of the sockets
-        x = -x
+    pubis = (out < _PUBIS_OUT) & (reach < _PUBIS_REACH) & (flat @ y < _PUBIS_BELOW * half)
+    if not pubis.any():
+        raise MeshRefused(
+            "there is no pubis between the hip sockets",
+            remedy="Give whole hip bones; the pubis must be in the surface",
+        )
+    ahead = float(np.average(flat[pubis] @ x, weights=surface.areas[pubis]))
+    if abs(ahead) < _PUBIS_AHEAD * half:
+        raise MeshRefused(
+            "the pubis lies neither before nor behind the hip sockets",
+            remedy="Give whole hip bones, not deformed",
+        )
+    x = np.sign(ahead) * x
     forward, up = plane.T @ x, plane.T @ y
     return _Frame(x=forward, y=up, z=np.cross(forward, up), middle=middle, half=half)
 
@@ -173,7 +203,7 @@ def _touch_plane(surface: Surface, frame: _Frame) -> _Frame:
     return frame
 
 
-def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
+def _level_spines(surface: Surface, frame: _Frame, sacrum: bool) -> dict[str, Array]:
     """Pubic tubercles, and ASIS and PSIS once they stand level with each other (Wu et al. 2002).
 
     Raises MeshRefused: the line from PSIS to ASIS leans more than any pelvis's.
@@ -187,7 +217,8 @@ def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
             near = np.linalg.norm(surface.smooth - touching[f"asis_{side}"], axis=1) < _SPINE_M
             regions = _select_regions(surface, frame, sign)
             spines[f"asis_{side}"] = _find_furthest(surface, level.x, near & regions.ilium, "ASIS")
-            spines[f"psis_{side}"] = _find_furthest(surface, -level.x, regions.rear, "PSIS")
+            rear = regions.beside_sacrum if sacrum else regions.rear
+            spines[f"psis_{side}"] = _find_furthest(surface, -level.x, rear, "PSIS")
         level = _turn_forward(
             frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]
         )
@@ -198,6 +229,59 @@ def _level_spines(surface: Surface, frame: _Frame) -> dict[str, Array]:
                 remedy="Give whole hip bones, not deformed",
             )
     return spines
+
+
+def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
+    """Whether there is bone in the middle behind the sockets."""
+    offset = (surface.smooth - frame.middle) / frame.half
+    behind = (np.abs(offset @ frame.z) < _SACRUM_OUT) & (offset @ frame.x < -_PUBIS_BELOW)
+    return float(surface.areas[behind].sum()) > _SACRUM_SHARE * float(surface.areas.sum())
+
+
+def _list_doubts(surface: Surface, points: dict[str, Array], frame: _Frame, sacrum: bool) -> Iterator[str]:
+    """What may be wrong with points: hips as an independent check, the sacrum, edges of the image."""
+    offsets = _measure_hips(points)
+    if offsets is not None and float(np.sqrt(((offsets / _HIP_SD_M) ** 2).sum(axis=1)).max()) > _FAR:
+        worst = 1e3 * float(np.linalg.norm(offsets, axis=1).max())
+        yield (
+            f"the sockets lie {worst:.0f} mm from where hips lie in a pelvis with these spines: asis, psis, "
+            "pubic tubercle and mid asis may be other points; look at them"
+        )
+    if sacrum:
+        yield (
+            "a sacrum is in the surface: psis was looked for beside it; leave the sacrum out to be sure of it"
+        )
+    edge = _find_edge(surface)
+    on_edge = [
+        name
+        for name, at in points.items()
+        if len(edge) and float(np.linalg.norm(edge - at, axis=1).min()) < _NEAR_EDGE_M
+    ]
+    if on_edge:
+        words = ", ".join(name.replace("_", " ") for name in on_edge)
+        yield f"{words}: on an edge where the surface ends, so that they need not be the landmarks"
+
+
+def _measure_hips(points: dict[str, Array]) -> Array | None:
+    """The sockets less where Harrington 2007 puts the hips by these spines, right and left, (2, 3), m."""
+    if "psis_r" not in points:
+        return None
+    spines = [points[name] for name in ("asis_r", "asis_l", "psis_r", "psis_l")]
+    found = predict_hip_centres(*spines)
+    if not np.isfinite(found.right).all():
+        return None
+    axes = build_pelvis_frame(*(spine[None] for spine in spines))
+    rows = []
+    for name, predicted in (("acetabulum_r", found.right[0]), ("acetabulum_l", found.left[0])):
+        rows.append(axes.rotation[0].T @ (points[name] - axes.origin[0]) - predicted)
+    return np.array(rows)
+
+
+def _find_edge(surface: Surface) -> Array:
+    """Vertices of edges that only one face has, (n, 3)."""
+    edges = np.sort(surface.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(surface.points[np.unique(unique[count == 1])])
 
 
 def _turn_forward(frame: _Frame, forward: Array) -> _Frame:
@@ -222,6 +306,7 @@ class _Regions(NamedTuple):
     ilium: Mask
     pubis: Mask
     rear: Mask
+    beside_sacrum: Mask
 
 
 def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
@@ -232,6 +317,7 @@ def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
         ilium=(out > _SPINE_OUT) & (height > 0.2),
         pubis=(out > 0.0) & (out < _PUBIS_IN) & (height < 0.2),
         rear=(out > 0.2) & (out < 1.0) & (height > 0.0) & (ahead < 0.0),
+        beside_sacrum=(out > _PSIS_OUT[0]) & (out < _PSIS_OUT[1]) & (height > 0.0) & (ahead < 0.0),
     )
 
 
@@ -243,13 +329,21 @@ def _find_furthest(surface: Surface, direction: Array, within: Mask, name: str) 
     return find_tip(surface, direction, within)
 
 
-def _check(points: dict[str, Array], frame: _Frame) -> None:
-    """Refuses spines that no pelvis has: mirrored sides must nearly mirror."""
+def _refuse_uneven(points: dict[str, Array], frame: _Frame) -> dict[str, str]:
+    """Takes out PSIS that no pelvis has, and says why: mirrored sides must nearly mirror.
+
+    Raises MeshRefused: the ASIS are such, without which there is no pelvis.
+    """
+    refused: dict[str, str] = {}
     for name in ("asis", "psis"):
         right, left = points[f"{name}_r"] - frame.middle, points[f"{name}_l"] - frame.middle
         uneven = abs(float((right + left) @ frame.z)), abs(float((right - left) @ frame.y))
-        if max(uneven) > 0.35 * frame.half:  # chosen: 30 mm, five times what sides usually differ by
-            raise MeshRefused(
-                f"both {name.upper()} stand unevenly by {1e3 * max(uneven):.0f} mm",
-                remedy="Give whole hip bones, not deformed",
-            )
+        if max(uneven) <= 0.35 * frame.half:  # chosen: 30 mm, five times what sides usually differ by
+            continue
+        why = f"both {name.upper()} stand unevenly by {1e3 * max(uneven):.0f} mm"
+        if name == "asis":
+            raise MeshRefused(why, remedy="Give whole hip bones, not deformed")
+        for side, _ in _SIDES:
+            points.pop(f"{name}_{side}")
+            refused[f"{name}_{side}"] = why
+    return refused

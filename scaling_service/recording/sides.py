@@ -200,11 +200,13 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     others = every + float(np.log(max(-np.expm1(strict[0] + outward[0] - every), 1e-15)))
     best = int(np.argmax(total))
     exchanged = [pair for pair, sign in zip(pairs, states[best], strict=True) if sign < 0.0]
+    whole = len(exchanged) > len(pairs) / 2 and any(p.region in ("pelvis", "trunk") for p in exchanged)
+    part = _name_part(pairs, exchanged)
     return Handedness(
         log_odds=others - sound,
-        whole=len(exchanged) > len(pairs) / 2 and any(p.region in ("pelvis", "trunk") for p in exchanged),
-        part=_name_part(pairs, exchanged),
-        pairs=tuple((pair.right, pair.left) for pair in exchanged),
+        whole=whole,
+        part=part,
+        pairs=body.complete(exchanged, whole=whole, part=bool(part)),
         witnesses=tuple(w.name for w, h in zip(witnesses, heard, strict=True) if h),
         turned=tuple(
             w
@@ -266,7 +268,7 @@ def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tupl
             )
             median = _take_median(distance)
             if np.isfinite(median):
-                found[segment, *(body.labels[body.columns[name]] for name in (a, b))] = median
+                found[segment, body.labels[body.columns[a]], body.labels[body.columns[b]]] = median
     return found
 
 
@@ -348,14 +350,35 @@ class _Body:
         """The labels of those places that are known."""
         return tuple(self.labels[self.columns[name]] for name in names if name in self.columns)
 
+    def list_partners(self) -> dict[str, str]:
+        """Every right name whose left one is there, too, with it."""
+        found = {}
+        for name in self.columns:
+            other = f"LEFT{name[5:]}" if name.startswith("RIGHT") else f"L{name[1:]}"
+            if name[0] == "R" and other in self.columns:
+                found[name] = other
+        return found
+
     def find_pairs(self) -> Iterator[SidePair]:
-        for name, k in self.columns.items():
-            other = f"L{name[1:]}"
-            if name.startswith("RIGHT"):
-                other = f"LEFT{name[5:]}"
-            if name[0] == "R" and other in self.columns and name in self.regions and name[1:] not in _INNER:
-                line = self.markers[:, k] - self.markers[:, self.columns[other]]
-                yield SidePair(self.labels[k], self.labels[self.columns[other]], self.regions[name], line)
+        """The pairs whose line says something, in the parts of the body that they are on."""
+        for name, other in self.list_partners().items():
+            if name in self.regions and name[1:] not in _INNER:
+                right, left = self.columns[name], self.columns[other]
+                line = self.markers[:, right] - self.markers[:, left]
+                yield SidePair(self.labels[right], self.labels[left], self.regions[name], line)
+
+    def complete(
+        self, exchanged: Sequence[SidePair], *, whole: bool, part: bool
+    ) -> tuple[tuple[str, str], ...]:
+        """All labels that stand for the other side's: these, all, or the inner ones of a part as well."""
+        wrong = {pair.right for pair in exchanged}
+        found = []
+        for name, other in self.list_partners().items():
+            right, left = self.labels[self.columns[name]], self.labels[self.columns[other]]
+            outer = self.columns.get(f"R{_INNER.get(name[1:], '')}")
+            if whole or right in wrong or (part and outer is not None and self.labels[outer] in wrong):
+                found.append((right, left))
+        return tuple(found)
 
     def find_outward_lines(
         self, pairs: Sequence[SidePair], witnesses: Sequence[Witness]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -33,7 +33,8 @@ class _Size:
     terms: Mapping[str, float]
     offset_m: float
     sd_m: float
-    at_most: bool = field(default=False, kw_only=True)  # a bound that posture falls short of
+    _: KW_ONLY
+    at_most: bool = False  # a bound that posture falls short of
 
 
 _SIZES = (

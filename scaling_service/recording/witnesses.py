@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from itertools import combinations
 
 import numpy as np
@@ -69,7 +69,8 @@ class Witness:
     labels: tuple[str, ...]  # that it rests on
     regions: frozenset[str]  # of the lines that it is compared with
     right: Array  # (n_frames, 3): front x up; NaN where it shows nothing
-    wrong: float = field(default=WRONG, kw_only=True)  # probability that it misleads
+    _: KW_ONLY
+    wrong: float = WRONG  # probability that it misleads
 
 
 class Body:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.findings import BEYOND_DOUBT, Finding, list_roles
-from scaling_service.recording.sides import FRAMES, measure_within_segments
+from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
 _BONY = (
     ("RLFE", "RLM"), ("LLFE", "LLM"), ("RASIS", "LASIS"), ("RPSIS", "LPSIS"), ("RASIS", "RPSIS"),

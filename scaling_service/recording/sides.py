@@ -12,26 +12,18 @@ exchanged is one posterior over the whole body, in which each witness of the fro
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
-from scaling_service.model.trial import Array, Trial, is_unlabelled
-from scaling_service.numerics.least_squares.problem import find_shown
+from scaling_service.model.trial import Array, Trial
+from scaling_service.recording.witnesses import WRONG, Body, SidePair, Witness, normalise, take_median
 
 MIRRORED, BLOCK, PAIR = 1e-3, 1e-3, 1e-3
 """Prior probability that a whole recording is mirrored, that all labels of a part of the body stand for the
 other side's, and that those of one pair do (chosen: one export or labelling in a thousand)."""
-
-WRONG = 0.01
-"""Prior probability that a witness of the front misleads (chosen: two labels of it are exchanged, or a
-posture that nobody thought of), and that a line does not follow those beside it."""
-
-BACKWARDS = 0.1  # chosen: share of displacements in which somebody walks backwards or sideways
 
 _FRONT, _BESIDE = (0.8, 0.3), (0.85, 0.35)
 """Mean and SD over people and postures of the median cosine between the body's right and a line to the right,
@@ -46,21 +38,10 @@ CROSSED, STEPPING_CROSSED = 1e-3, 1e-6
 
 _STEP_M = 0.1  # chosen: SD of one foot's place against the other's from which on somebody steps
 
-_SHORT_M = 0.05  # chosen: markers of two sides that are nearer are where palpation and feet put them
-
 _ODD = 1e-6  # chosen: lines that a trusted witness says nothing of; its own error is counted once
 
 _BACK = -0.3  # chosen: median cosine below which a front looks like a back, 107 deg off
 
-_BENT = 0.1
-"""Of the leg's length: how far a knee must stand off the line from hip to ankle to show its front (chosen: 25
-deg of flexion; a hip taken 50 mm off moves it by 0.03)."""
-
-_FEWEST_BENT = 5  # frames, of up to FRAMES (chosen)
-_WALKED_M = 0.7  # chosen: displacement of the pelvis that shows a direction
-FRAMES = 200  # of a recording, evenly: a median needs no more (chosen)
-
-_REGIONS = ("head", "trunk", "arm", "pelvis", "thigh", "shank", "foot")
 _NEIGHBOURS = {
     frozenset(pair)
     for pair in (
@@ -80,48 +61,6 @@ _BLOCKS: Mapping[str, frozenset[str]] = {
     "the pelvis": frozenset({"pelvis"}),
 }
 """Parts whose labels may all be exchanged, as when somebody corrected only the others."""
-
-_SEGMENTS = {
-    "pelvis": "pelvis", "femur": "thigh", "tibia": "shank", "calcn": "foot", "toes": "foot", "talus": "foot",
-    "torso": "trunk", "head": "head", "humerus": "arm", "ulna": "arm", "radius": "arm", "hand": "arm",
-}  # fmt: skip
-_WORDS = (
-    ("foot", r"HEEL|TOE|FOOT|META|MT\d|HLX"), ("shank", r"SHANK|SHIN|TIB|ANK|MALL|^.SH\d|^.SK\d"),
-    ("thigh", r"THIGH|KNEE|FEM|^.TH\d|TROCH|^.GT"), ("pelvis", r"ASIS|PSIS|ILIAC|CREST|HIP"),
-    ("arm", r"ARM|ELBOW|WRIST|BICEP|HUMER|HAND|FINGER"), ("head", r"HEAD|TEMP|EAR"),
-    ("trunk", r"SHOULD|ACROM|CLAV|STERN|SCAP"),
-)  # fmt: skip
-_INNER: Mapping[str, str] = {"MFE": "LFE", "MM": "LM", "MT1": "MT5"}
-"""Inner places of the legs to the outer ones beside them: knees and feet touch there, so that no line between
-the two sides says anything."""
-
-_HEEL, _TOE = (
-    re.compile(r"^[RL](HEE|CAL|FCC|PCA)"),
-    re.compile(r"^[RL](TOE|MT\d|\dMETA|MTH|[FSV]MH|FM\d|D\dM|HLX|TT2)"),
-)
-_CHEST = frozenset({"CLAV", "STRN", "STERNUM", "SJN", "SXS", "SUP", "STR", "IJ", "PX"})
-_SPINE = frozenset({"C7", "CV7", "T2", "T6", "T8", "T10", "T12"})
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SidePair:
-    """A right and a left label of one place, and the line from left to right."""
-
-    right: str
-    left: str
-    region: str
-    line: Array  # (n_frames, 3), m
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Witness:
-    """What shows the front of a part of the body, whatever its sides are called."""
-
-    name: str  # in words
-    labels: tuple[str, ...]  # that it rests on
-    regions: frozenset[str]  # of the lines that it is compared with
-    right: Array  # (n_frames, 3): front x up; NaN where it shows nothing
-    wrong: float = WRONG  # probability that it misleads
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,18 +86,18 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
 
     ``trial``: in any axes and unit. ``roles``: label to landmark (``RASIS``, ``RLFE`` …), others by words.
     """
-    body = _Body(trial, roles)
+    body = Body(trial, roles)
     pairs = list(body.find_pairs())
     witnesses = [w for w in body.find_witnesses() if np.isfinite(w.right).all(axis=1).any()]
     if not pairs or not witnesses:
         return None
-    lines = [_normalise(pair.line, softened=True) for pair in pairs]
+    lines = [normalise(pair.line, softened=True) for pair in pairs]
     states, priors = _list_states(pairs)
     total = np.log(priors)
     for a, b in combinations(range(len(pairs)), 2):
         one, other = pairs[a].region, pairs[b].region
         if one == other or frozenset((one, other)) in _NEIGHBOURS:
-            cosine = _take_median(np.einsum("fi,fi->f", lines[a], lines[b]))
+            cosine = take_median(np.einsum("fi,fi->f", lines[a], lines[b]))
             if np.isfinite(cosine):
                 alike, unlike = np.log(_weigh(np.array([cosine, -cosine]), _BESIDE, WRONG))
                 total += np.where(states[:, a] == states[:, b], alike, unlike)
@@ -200,11 +139,13 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     others = every + float(np.log(max(-np.expm1(strict[0] + outward[0] - every), 1e-15)))
     best = int(np.argmax(total))
     exchanged = [pair for pair, sign in zip(pairs, states[best], strict=True) if sign < 0.0]
+    whole = len(exchanged) > len(pairs) / 2 and any(p.region in ("pelvis", "trunk") for p in exchanged)
+    part = _name_part(pairs, exchanged)
     return Handedness(
         log_odds=others - sound,
-        whole=len(exchanged) > len(pairs) / 2 and any(p.region in ("pelvis", "trunk") for p in exchanged),
-        part=_name_part(pairs, exchanged),
-        pairs=tuple((pair.right, pair.left) for pair in exchanged),
+        whole=whole,
+        part=part,
+        pairs=body.complete(exchanged, whole=whole, part=bool(part)),
         witnesses=tuple(w.name for w, h in zip(witnesses, heard, strict=True) if h),
         turned=tuple(
             w
@@ -251,25 +192,6 @@ def _name_part(pairs: Sequence[SidePair], exchanged: Sequence[SidePair]) -> str:
     )
 
 
-def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tuple[str, str, str], float]:
-    """Median distances (m) of any two markers of a segment, by segment, in words, and their labels."""
-    body = _Body(trial, roles)
-    segments: dict[str, list[str]] = {}
-    for name, region in body.regions.items():
-        side = f" {name[0]}" if region not in ("head", "trunk", "pelvis") else ""
-        segments.setdefault(f"{region}{side}", []).append(name)
-    found = {}
-    for segment, names in segments.items():
-        for a, b in combinations(sorted(names), 2):
-            distance = np.linalg.norm(
-                body.markers[:, body.columns[a]] - body.markers[:, body.columns[b]], axis=1
-            )
-            median = _take_median(distance)
-            if np.isfinite(median):
-                found[segment, *(body.labels[body.columns[name]] for name in (a, b))] = median
-    return found
-
-
 def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
     """Density of a cosine for people; ``tail``: share of those of whom nothing is known."""
     mean, sd = usual
@@ -281,7 +203,7 @@ def _weigh(cosine: Array, usual: tuple[float, float], tail: float) -> Array:
 def _vote(witness: Witness, pair: SidePair, line: Array) -> float:
     if pair.region not in witness.regions:
         return float("nan")
-    return _take_median(np.einsum("fi,fi->f", _normalise(witness.right), line))
+    return take_median(np.einsum("fi,fi->f", normalise(witness.right), line))
 
 
 def _list_states(pairs: Sequence[SidePair]) -> tuple[Array, Array]:
@@ -300,184 +222,3 @@ def _list_states(pairs: Sequence[SidePair]) -> tuple[Array, Array]:
                 signs[list(chosen)] *= -1.0
                 found[signs.tobytes()] = max(found.get(signs.tobytes(), 0.0), prior * PAIR**count)
     return np.array([np.frombuffer(key) for key in found]), np.array(list(found.values()))
-
-
-class _Body:
-    """The labels of a recording by place and side."""
-
-    def __init__(self, trial: Trial, roles: Mapping[str, str]) -> None:
-        step = max(1, trial.n_frames // FRAMES)
-        self.markers = trial.markers[::step]
-        self.columns: dict[str, int] = {}  # landmark or plain name to column
-        self.labels = trial.labels
-        self.regions: dict[str, str] = {}
-        shown = find_shown(self.markers)
-        for k, label in enumerate(trial.labels):
-            if not shown[k] or is_computed(label) or is_unlabelled(label):
-                continue
-            name = roles.get(label) or make_plain_key(label)
-            self.columns.setdefault(name, k)
-            region = self._find_region(label, name)
-            if region is not None:
-                self.regions[name] = region
-
-    @staticmethod
-    def _find_region(label: str, name: str) -> str | None:
-        meant = look_up_meaning(name) or look_up_meaning(label)
-        if meant is not None:
-            return _SEGMENTS.get(meant.segment)
-        return next((region for region, words in _WORDS if re.search(words, name)), None)
-
-    def at(self, *names: str) -> Array | None:
-        """Mean of the places that are known, NaN where one of them is not seen; None if none is."""
-        found = [self.markers[:, self.columns[name]] for name in names if name in self.columns]
-        return np.mean(found, axis=0) if found else None
-
-    def both(self, name: str) -> Array | None:
-        """The middle of a right and a left place; None unless both are known."""
-        sides = (f"R{name}", f"L{name}")
-        return self.at(*sides) if all(side in self.columns for side in sides) else None
-
-    def middle(self, region: str) -> Array | None:
-        """The middle of the right and left places of a region; None where it has none on both sides."""
-        middles = [self.both(n[1:]) for n in self.columns if n[0] == "R" and self.regions.get(n) == region]
-        known = [middle for middle in middles if middle is not None]
-        return np.mean(known, axis=0) if known else None
-
-    def name(self, *names: str) -> tuple[str, ...]:
-        """The labels of those places that are known."""
-        return tuple(self.labels[self.columns[name]] for name in names if name in self.columns)
-
-    def find_pairs(self) -> Iterator[SidePair]:
-        for name, k in self.columns.items():
-            other = f"L{name[1:]}"
-            if name.startswith("RIGHT"):
-                other = f"LEFT{name[5:]}"
-            if name[0] == "R" and other in self.columns and name in self.regions and name[1:] not in _INNER:
-                line = self.markers[:, k] - self.markers[:, self.columns[other]]
-                yield SidePair(self.labels[k], self.labels[self.columns[other]], self.regions[name], line)
-
-    def find_outward_lines(
-        self, pairs: Sequence[SidePair], witnesses: Sequence[Witness]
-    ) -> Iterator[tuple[int, float]]:
-        """Cosines with the body's right of the lines from the inner to the outer side of the legs' joints.
-
-        Each with the number of its outer pair; the left one's is taken the other way round.
-        """
-        number = {self.labels.index(pair.right): k for k, pair in enumerate(pairs)}
-        rights = [_normalise(w.right) for w in witnesses if "pelvis" in w.regions]
-        for inner, outer in _INNER.items():
-            outer_pair = number.get(self.columns.get(f"R{outer}", -1))
-            for side, sign in (("R", 1.0), ("L", -1.0)):
-                if outer_pair is None or f"{side}{inner}" not in self.columns or not rights:
-                    continue
-                line = sign * _normalise(self._line(f"{side}{outer}", f"{side}{inner}"))
-                cosines = [_take_median(np.einsum("fi,fi->f", line, right)) for right in rights]
-                if np.isfinite(cosines).any():
-                    yield outer_pair, float(np.nanmedian(cosines))
-
-    def _line(self, one: str, other: str) -> Array:
-        return self.markers[:, self.columns[one]] - self.markers[:, self.columns[other]]
-
-    def find_witnesses(self) -> Iterator[Witness]:
-        pelvis = self.both("ASIS")
-        sacrum = self.both("PSIS") if self.both("PSIS") is not None else self.at("SACR")
-        centre = _first(_mean(pelvis, sacrum), pelvis, sacrum)
-        head = _first(self.both("FHD"), self.at("HV"))
-        shoulders = _first(self.both("SHO"), self.at("C7"), self.at("CLAV"), head)
-        low = _first(
-            self.both("LM"), self.both("HEE"), self.both("LFE"), self.middle("foot"), self.middle("shank")
-        )
-        legs, trunk = _minus(centre, low), _minus(shoulders, centre)
-        up = _first(trunk, legs)
-        if pelvis is not None and sacrum is not None and up is not None:
-            labels = self.name("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
-            yield Witness("the pelvis", labels, frozenset({"pelvis", "thigh"}), np.cross(pelvis - sacrum, up))
-        for side, word in (("R", "right"), ("L", "left")):
-            yield from self._find_of_leg(side, word, _first(legs, trunk))
-        upright = _first(
-            trunk,
-            _minus(self.at("CLAV"), self.at("STRN")),
-            _minus(self.at("C7"), self.at("T10")),
-            _minus(head, shoulders),
-        )
-        chest, spine = self.at(*_CHEST), self.at(*_SPINE)
-        sternum = _first(chest, self.both("SC"))
-        if sternum is not None and spine is not None and upright is not None:
-            labels = self.name(*sorted(_CHEST), "RSC", "LSC", *sorted(_SPINE))
-            yield Witness(
-                "the chest", labels, frozenset({"trunk", "pelvis"}), np.cross(sternum - spine, upright)
-            )
-        face, back = _first(self.both("FHD"), self.at("SEL")), _first(self.both("BHD"), self.at("OCC"))
-        tall = _first(_minus(head, centre), _minus(head, self.at("C7")), _minus(head, self.both("SHO")))
-        if face is not None and back is not None and tall is not None:
-            labels = self.name("RFHD", "LFHD", "SEL", "RBHD", "LBHD", "OCC")
-            yield Witness("the head", labels, frozenset({"head", "trunk"}), np.cross(face - back, tall))
-        shin = _mean(_minus(self.at("RTUB"), self.at("RFH")), _minus(self.at("LTUB"), self.at("LFH")))
-        if shin is not None and legs is not None:
-            labels = self.name("RTUB", "LTUB", "RFH", "LFH")
-            yield Witness("the shins", labels, frozenset({"pelvis", "thigh", "shank"}), np.cross(shin, legs))
-        if centre is not None and up is not None:
-            seen = centre[np.isfinite(centre).all(axis=1)]
-            way = seen[-1] - seen[0] if len(seen) else np.zeros(3)
-            if np.linalg.norm(way) > _WALKED_M:
-                at = self.name("RASIS", "LASIS")
-                yield Witness(
-                    "the walk", at, frozenset({"pelvis", "thigh"}), np.cross(way[None], up), BACKWARDS
-                )
-
-    def _find_of_leg(self, side: str, word: str, up: Array | None) -> Iterator[Witness]:
-        names = [name for name in self.columns if name[0] == side]
-        heel, toes = (
-            [n for n in names if n == f"{side}HEE"],
-            [n for n in names if n in (f"{side}MT1", f"{side}MT5")],
-        )
-        heel = heel or [n for n in names if _HEEL.match(n)]
-        toes = toes or [n for n in names if _TOE.match(n)]
-        knee, ankle = self.at(f"{side}LFE", f"{side}MFE"), self.at(f"{side}LM", f"{side}MM")
-        shank = _first(_minus(knee, ankle), up)
-        regions = frozenset({"pelvis", "thigh"})
-        front = _minus(self.at(*toes), self.at(*heel))
-        if front is not None and shank is not None:
-            yield Witness(f"the {word} foot", self.name(*heel, *toes), regions, np.cross(front, shank))
-        hip = _first(
-            _mean(self.at(f"{side}ASIS"), _first(self.at(f"{side}PSIS"), self.at("SACR"))),
-            self.at(f"{side}GT"),
-        )
-        if hip is None or knee is None or ankle is None:
-            return
-        leg = hip - ankle
-        along = np.einsum("fi,fi->f", knee - ankle, leg) / np.einsum("fi,fi->f", leg, leg)
-        off = knee - ankle - along[:, None] * leg
-        size = np.linalg.norm(knee - ankle, axis=1) + np.linalg.norm(hip - knee, axis=1)
-        right = np.cross(off, leg)
-        bent = np.linalg.norm(off, axis=1) > _BENT * size
-        if bent.sum() >= min(_FEWEST_BENT, len(bent)):
-            right[~bent] = np.nan
-            labels = self.name(f"{side}LFE", f"{side}LM")
-            yield Witness(f"the {word} knee", labels, regions, right)
-
-
-def _first(*values: Array | None) -> Array | None:
-    return next((value for value in values if value is not None), None)
-
-
-def _minus(one: Array | None, other: Array | None) -> Array | None:
-    return None if one is None or other is None else one - other
-
-
-def _mean(one: Array | None, other: Array | None) -> Array | None:
-    return None if one is None or other is None else 0.5 * (one + other)
-
-
-def _normalise(vectors: Array, *, softened: bool = False) -> Array:
-    """Directions; ``softened``: of lines, m, those that are short and say little are shorter."""
-    least = _SHORT_M if softened else 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        directions: Array = vectors / np.sqrt(np.square(vectors).sum(axis=-1, keepdims=True) + least**2)
-    return directions
-
-
-def _take_median(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else float("nan")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.trial import Array, Trial
 from scaling_service.recording.findings import Finding, Stated, list_roles
-from scaling_service.recording.sides import FRAMES, measure_within_segments
+from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
 DEVIATIONS = 5.0
 """Beyond which a size is not a person's: of ANSUR II's soldiers and children by stature, see
@@ -33,6 +33,7 @@ class _Size:
     terms: Mapping[str, float]
     offset_m: float
     sd_m: float
+    _: KW_ONLY
     at_most: bool = False  # a bound that posture falls short of
 
 
@@ -117,7 +118,7 @@ def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Measured:
     """A size of a recording beside a person's."""
 
@@ -169,7 +170,14 @@ def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: Dimens
     slopes = np.zeros(len(people.names))
     for name, share in terms.items():
         slopes[people.names.index(name)] += share * people.value(name) / usual
-    return _Measured(labels, float(np.median(known)), usual, slopes, size.sd_m, size.at_most)
+    return _Measured(
+        labels=labels,
+        size_m=float(np.median(known)),
+        usual_m=usual,
+        slopes=slopes,
+        sd_m=size.sd_m,
+        at_most=size.at_most,
+    )
 
 
 def _ask_sizes_of(
@@ -232,7 +240,7 @@ def _ask_sizes_of(
 
 def _on_side(size: _Size, side: str) -> _Size:
     one, other = size.ends
-    return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, size.at_most)
+    return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, at_most=size.at_most)
 
 
 def _describe_prior(stated: Stated) -> str:

@@ -61,6 +61,32 @@ def test_scaling_reads_the_recording_as_corrected(tmp_path: Path) -> None:
     assert any(repair.what == "labels_exchanged" for repair in two.repairs)
 
 
+def test_a_mirrored_recording_is_refused_until_the_document_says_which_it_is(tmp_path: Path) -> None:
+    """The axis is the document's to say; the other reading, exchanged sides, is offered."""
+    right = moving(1, "two")
+    trials = {
+        "one": standing(),
+        "two": right.with_markers(right.markers * [-1.0, 1.0, 1.0]),
+        "three": moving(2, "three"),
+    }
+    found = looked(tmp_path / "lab", trials)
+    (problem,) = [p for p in found.problems if p.severity == "error"]
+    assert problem.file == "two.trc"
+    assert "mirror image" in problem.problem
+    assert not any(entry.ready for entry in found.readiness)
+    (offer,) = problem.corrections
+    mended: list[Mapping[str, Any]] = [
+        {"mirrored": {"two.trc": "x"}},
+        {"corrections": {"two.trc": [offer.model_dump(exclude={"file"})]}},
+    ]
+    for given in mended:
+        again = looked(tmp_path / "lab", trials, {**BARE, **given})
+        assert [p for p in again.problems if p.severity == "error"] == []
+        assert again.proposal is not None
+        assert given.items() <= again.proposal.items()
+        assert any(entry.ready for entry in again.readiness)
+
+
 def test_a_cycle_of_labels_is_undone() -> None:
     right = moving(3, "walk")
     columns = {name: right.index(name) for name in CYCLE}

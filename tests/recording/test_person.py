@@ -19,7 +19,8 @@ from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, NotAPerson, Recordings, Stated, list_roles, refuse
 from scaling_service.recording.orientation import apply, decide
-from scaling_service.recording.person import ask, ask_root, mend
+from scaling_service.recording.person import ask, mend
+from scaling_service.recording.root import ask_root
 
 GENERIC = load_builtin("full_body_35dof")
 COORDINATES = [c.name for c in GENERIC.coordinates]

@@ -12,8 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion.branches import find_rotations, find_turning, join_branches
+from scaling_service.capabilities.motion.restarts import SPEED, Solve, choose_minima, find_held, find_jumps
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
@@ -30,7 +33,7 @@ from scaling_service.numerics.multibody.sweep import (
     is_articulated,
     solve_motion,
 )
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -39,6 +42,7 @@ _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
+_RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
 _TURN = 2.0 * np.pi
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
@@ -125,10 +129,77 @@ def solve_task(
         rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
         kept = _find_not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
-    natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
-    close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    fine = _solve(task, slice(None), close, progress, _FINE)
-    return free_trapped(fine, lambda some, near: _solve(task, some, near))
+    natural = _doubt(within, times[rows], rows, free_trapped(rough, _solver(within, rows)))
+    joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
+    close = joined if stride == 1 else _interpolate(task.tree, times, rows, joined)
+    fine = free_trapped(_solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near))
+    fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
+    return _calm(task, times, fine)
+
+
+def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
+    """How frames among ``rows`` are solved from given starts."""
+    return lambda some, near: _solve(task, rows[some], near, settings=settings)
+
+
+def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
+    """The frames as they were found, or sought again from many starts where something speaks against them."""
+    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
+    free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
+    doubted = find_held(task.in_frames(rows), found.q, task.bounds, _solver(free, rows, _RELEASE))
+    doubted |= find_jumps(task.tree, times, joined, task.bounds)
+    doubted |= found.cost > _find_limit(found.cost)
+    if not doubted.any():
+        return found
+    print("DOUBT", len(rows), doubted.sum())
+    return choose_minima(
+        task.in_frames(rows), times, found, doubted, task.bounds, _solver(task, rows)
+    )
+
+
+def _find_limit(cost: Array) -> float:
+    return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
+
+
+def _calm(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
+    """Stretches in which a joint turns faster than people's do, with what the markers hardly tell held steady.
+
+    Where the first and third of three rotations stand nearly in one line, or an arm is nearly straight, noise
+    turns two coordinates against each other at will. There each frame is pulled to the mean of its neighbours,
+    as a person's joints and a camera's noise say, odd and even frames in turn.
+    """
+    if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
+        return found
+    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
+    jumps = find_jumps(task.tree, times, found.q, task.bounds)
+    step = float(np.median(np.diff(times)))
+    width = 2 * max(1, round(_COARSE_S / step)) + 1
+    near = ndimage.binary_dilation(jumps, np.ones(width))
+    near[[0, -1]] = False
+    if not near.any():
+        return found
+    q = found.q.copy()
+    outside = np.flatnonzero(~near)
+    for k in np.flatnonzero(moving):
+        q[near, k] = np.interp(np.flatnonzero(near), outside, q[outside, k])
+    weight = moving * 2.0 * (_CAMERA_M / (SPEED * step)) ** 2
+    cost = found.cost.copy()
+    for share in _SHARES:
+        for parity in (0, 1):
+            rows = np.flatnonzero(near & (np.arange(len(q)) % 2 == parity))
+            if not len(rows):
+                continue
+            middle = 0.5 * (q[rows - 1] + q[rows + 1])
+            again = _solve(task, rows, q[rows], settings=_FINE_CALM, prior=(middle, share * weight))
+            q[rows] = again.q
+            cost[rows] = again.cost - (share * weight * (again.q - middle) ** 2).sum(axis=1)
+    print("CALM", near.sum(), "rms before/after", np.sqrt(found.cost[near].mean()/len(task.weights))*1e3, np.sqrt(cost[near].mean()/len(task.weights))*1e3)
+    return replace(found, q=q, cost=cost)
+
+
+_SHARES = (100.0, 10.0) + 10 * (1.0,)
+_CAMERA_M = 1e-3
+_FINE_CALM = SweepSettings(left=1e-3, step_tolerance=1e-5)
 
 
 def _choose_stride(times: Array) -> int:
@@ -145,6 +216,7 @@ def _solve(
     start: Array,
     progress: Callable[[int], None] | None = None,
     settings: SweepSettings = DEFAULT,
+    prior: tuple[Array, Array] | None = None,
 ) -> MotionSolution:
     if is_articulated(task.tree) and task.loss is SQUARED:
         return solve_motion(
@@ -155,6 +227,7 @@ def _solve(
             task.p,
             free=task.free,
             bounds=task.bounds,
+            prior=prior,
             settings=settings,
             progress=progress,
         )
@@ -194,9 +267,9 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
 
 
-def _interpolate(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
+def _interpolate(tree: Tree, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
     """The coarse motion at all times, by cubic splines; angles without jumps."""
-    turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
+    turning = find_turning(tree)
     q = q.copy()
     q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
     return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
@@ -213,7 +286,7 @@ def free_trapped(
     their solution.
     """
     q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
-    limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
+    limit = _find_limit(cost)
     tried = np.zeros((2, len(cost)), dtype=bool)
     while True:
         rows, sources = _find_frontier(cost, limit, tried)

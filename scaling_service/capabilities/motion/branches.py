@@ -136,7 +136,9 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     joined = q.copy()
     if not len(q):
         return joined
-    loose = np.array([k for k in find_turning(tree) if np.isinf(bounds[0][k]) and np.isinf(bounds[1][k])], int)
+    loose = np.array(
+        [k for k in find_turning(tree) if np.isinf(bounds[0][k]) and np.isinf(bounds[1][k])], int
+    )
     for triplet in find_triplets(tree):
         _join_triplet(triplet, joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)

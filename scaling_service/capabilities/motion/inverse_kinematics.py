@@ -16,7 +16,16 @@ from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion.branches import find_rotations, find_turning, join_branches
-from scaling_service.capabilities.motion.restarts import SPEED, Solve, choose_minima, find_held, find_jumps
+from scaling_service.capabilities.motion.restarts import (
+    CAMERA_M,
+    SPEED,
+    Solve,
+    choose_minima,
+    confirm_doubts,
+    find_held,
+    find_jumps,
+    find_outlying,
+)
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
@@ -132,7 +141,9 @@ def solve_task(
     natural = _doubt(within, times[rows], rows, free_trapped(rough, _solver(within, rows)))
     joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     close = joined if stride == 1 else _interpolate(task.tree, times, rows, joined)
-    fine = free_trapped(_solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near))
+    fine = free_trapped(
+        _solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near)
+    )
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
     return _calm(task, times, fine)
 
@@ -144,17 +155,16 @@ def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH
 
 def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
     """The frames as they were found, or sought again from many starts where something speaks against them."""
-    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
+    part = task.in_frames(rows)
     free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
-    doubted = find_held(task.in_frames(rows), found.q, task.bounds, _solver(free, rows, _RELEASE))
-    doubted |= find_jumps(task.tree, times, joined, task.bounds)
-    doubted |= found.cost > _find_limit(found.cost)
-    if not doubted.any():
-        return found
-    print("DOUBT", len(rows), doubted.sum())
-    return choose_minima(
-        task.in_frames(rows), times, found, doubted, task.bounds, _solver(task, rows)
-    )
+    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
+    doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
+    doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
+    jumps = find_jumps(part, times, joined)
+    solve = _solver(task, rows)
+    if jumps.any() or (doubts.any() and confirm_doubts(part, found, doubts, solve)):
+        return choose_minima(part, times, found, doubts | jumps, solve)
+    return found
 
 
 def _find_limit(cost: Array) -> float:
@@ -171,7 +181,7 @@ def _calm(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
     if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
         return found
     moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
-    jumps = find_jumps(task.tree, times, found.q, task.bounds)
+    jumps = find_jumps(task, times, found.q).any(axis=1)
     step = float(np.median(np.diff(times)))
     width = 2 * max(1, round(_COARSE_S / step)) + 1
     near = ndimage.binary_dilation(jumps, np.ones(width))
@@ -182,24 +192,19 @@ def _calm(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
     outside = np.flatnonzero(~near)
     for k in np.flatnonzero(moving):
         q[near, k] = np.interp(np.flatnonzero(near), outside, q[outside, k])
-    weight = moving * 2.0 * (_CAMERA_M / (SPEED * step)) ** 2
-    cost = found.cost.copy()
+    weight = moving * 2.0 * (CAMERA_M / (SPEED * step)) ** 2
+    rows = np.flatnonzero(near)
     for share in _SHARES:
-        for parity in (0, 1):
-            rows = np.flatnonzero(near & (np.arange(len(q)) % 2 == parity))
-            if not len(rows):
-                continue
-            middle = 0.5 * (q[rows - 1] + q[rows + 1])
-            again = _solve(task, rows, q[rows], settings=_FINE_CALM, prior=(middle, share * weight))
-            q[rows] = again.q
-            cost[rows] = again.cost - (share * weight * (again.q - middle) ** 2).sum(axis=1)
-    print("CALM", near.sum(), "rms before/after", np.sqrt(found.cost[near].mean()/len(task.weights))*1e3, np.sqrt(cost[near].mean()/len(task.weights))*1e3)
+        # Half way to the neighbours' mean at twice the weight: the same minimum, but frames may move together.
+        middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
+        q[rows] = _solve(task, rows, q[rows], settings=_CALM, prior=(middle, 2.0 * share * weight)).q
+    cost = found.cost.copy()
+    cost[rows] = _solve(task, rows, q[rows], settings=SweepSettings(max_steps=1)).cost
     return replace(found, q=q, cost=cost)
 
 
 _SHARES = (100.0, 10.0) + 10 * (1.0,)
-_CAMERA_M = 1e-3
-_FINE_CALM = SweepSettings(left=1e-3, step_tolerance=1e-5)
+_CALM = SweepSettings(max_steps=2, close=True)
 
 
 def _choose_stride(times: Array) -> int:

@@ -10,12 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.branches import Bounds, find_rotations, find_triplets, find_turning, wrap, write_within
+from scaling_service.capabilities.motion.branches import (
+    Bounds,
+    find_rotations,
+    find_triplets,
+    find_turning,
+    wrap,
+    write_within,
+)
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.numerics.multibody.laws import NONE, Array
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
@@ -28,89 +37,124 @@ SPEED = 5.0
 """Standard deviation of a joint's angular velocity, rad/s (chosen: RMS of a knee in walking is 2.5 to 3 rad/s,
 in running twice that; Winter 2009, Novacheck 1998)."""
 
-_JUMP = 3.0  # chosen: standard deviations beyond which a step is looked at again, not refused
+FASTEST = 3.0 * SPEED
+"""A joint that turns faster is looked at again, not refused (chosen: three standard deviations)."""
+
+CAMERA_M = 1e-3
+"""Noise of a marker, m (chosen: what cameras leave); below it nothing is worth a better minimum."""
+
 _SKIN_M = 0.01  # standard deviation of a marker about its bone: 5 to 20 mm (Leardini et al. 2005)
-_CAMERA_M = 1e-3  # chosen: what cameras leave; below it a minimum is not made better by another
-_RELEASED = 2.0  # chosen: times the cost of a limb that its limits may ask for before they are doubted
+_RELEASED = 2.0  # chosen: times its cost without limits, or of most frames, beyond which a limb is doubted
+_BETTER = 0.05  # chosen: share of the cost by which another minimum must be better to count
 _DRAWS = 8  # chosen: starts of each limb; of three joints one start in three reaches the best minimum
+_PROBED = 2  # chosen: frames in which a doubted limb is tried
 _ROUNDS = 3  # chosen: limbs improve each other's frames; two rounds suffice for two arms
 _KEPT = 4  # chosen: minima of a frame that are followed
-_APART = 0.1  # rad or m: less is one minimum
+_APART = 0.1  # chosen, rad: what is nearer is one minimum
 _SPACING = 10  # chosen: frames (0.8 s of the coarse ones) between two that are started anew
-_MOST = 16  # chosen: frames started anew, evenly spaced, and as many of the suspicious
-_WIDE = 1.0  # rad: of starts of coordinates without a range
+_MOST = 16  # chosen: frames started anew, evenly spaced, and as many of the doubted
+_WIDE = 1.0  # chosen, rad: how far starts of a coordinate without a range lie from what was found
+_TREES = 32  # kept; as many as trees are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Limb:
-    """A link that moves, with all that hangs on it: its markers and the free coordinates of its joints."""
+class Limb:
+    """A link that moves, with all that hangs on it: its markers, and the free coordinates of its joints."""
 
     markers: Index
+    own: Index  # coordinates of the link itself
     coordinates: Index
     parent: int  # among the limbs; NONE for one on the ground
 
 
-def _list_limbs(tree: Tree, free: NDArray[np.bool_]) -> list[_Limb]:
-    own = [sorted({v for v in vs if v < tree.n_coordinates and free[v]}) for vs in tree.variables]
-    number: dict[int, int] = {}
-    limbs = []
+def list_limbs(tree: Tree, free: NDArray[np.bool_]) -> tuple[Limb, ...]:
+    """The limbs of a tree that carry markers, parents first.
+
+    ``free`` (n_coordinates,): the coordinates that are estimated.
+    """
+    return _list_limbs(tree, np.asarray(free, dtype=bool).tobytes())
+
+
+@lru_cache(maxsize=_TREES)
+def _list_limbs(tree: Tree, chosen: bytes) -> tuple[Limb, ...]:
+    free = np.frombuffer(chosen, dtype=bool)
+    own = [{v for v in vs if v < tree.n_coordinates and free[v]} for vs in tree.variables]
+    below = [set(each) for each in own]
+    for k in reversed(range(len(own))):
+        if tree.links[k].parent != NONE:
+            below[tree.links[k].parent] |= below[k]
+    number: dict[int, int] = {NONE: NONE}
+    limbs: list[Limb] = []
     for k, link in enumerate(tree.links):
-        above = link.parent
-        while above != NONE and above not in number:
-            above = tree.links[above].parent
+        number[k] = number[link.parent]
         markers = np.arange(tree.n_markers)[tree.carried[k]]
-        if not own[k] or not len(markers):
-            continue
-        number[k] = len(limbs)
-        below = [j for j in range(len(tree.links)) if _hangs_on(tree, j, k)]
-        moved = np.array(sorted({v for j in below for v in own[j]}), dtype=np.intp)
-        limbs.append(_Limb(markers, moved, number.get(above, NONE)))
-    return limbs
+        if own[k] and len(markers):
+            parts = (np.array(sorted(part), dtype=np.intp) for part in (own[k], below[k]))
+            limbs.append(Limb(markers, *parts, number[link.parent]))
+            number[k] = len(limbs) - 1
+    return tuple(limbs)
 
 
-def _hangs_on(tree: Tree, link: int, other: int) -> bool:
-    while link not in (other, NONE):
-        link = tree.links[link].parent
-    return link == other
-
-
-def _measure_markers(task: Task, rows: Index, q: Array) -> Array:
-    """Weighted squared distance of every marker, (n_rows, n_markers), m2; zero where not seen."""
+def _measure_limbs(task: Task, rows: Index, q: Array) -> Array:
+    """Weighted squared distances of each limb's markers, (n_rows, n_limbs), m2."""
     placed = place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(q.T), task.p))
-    gap = task.measured[rows] - np.moveaxis(placed, -1, 0)
-    return np.asarray(np.nan_to_num(np.square(gap).sum(axis=2)) * task.weights)
+    squares = np.square(task.measured[rows] - np.moveaxis(placed, -1, 0)).sum(axis=2) * task.weights
+    squares[np.isnan(squares)] = 0.0
+    limbs = list_limbs(task.tree, task.free)
+    return np.stack([squares[:, limb.markers].sum(axis=1) for limb in limbs], axis=1)
 
 
-def find_held(task: Task, q: Array, bounds: Bounds, release: Solve) -> NDArray[np.bool_]:
-    """Frames in which a limb stands far worse by its limits than it would without them.
+def find_held(task: Task, q: Array, release: Solve) -> NDArray[np.bool_]:
+    """Where a limb stands far worse by its limits than it would without them, (n_frames, n_limbs).
 
     A joint may well stand at the end of its range; but where the limits cost a limb more than its markers
     leave unexplained anyway, another minimum within them is likely.
 
     ``q`` (n_frames, n_coordinates). ``release``: solves frames without limits.
     """
-    held = np.zeros(len(q), dtype=bool)
-    at_end = ((q <= bounds[0]) | (q >= bounds[1])) & task.free
+    limbs = list_limbs(task.tree, task.free)
+    held = np.zeros((len(q), len(limbs)), dtype=bool)
+    at_end = ((q <= task.bounds[0]) | (q >= task.bounds[1])) & task.free
     rows = np.flatnonzero(at_end.any(axis=1))
-    if not len(rows):
-        return held
-    now = _measure_markers(task, rows, q[rows])
-    released = _measure_markers(task, rows, release(rows, q[rows]).q)
-    for limb in _list_limbs(task.tree, task.free):
-        own = limb.markers
-        least = task.weights[own].sum() * _CAMERA_M**2
-        held[rows] |= now[:, own].sum(axis=1) > _RELEASED * (released[:, own].sum(axis=1) + least)
+    if len(rows):
+        released = _measure_limbs(task, rows, release(rows, q[rows]).q)
+        least = np.array([task.weights[limb.markers].sum() for limb in limbs]) * CAMERA_M**2
+        held[rows] = _measure_limbs(task, rows, q[rows]) > _RELEASED * (released + least)
     return held
 
 
-def find_jumps(tree: Tree, times: Array, q: Array, bounds: Bounds) -> NDArray[np.bool_]:
-    """Frames before or after which a joint turns faster than people's joints do."""
-    jumps = np.zeros(len(q), dtype=bool)
-    if len(q) > 1:
-        limit = _JUMP * SPEED * np.diff(times)
-        over = np.sqrt(measure_steps(tree, q[:-1, None], q[1:, None], bounds)[:, :, 0, 0]).max(axis=0) > limit
-        jumps[1:] |= over
-        jumps[:-1] |= over
+def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
+    """In which of some frames a limb is much farther from its markers than it mostly is, (n_frames, n_limbs)."""
+    limbs = list_limbs(task.tree, task.free)
+    outlying = np.zeros((len(q), len(limbs)), dtype=bool)
+    if len(rows):
+        costs = _measure_limbs(task, np.arange(len(q)), q)
+        outlying[rows] = costs[rows] > _RELEASED * np.median(costs, axis=0)
+    return outlying
+
+
+def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
+    """Where a limb's own joint turns faster than people's joints do, (n_frames, n_limbs).
+
+    ``q`` (n_frames, n_coordinates), written without full turns. Coordinates that the markers do not determine
+    do not count.
+    """
+    limbs = list_limbs(task.tree, task.free)
+    jumps = np.zeros((len(q), len(limbs)), dtype=bool)
+    turning = find_rotations(task.tree)
+    fast = np.zeros(q[1:].shape, dtype=bool)
+    fast[:, turning] = np.abs(np.diff(q[:, turning], axis=0)) > FASTEST * np.diff(times)[:, None]
+    rows = np.flatnonzero(fast.any(axis=1))
+    if len(rows):
+        both = np.union1d(rows, rows + 1)
+        known = np.zeros(q.shape, dtype=bool)
+        known[both] = find_determined(
+            task.tree, task.measured[both], task.weights, q[both], task.p, task.free
+        )
+        fast &= known[1:] & known[:-1] & task.free
+        own = np.stack([fast[:, limb.own].any(axis=1) for limb in limbs], axis=1)
+        jumps[1:] |= own
+        jumps[:-1] |= own
     return jumps
 
 
@@ -128,9 +172,9 @@ def measure_steps(tree: Tree, before: Array, after: Array, bounds: Bounds) -> Ar
         own = triplet.coordinates
         first, second = before[:, :, None, own], after[:, None, :, own]
         distance = _measure(first, second, loose[own]).sum(axis=-1)
-        for a, b, changed in ((True, False, first), (False, True, second)):
+        for before_it, changed in ((True, first), (False, second)):
             other, allowed = write_within(triplet, changed, bounds)
-            one, two = (other, second) if a else (first, other)
+            one, two = (other, second) if before_it else (first, other)
             nearer = np.where(allowed, _measure(one, two, loose[own]).sum(axis=-1), np.inf)
             distance = np.minimum(distance, nearer)
         found.append(distance)
@@ -144,17 +188,50 @@ def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
     return np.asarray(np.square(np.where(loose, wrap(step), step)))
 
 
+def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve) -> bool:
+    """Whether other starts of the doubted limbs lead to better poses in a few of the frames.
+
+    ``doubts`` (n_frames, n_limbs).
+    """
+    limbs = list_limbs(task.tree, task.free)
+    random = np.random.default_rng(0)
+    rows, starts = [], []
+    for number in _choose_limbs(limbs, doubts):
+        own = np.flatnonzero(doubts[:, _list_parts(limbs, number)].any(axis=1))
+        few = own[np.linspace(0, len(own) - 1, min(len(own), _PROBED) + 2).round().astype(np.intp)[1:-1]]
+        few = np.unique(few)
+        rows.append(few)
+        starts.append(
+            np.concatenate([found.q[few, None], _draw(random, task, found.q[few], limbs[number])], axis=1)
+        )
+    cost = _solve_all(np.concatenate(rows), np.concatenate(starts), solve)[1]
+    return bool((cost[:, 1:].min(axis=1) < (1.0 - _BETTER) * cost[:, 0]).any())
+
+
+def _list_parts(limbs: tuple[Limb, ...], number: int) -> list[int]:
+    return [number, *(k for k, limb in enumerate(limbs) if limb.parent == number)]
+
+
+def _choose_limbs(limbs: tuple[Limb, ...], doubts: NDArray[np.bool_]) -> list[int]:
+    """The limbs to turn anyhow: those on which the smallest of the doubted hang, or these where none does."""
+    doubted = set(np.flatnonzero(doubts.any(axis=0)).tolist())
+    smallest = doubted - {limbs[k].parent for k in doubted}
+    return sorted({k if limbs[k].parent == NONE else limbs[k].parent for k in smallest})
+
+
 def choose_minima(
-    task: Task, times: Array, found: MotionSolution, doubted: NDArray[np.bool_], bounds: Bounds, solve: Solve
+    task: Task, times: Array, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve
 ) -> MotionSolution:
     """The best sequence of minima that many starts find, instead of those that one start led to.
 
-    ``found``: frames in the order of time. ``doubted`` (n_frames,): those that may be wrong. ``bounds``: what
-    ``solve`` keeps to.
+    ``found``: frames in the order of time. ``doubts`` (n_frames, n_limbs): what may be wrong.
     """
-    seeds = _choose_seeds(doubted)
-    poses, costs = _find_minima(task, seeds, found, bounds, solve)
-    return _follow(task, times, found, seeds, poses, costs, bounds, solve)
+    seeds = _choose_seeds(doubts.any(axis=1))
+    limbs = list_limbs(task.tree, task.free)
+    chosen = _choose_limbs(limbs, doubts)
+    turned = sorted({k for number in chosen for k in _list_parts(limbs, number)})
+    poses, costs = _find_minima(task, seeds, found, [limbs[k] for k in turned], solve)
+    return _follow(task, times, found, seeds, poses, costs, solve)
 
 
 def _choose_seeds(doubted: NDArray[np.bool_]) -> Index:
@@ -167,39 +244,36 @@ def _choose_seeds(doubted: NDArray[np.bool_]) -> Index:
 
 
 def _find_minima(
-    task: Task, seeds: Index, found: MotionSolution, bounds: Bounds, solve: Solve
+    task: Task, seeds: Index, found: MotionSolution, limbs: list[Limb], solve: Solve
 ) -> tuple[Array, Array]:
     """The distinct minima of some frames, best first: (n_seeds, k, n_coordinates), and cost (n_seeds, k)."""
     random = np.random.default_rng(0)
-    limbs = _list_limbs(task.tree, task.free)
     best, cost = found.q[seeds], found.cost[seeds]
     poses, costs = best[:, None], cost[:, None]
     for _ in range(_ROUNDS):
-        starts = np.concatenate(
-            [_draw(random, task, best, limb, bounds) for limb in limbs], axis=1
-        )  # (n_seeds, n_limbs * draws, n_coordinates)
+        starts = np.concatenate([_draw(random, task, best, limb) for limb in limbs], axis=1)
         some = _solve_all(seeds, starts, solve)
-        together = _solve_all(seeds, _combine(task, seeds, best, some[0], limbs)[:, None], solve)
+        together = _solve_all(seeds, _combine(task, seeds, best, some[0])[:, None], solve)
         poses = np.concatenate([poses, some[0], together[0]], axis=1)
         costs = np.concatenate([costs, some[1], together[1]], axis=1)
-        poses, costs = _keep_distinct(task.tree, poses, costs, bounds)
-        improved = costs[:, 0] < (1.0 - 1e-3) * cost
+        poses, costs = _keep_distinct(task, poses, costs)
+        improved = costs[:, 0] < (1.0 - _BETTER) * cost
         best, cost = poses[:, 0], costs[:, 0]
         if not improved.any():
             break
     return poses, costs
 
 
-def _draw(random: np.random.Generator, task: Task, q: Array, limb: _Limb, bounds: Bounds) -> Array:
+def _draw(random: np.random.Generator, task: Task, q: Array, limb: Limb) -> Array:
     """Poses (n, draws, n_coordinates) with the joints of a limb turned anyhow within their ranges."""
     starts = np.repeat(q[:, None], _DRAWS, axis=1)
     for k in np.intersect1d(limb.coordinates, find_rotations(task.tree)):
-        lower, upper = bounds[0][k], bounds[1][k]
+        lower, upper = task.bounds[0][k], task.bounds[1][k]
         if np.isfinite(upper - lower) and upper - lower < 2.0 * np.pi + 1e-6:
             starts[:, :, k] = random.uniform(lower, upper, starts.shape[:2])
         else:
             starts[:, :, k] += random.normal(0.0, _WIDE, starts.shape[:2])
-    return np.clip(starts, *bounds)
+    return np.clip(starts, *task.bounds)
 
 
 def _solve_all(seeds: Index, starts: Array, solve: Solve) -> tuple[Array, Array]:
@@ -209,33 +283,32 @@ def _solve_all(seeds: Index, starts: Array, solve: Solve) -> tuple[Array, Array]
     return solution.q.reshape(starts.shape), solution.cost.reshape(n, k)
 
 
-def _combine(task: Task, seeds: Index, best: Array, some: Array, limbs: list[_Limb]) -> Array:
+def _combine(task: Task, seeds: Index, best: Array, some: Array) -> Array:
     """One start for every frame: each limb as the start that suits its markers best has it.
 
     ``some``: (n_seeds, n_starts, n_coordinates), minima. A limb is taken whole where that gains more than its
     parts do.
     """
     n, k, _ = some.shape
-    now = _measure_markers(task, seeds, best)
-    apart = _measure_markers(task, np.repeat(seeds, k), some.reshape(n * k, -1)).reshape(n, k, -1)
-    gains, taken = np.zeros((len(limbs), n)), np.zeros((len(limbs), n))
-    pose = best.copy()
-    every = np.arange(n)
-    choice = np.zeros((len(limbs), n), dtype=np.intp)
+    limbs, every = list_limbs(task.tree, task.free), np.arange(n)
+    apart = _measure_limbs(task, np.repeat(seeds, k), some.reshape(n * k, -1)).reshape(n, k, -1)
+    choice = apart.argmin(axis=1)
+    whole = _measure_limbs(task, seeds, best) - apart.min(axis=1)
+    gains = np.zeros(whole.shape)
     for number in reversed(range(len(limbs))):
-        limb = limbs[number]
-        costs = apart[:, :, limb.markers].sum(axis=2)
-        choice[number] = costs.argmin(axis=1)
-        whole = now[:, limb.markers].sum(axis=1) - costs[every, choice[number]]
-        parts = gains[[j for j, other in enumerate(limbs) if other.parent == number]].sum(axis=0)
-        gains[number], taken[number] = np.maximum(whole, parts), (whole > parts) & (whole > 0.0)
+        gains[:, number] += np.maximum(whole[:, number] - gains[:, number], 0.0)
+        if limbs[number].parent != NONE:
+            gains[:, limbs[number].parent] += gains[:, number]
+    pose = best.copy()
     for number, limb in enumerate(limbs):  # parents first, so that parts which gain more come after
-        rows = np.flatnonzero(taken[number])
-        pose[np.ix_(rows, limb.coordinates)] = some[rows, choice[number, rows]][:, limb.coordinates]
+        parts = gains[:, [j for j, other in enumerate(limbs) if other.parent == number]].sum(axis=1)
+        rows = np.flatnonzero((whole[:, number] > parts) & (whole[:, number] > 0.0))
+        taken = some[every, choice[:, number]][rows]
+        pose[np.ix_(rows, limb.coordinates)] = taken[:, limb.coordinates]
     return pose
 
 
-def _keep_distinct(tree: Tree, poses: Array, costs: Array, bounds: Bounds) -> tuple[Array, Array]:
+def _keep_distinct(task: Task, poses: Array, costs: Array) -> tuple[Array, Array]:
     """The best few minima of every frame, best first, each once; cost infinite where there are fewer."""
     every = np.arange(len(poses))
     left, kept, kept_costs = costs.copy(), [], []
@@ -243,7 +316,7 @@ def _keep_distinct(tree: Tree, poses: Array, costs: Array, bounds: Bounds) -> tu
         first = left.argmin(axis=1)
         kept.append(poses[every, first])
         kept_costs.append(left[every, first])
-        apart = measure_steps(tree, kept[-1][:, None], poses, bounds)[:, :, 0].max(axis=0)
+        apart = measure_steps(task.tree, kept[-1][:, None], poses, task.bounds)[:, :, 0].max(axis=0)
         left[apart < _APART**2] = np.inf
     return np.stack(kept, axis=1), np.stack(kept_costs, axis=1)
 
@@ -255,7 +328,6 @@ def _follow(
     seeds: Index,
     poses: Array,
     costs: Array,
-    bounds: Bounds,
     solve: Solve,
 ) -> MotionSolution:
     """Minima followed from each seed to the next, forwards and backwards; then the best sequence."""
@@ -265,7 +337,10 @@ def _follow(
     cost[:, -1] = found.cost
     # Two lanes a way: what starts at one seed goes on past the next, to where that of the one after starts.
     lanes = k * (np.arange(count) % 2)[:, None] + np.arange(k)
-    for towards, ends in ((1, np.append(seeds[2:], (n, n))[-count:]), (-1, np.insert(seeds[:-2], 0, (-1, -1))[:count])):
+    for towards, ends in (
+        (1, np.append(seeds[2:], (n, n))[-count:]),
+        (-1, np.insert(seeds[:-2], 0, (-1, -1))[:count]),
+    ):
         own = lanes + (0 if towards > 0 else 2 * k)
         rows, here, now, last = seeds, poses, costs, ends
         while len(rows):
@@ -274,10 +349,9 @@ def _follow(
             rows, own, last = rows[going] + towards, own[going], last[going]
             if len(rows):
                 here, now = _solve_all(rows, here[going], solve)
-    pull = cost / (2.0 * _SKIN_M**2)
-    steps = measure_steps(task.tree, q[:-1], q[1:], bounds).sum(axis=0)
-    steps /= 2.0 * np.square(SPEED * np.diff(times))[:, None, None]
-    chosen = _find_cheapest_path(pull, steps)
+    steps = np.sqrt(measure_steps(task.tree, q[:-1], q[1:], task.bounds)) / np.diff(times)[:, None, None]
+    hurry = np.square(np.maximum(steps - FASTEST, 0.0) / SPEED).sum(axis=0)
+    chosen = _find_cheapest_path(cost / _SKIN_M**2, hurry)
     every = np.arange(n)
     return MotionSolution(q[every, chosen], cost[every, chosen], found.steps, found.converged)
 

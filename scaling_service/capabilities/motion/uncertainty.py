@@ -289,6 +289,7 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
 
 
 _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
+_POSES = 3  # chosen: judged of each pattern of markers
 _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
 
 
@@ -297,8 +298,9 @@ def find_determined(
 ) -> NDArray[np.bool_]:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
 
-    Frames in which the same markers are seen are judged together, at one of them: it is what is
-    seen, hardly the pose, that decides.
+    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen, hardly
+    the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate seems
+    free; what one pose determines counts as determined.
 
     ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
     ``free`` (n_coordinates,): the others are known and count as determined.
@@ -306,9 +308,21 @@ def find_determined(
     shown = find_seen(measured)
     first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
+    some = _choose_poses(which, len(first))
+    judged = _judge(tree, shown[some], weights, q[some], p, variables)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
-    verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
+    verdict[:, variables] = False
+    np.logical_or.at(verdict, (which[some][:, None], variables), judged)
     return verdict[which]
+
+
+def _choose_poses(which: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """A few frames of every pattern, evenly spaced over those that show it; ``which``: each frame's pattern."""
+    order = np.argsort(which, kind="stable")
+    starts = np.searchsorted(which[order], np.arange(count + 1))
+    share = np.linspace(0.0, 1.0, _POSES)
+    places = starts[:-1, None] + np.rint(share * (np.diff(starts)[:, None] - 1)).astype(np.intp)
+    return np.unique(order[places])
 
 
 def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -344,7 +344,7 @@ class _Look:
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            session = load(subject, self.settings, read).session
+            session = load(subject, self.settings, read, facing=True).session
             yield from (
                 warnings.with_offer(warnings.make_warning_entry(text), self.trials)
                 for text in session.warnings

@@ -52,6 +52,9 @@ _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
+_SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
+_STEADY = SweepSettings(max_steps=2, close=True)
+_LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
 _TURN = 2.0 * np.pi
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
@@ -145,7 +148,7 @@ def solve_task(
         _solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near)
     )
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
-    return _calm(task, times, fine)
+    return hold_steady(task, times, fine)
 
 
 def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
@@ -171,40 +174,56 @@ def _find_limit(cost: Array) -> float:
     return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
 
 
-def _calm(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
-    """Stretches in which a joint turns faster than people's do, with what the markers hardly tell held steady.
+def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
+    """What the markers hardly tell, held steady where a joint turns faster than people's joints do.
 
-    Where the first and third of three rotations stand nearly in one line, or an arm is nearly straight, noise
-    turns two coordinates against each other at will. There each frame is pulled to the mean of its neighbours,
-    as a person's joints and a camera's noise say, odd and even frames in turn.
+    Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight, a
+    camera's noise turns coordinates against each other at will. Around such frames the motion is the most
+    likely one if angular velocities are normal, of standard deviation ``SPEED``, and markers are as good as
+    cameras: each frame is pulled to the mean of its neighbours, until it hardly moves. It stays as it was where
+    that is not likelier.
     """
     if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
         return found
-    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
     jumps = find_jumps(task, times, found.q).any(axis=1)
-    step = float(np.median(np.diff(times)))
-    width = 2 * max(1, round(_COARSE_S / step)) + 1
-    near = ndimage.binary_dilation(jumps, np.ones(width))
-    near[[0, -1]] = False
-    if not near.any():
+    if not jumps.any():
         return found
-    q = found.q.copy()
-    outside = np.flatnonzero(~near)
-    for k in np.flatnonzero(moving):
-        q[near, k] = np.interp(np.flatnonzero(near), outside, q[outside, k])
-    weight = moving * 2.0 * (CAMERA_M / (SPEED * step)) ** 2
-    rows = np.flatnonzero(near)
-    for share in _SHARES:
-        # Half way to the neighbours' mean at twice the weight: the same minimum, but frames may move together.
-        middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-        q[rows] = _solve(task, rows, q[rows], settings=_CALM, prior=(middle, 2.0 * share * weight)).q
-    cost = found.cost.copy()
-    cost[rows] = _solve(task, rows, q[rows], settings=SweepSettings(max_steps=1)).cost
-    return replace(found, q=q, cost=cost)
+    step = float(np.median(np.diff(times)))
+    near = ndimage.binary_dilation(jumps, np.ones(2 * max(1, round(_COARSE_S / step)) + 1))
+    near[[0, -1]] = False
+    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
+    weight = moving * (CAMERA_M / (SPEED * step)) ** 2
+    for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
+        rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
+        if not len(rows):
+            break
+        q = found.q.copy()
+        q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
+        for share in _SHARES:
+            # Half way to the neighbours' mean at twice the weight: the same minimum, but frames may move together.
+            middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
+            q[rows] = _solve(task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
+        cost = found.cost.copy()
+        cost[rows] = _solve(task, rows, q[rows], settings=_LOOK).cost
+        likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
+        better = np.where(likelier[:, None], q, found.q)
+        found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
+        near &= ~likelier
+    return found
 
 
-_SHARES = (100.0, 10.0) + 10 * (1.0,)
-_CALM = SweepSettings(max_steps=2, close=True)
+def _find_likelier(
+    near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
+) -> NDArray[np.bool_]:
+    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together."""
+    one, two = (cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0) for cost, q in (before, after))
+    runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
+    return np.asarray(np.bincount(runs, one - two)[runs] > 0.0)
+
+
+def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
+    """Coordinates in some rows, linear in time between those that are kept."""
+    return np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1)
 
 
 def _choose_stride(times: Array) -> int:

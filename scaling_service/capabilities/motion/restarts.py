@@ -33,12 +33,13 @@ Index = NDArray[np.intp]
 Solve = Callable[[Index, Array], MotionSolution]
 """Frames (rows), which may come again, and starts (n_rows, n_coordinates) to the minima reached from them."""
 
-SPEED = 5.0
-"""Standard deviation of a joint's angular velocity, rad/s (chosen: RMS of a knee in walking is 2.5 to 3 rad/s,
-in running twice that; Winter 2009, Novacheck 1998)."""
+SPEED = 3.0
+"""Standard deviation of a joint's angular velocity, rad/s (chosen: the RMS of a knee in walking, 2.5 to 3 rad/s
+by the curves of Winter 2009, app. A)."""
 
-FASTEST = 3.0 * SPEED
-"""A joint that turns faster is looked at again, not refused (chosen: three standard deviations)."""
+FASTEST = 5.0 * SPEED
+"""A joint that turns faster is looked at again, not refused (chosen: five standard deviations; a kicking or
+sprinting knee reaches that for moments)."""
 
 CAMERA_M = 1e-3
 """Noise of a marker, m (chosen: what cameras leave); below it nothing is worth a better minimum."""

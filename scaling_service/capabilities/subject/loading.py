@@ -10,6 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
@@ -34,9 +36,12 @@ from scaling_service.model.anatomy.bones import assign_bones, find_body
 from scaling_service.model.anatomy.markers import find_canonical, match_labels
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
+from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.model.trial import Array, Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, check_axes, decide
@@ -67,24 +72,33 @@ class Loaded:
             yield
 
 
-def open_subject(subject: Subject | str | Path, settings: Settings = Settings()) -> Loaded:
+def open_subject(
+    subject: Subject | str | Path, settings: Settings = Settings(), *, facing: bool = False
+) -> Loaded:
     """Read a subject, from its file where a path is given, and all that it names; see :func:`load`."""
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(subject)
     with blame_file(file):
-        return replace(load(known, settings), file=file)
+        return replace(load(known, settings, facing=facing), file=file)
 
 
 def load(
-    subject: Subject, settings: Settings = Settings(), read: Mapping[Path, Recording] = _NOTHING
+    subject: Subject,
+    settings: Settings = Settings(),
+    read: Mapping[Path, Recording] = _NOTHING,
+    *,
+    facing: bool = False,
 ) -> Loaded:
     """Read the model and the recordings of a subject.
 
-    Labels become the model's marker names, positions m with X forward, Y up and Z right, gaps are
-    filled as the settings allow; everything that was changed is in each trial's ``repairs``.
+    Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
+    everything that was changed is in each trial's ``repairs``. A model that comes in a file moves in the
+    laboratory's own axes, as forces do in their files: only what is not Y up is turned, about a level axis.
+    Built-in models stand X forward, Z right.
 
-    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read.
+    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
+    whether every model stands X forward, for results that are told along and across the way.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
@@ -98,7 +112,7 @@ def load(
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    axes = _decide_axes(named, subject.static, settings)
+    axes = _decide_axes(named, raw, subject, model, settings, facing or subject.model in BUILTIN_NAMES)
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -245,7 +259,12 @@ def _scale_setup(
 
 
 def _decide_axes(
-    named: Mapping[Path, tuple[Trial, Mapping[str, str]]], static: Path | None, settings: Settings
+    named: Mapping[Path, tuple[Trial, Mapping[str, str]]],
+    raw: Mapping[Path, Recording],
+    subject: Subject,
+    model: BodyModel,
+    settings: Settings,
+    facing: bool,
 ) -> Orientation:
     """One decision for the session: up from its first recording, forward from how most movements face.
 
@@ -257,8 +276,43 @@ def _decide_axes(
         roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         up = next(iter(decided.values())).up if decided else settings.up
         with blame_file(path, [path]):
-            decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
-    return agree_on_axes(decided, static)
+            decided[path] = decide(
+                trial,
+                roles=roles,
+                up=up,
+                forward=settings.forward,
+                upright=None if up else find_upright(model, trial),
+                level=list_level_corners(raw[path]),
+                facing=facing,
+            )
+    return agree_on_axes(decided, subject.static)
+
+
+def find_upright(model: BodyModel, trial: Trial) -> Array | None:
+    """Where the upright axis of the model's root points on average in a recording, (3,); None where not seen.
+
+    The root is placed by a rigid fit of its markers; a person's pelvis or thorax stays near upright while legs
+    and arms go anywhere.
+    """
+    own = [m for m in model.markers if m.name in trial.shown_labels]
+    if not own:
+        return None
+    root = next(s.name for s in model.segments if s.name in {m.segment for m in own})
+    names = [m.name for m in own if m.segment == root]
+    tree = compile_model(model, names)
+    neutral = np.ascontiguousarray(repeat_default_pose(model, 1).T)
+    poses = pose_links(tree, neutral, list_parameter_values(model))
+    rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
+    axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, 1]
+    return np.asarray(axes.mean(axis=0)) if len(axes) else None
+
+
+def list_level_corners(recording: Recording) -> Array | None:
+    """Corners of a recording's force plates in the laboratory's axes, (n_plates, 4, 3), m; None without any."""
+    plates = recording.plates
+    if plates is None or isinstance(plates, TrialUnusable) or not plates.plates:
+        return None
+    return np.array([plate.corners for plate in plates.plates])
 
 
 def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:

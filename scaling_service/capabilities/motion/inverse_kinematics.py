@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
-from scaling_service.capabilities.motion.branches import find_rotations, find_turning, join_branches
+from scaling_service.capabilities.motion.branches import find_rotations, join_branches
 from scaling_service.capabilities.motion.restarts import (
     CAMERA_M,
+    FASTEST,
     SPEED,
     Solve,
     choose_minima,
@@ -27,13 +28,13 @@ from scaling_service.capabilities.motion.restarts import (
     find_outlying,
 )
 from scaling_service.capabilities.motion.task import Task, guess_start
-from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.capabilities.motion.uncertainty import compute_marker_rates, find_determined
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem, find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     DEFAULT,
@@ -42,7 +43,7 @@ from scaling_service.numerics.multibody.sweep import (
     is_articulated,
     solve_motion,
 )
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
+from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -55,7 +56,7 @@ _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold 
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
 _STEADY = SweepSettings(max_steps=2, close=True)
 _LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
-_TURN = 2.0 * np.pi
+_WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
@@ -143,7 +144,7 @@ def solve_task(
         rows, rough = rows[kept], rough.frames(kept)
     natural = _doubt(within, times[rows], rows, free_trapped(rough, _solver(within, rows)))
     joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
-    close = joined if stride == 1 else _interpolate(task.tree, times, rows, joined)
+    close = joined if stride == 1 else _interpolate(times, rows, joined)
     fine = free_trapped(
         _solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near)
     )
@@ -186,10 +187,14 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
         return found
     jumps = find_jumps(task, times, found.q).any(axis=1)
-    if not jumps.any():
-        return found
     step = float(np.median(np.diff(times)))
-    near = ndimage.binary_dilation(jumps, np.ones(2 * max(1, round(_COARSE_S / step)) + 1))
+    rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
+    if len(rows):
+        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step)
+    if not loose.any():
+        return found
+    around = np.ones(2 * max(1, round(_COARSE_S / step)) + 1, dtype=bool)
+    near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
     moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
     weight = moving * (CAMERA_M / (SPEED * step)) ** 2
@@ -210,6 +215,18 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
         near &= ~likelier
     return found
+
+
+def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> NDArray[np.bool_]:
+    """Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames."""
+    turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree)))
+    heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    ridge = (CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+    variance = CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
+    own = np.isin(np.flatnonzero(task.free), turning)
+    return np.asarray((variance[:, own] > limit**2).any(axis=1))
 
 
 def _find_likelier(
@@ -291,11 +308,8 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
 
 
-def _interpolate(tree: Tree, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
-    """The coarse motion at all times, by cubic splines; angles without jumps."""
-    turning = find_turning(tree)
-    q = q.copy()
-    q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
+def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
+    """The coarse motion, written without jumps, at all times, by cubic splines."""
     return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
 
 

@@ -93,12 +93,11 @@ def load(
     """Read the model and the recordings of a subject.
 
     Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
-    everything that was changed is in each trial's ``repairs``. A model that comes in a file moves in the
-    laboratory's own axes, as forces do in their files: only what is not Y up is turned, about a level axis.
-    Built-in models stand X forward, Z right.
+    everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes, as
+    forces do in their files: only what is not Y up is turned, about a level axis.
 
     ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
-    whether every model stands X forward, for results that are told along and across the way.
+    whether to turn the person X forward, for results that are told along and across the way.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
@@ -112,7 +111,7 @@ def load(
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    axes = _decide_axes(named, raw, subject, model, settings, facing or subject.model in BUILTIN_NAMES)
+    axes = _decide_axes(named, raw, subject, model, settings, facing)
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():

@@ -119,6 +119,13 @@ def find_rotations(tree: Tree) -> NDArray[np.intp]:
     return np.array(sorted(turns), dtype=np.intp)
 
 
+def find_loose(tree: Tree, bounds: Bounds) -> NDArray[np.bool_]:
+    """Which coordinates may make full turns, which then change nothing, (n_coordinates,)."""
+    loose = np.zeros(tree.n_coordinates, dtype=bool)
+    loose[find_turning(tree)] = True
+    return loose & np.isinf(bounds[0]) & np.isinf(bounds[1])
+
+
 def wrap(angle: Array) -> Array:
     """Angles within half a turn of zero, rad."""
     return np.asarray(angle - _TURN * np.rint(angle / _TURN))

@@ -23,6 +23,7 @@ from scaling_service.capabilities.motion.restarts import (
     Solve,
     choose_minima,
     confirm_doubts,
+    find_far,
     find_held,
     find_jumps,
     find_outlying,
@@ -164,6 +165,7 @@ def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSoluti
     joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
     doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
     doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
+    doubts |= find_far(part, found.q)
     jumps = find_jumps(part, times, joined)
     solve = _solver(task, rows)
     if jumps.any() or (doubts.any() and confirm_doubts(part, found, doubts, solve)):

@@ -8,24 +8,26 @@ a frame may then have, the sequence is taken that explains the markers and does 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.branches import (
     Bounds,
+    find_loose,
     find_rotations,
     find_triplets,
-    find_turning,
     wrap,
     write_within,
 )
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.rigid import MIN_POINTS
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
@@ -48,7 +50,7 @@ _SKIN_M = 0.01  # standard deviation of a marker about its bone: 5 to 20 mm (Lea
 _RELEASED = 2.0  # chosen: times its cost without limits, or of most frames, beyond which a limb is doubted
 _BETTER = 0.05  # chosen: share of the cost by which another minimum must be better to count
 _DRAWS = 8  # chosen: starts of each limb; of three joints one start in three reaches the best minimum
-_PROBED = 2  # chosen: frames in which a doubted limb is tried
+_PROBED = 4  # chosen: limbs that are tried, in two frames each, before all are
 _ROUNDS = 3  # chosen: limbs improve each other's frames; two rounds suffice for two arms
 _KEPT = 4  # chosen: minima of a frame that are followed
 _APART = 0.1  # chosen, rad: what is nearer is one minimum
@@ -134,6 +136,19 @@ def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
     return outlying
 
 
+def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
+    """Which limbs are farther from their markers than skin moves, (n_frames, n_limbs).
+
+    All limbs where the root has too few markers of its own to be placed by: where it starts is then a guess.
+    """
+    limbs = list_limbs(task.tree, task.free)
+    costs = _measure_limbs(task, np.arange(len(q)), q)
+    heavy = np.where(find_seen(task.measured), task.weights, 0.0)
+    weight = np.stack([heavy[:, limb.markers].sum(axis=1) for limb in limbs], axis=1)
+    far = costs > weight * 3.0 * _SKIN_M**2
+    return far | (find_seen(task.measured)[:, task.tree.marker_rows[0]].sum(axis=1) < MIN_POINTS)[:, None]
+
+
 def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
     """Where a limb's own joint turns faster than people's joints do, (n_frames, n_limbs).
 
@@ -159,34 +174,31 @@ def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
     return jumps
 
 
-def measure_steps(tree: Tree, before: Array, after: Array, bounds: Bounds) -> Array:
-    """Squares of how far joints turn between poses, (n_turns, n, k, l), rad2.
+def _measure_turns(
+    tree: Tree, before: Array, after: Array, bounds: Bounds, *, any_way: bool
+) -> Iterator[Array]:
+    """How far joints turn between poses, each (n, k, l), rad.
 
     ``before`` (n, k, n_coordinates), ``after`` (n, l, n_coordinates): every pose of a frame with every pose of
-    the next. A triplet counts as one turn, written in whichever way within the bounds is nearer.
+    the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is nearer.
     """
-    loose = np.zeros(tree.n_coordinates, dtype=bool)
-    loose[find_turning(tree)] = True
-    loose &= np.isinf(bounds[0]) & np.isinf(bounds[1])
-    triplets, found = find_triplets(tree), []
+    loose = find_loose(tree, bounds)
+    triplets = find_triplets(tree)
+    for k in np.setdiff1d(find_rotations(tree), [c for t in triplets for c in t.coordinates]):
+        yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
         first, second = before[:, :, None, own], after[:, None, :, own]
-        distance = _measure(first, second, loose[own]).sum(axis=-1)
-        for before_it, changed in ((True, first), (False, second)):
-            other, allowed = write_within(triplet, changed, bounds)
-            one, two = (other, second) if before_it else (first, other)
-            nearer = np.where(allowed, _measure(one, two, loose[own]).sum(axis=-1), np.inf)
-            distance = np.minimum(distance, nearer)
-        found.append(distance)
-    rest = np.setdiff1d(find_rotations(tree), [c for t in triplets for c in t.coordinates])
-    apart = _measure(before[:, :, None, rest], after[:, None, :, rest], loose[rest])
-    return np.concatenate([np.moveaxis(apart, -1, 0), *(d[None] for d in found)])
+        distance = _measure(first, second, loose[own])
+        if any_way or loose[own].all():
+            other, allowed = write_within(triplet, first, bounds)
+            distance = np.minimum(distance, np.where(allowed, _measure(other, second, loose[own]), np.inf))
+        yield np.sqrt(distance)
 
 
 def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
     step = second - first
-    return np.asarray(np.square(np.where(loose, wrap(step), step)))
+    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=-1))
 
 
 def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve) -> bool:
@@ -197,14 +209,12 @@ def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_],
     limbs = list_limbs(task.tree, task.free)
     random = np.random.default_rng(0)
     rows, starts = [], []
-    for number in _choose_limbs(limbs, doubts):
+    for number in _choose_limbs(limbs, doubts)[:_PROBED]:
         own = np.flatnonzero(doubts[:, _list_parts(limbs, number)].any(axis=1))
-        few = own[np.linspace(0, len(own) - 1, min(len(own), _PROBED) + 2).round().astype(np.intp)[1:-1]]
-        few = np.unique(few)
+        few = np.unique(own[[len(own) // 3, 2 * len(own) // 3]])
         rows.append(few)
-        starts.append(
-            np.concatenate([found.q[few, None], _draw(random, task, found.q[few], limbs[number])], axis=1)
-        )
+        drawn = _draw(random, task, found.q[few], limbs[number])
+        starts.append(np.concatenate([found.q[few, None], drawn], axis=1))
     cost = _solve_all(np.concatenate(rows), np.concatenate(starts), solve)[1]
     return bool((cost[:, 1:].min(axis=1) < (1.0 - _BETTER) * cost[:, 0]).any())
 
@@ -214,10 +224,17 @@ def _list_parts(limbs: tuple[Limb, ...], number: int) -> list[int]:
 
 
 def _choose_limbs(limbs: tuple[Limb, ...], doubts: NDArray[np.bool_]) -> list[int]:
-    """The limbs to turn anyhow: those on which the smallest of the doubted hang, or these where none does."""
+    """The limbs to turn anyhow, the oftenest doubted first.
+
+    Those on which the smallest of the doubted hang, or these where none does.
+    """
     doubted = set(np.flatnonzero(doubts.any(axis=0)).tolist())
     smallest = doubted - {limbs[k].parent for k in doubted}
-    return sorted({k if limbs[k].parent == NONE else limbs[k].parent for k in smallest})
+    often: dict[int, int] = {}
+    for k in smallest:
+        above = k if limbs[k].parent == NONE else limbs[k].parent
+        often[above] = max(often.get(above, 0), int(doubts[:, k].sum()))
+    return sorted(often, key=lambda k: (-often[k], k))
 
 
 def choose_minima(
@@ -317,8 +334,8 @@ def _keep_distinct(task: Task, poses: Array, costs: Array) -> tuple[Array, Array
         first = left.argmin(axis=1)
         kept.append(poses[every, first])
         kept_costs.append(left[every, first])
-        apart = measure_steps(task.tree, kept[-1][:, None], poses, task.bounds)[:, :, 0].max(axis=0)
-        left[apart < _APART**2] = np.inf
+        turns = _measure_turns(task.tree, kept[-1][:, None], poses, task.bounds, any_way=True)
+        left[reduce(np.maximum, turns)[:, 0] < _APART] = np.inf
     return np.stack(kept, axis=1), np.stack(kept_costs, axis=1)
 
 
@@ -350,11 +367,31 @@ def _follow(
             rows, own, last = rows[going] + towards, own[going], last[going]
             if len(rows):
                 here, now = _solve_all(rows, here[going], solve)
-    steps = np.sqrt(measure_steps(task.tree, q[:-1], q[1:], task.bounds)) / np.diff(times)[:, None, None]
-    hurry = np.square(np.maximum(steps - FASTEST, 0.0) / SPEED).sum(axis=0)
+    q, cost = _write_all_ways(task.tree, q, cost, task.bounds)
+    hurry = np.zeros((n - 1, q.shape[1], q.shape[1]))
+    for turn in _measure_turns(task.tree, q[:-1], q[1:], task.bounds, any_way=False):
+        hurry += np.square(np.maximum(turn / np.diff(times)[:, None, None] - FASTEST, 0.0) / SPEED)
     chosen = _find_cheapest_path(cost / _SKIN_M**2, hurry)
     every = np.arange(n)
     return MotionSolution(q[every, chosen], cost[every, chosen], found.steps, found.converged)
+
+
+def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[Array, Array]:
+    """The same poses (n, k, n_coordinates), and in other states those whose bounded triplets can be rewritten.
+
+    What has no bounds is written without jumps afterwards.
+    """
+    for triplet in find_triplets(tree):
+        if find_loose(tree, bounds)[triplet.coordinates].all():
+            continue
+        other, allowed = write_within(triplet, q[:, :, triplet.coordinates], bounds)
+        some = np.flatnonzero((allowed & np.isfinite(cost)).any(axis=0))
+        if len(some):
+            again = q[:, some].copy()
+            again[:, :, triplet.coordinates] = other[:, some]
+            q = np.concatenate([q, again], axis=1)
+            cost = np.concatenate([cost, np.where(allowed, cost, np.inf)[:, some]], axis=1)
+    return q, cost
 
 
 def _find_cheapest_path(own: Array, between: Array) -> Index:

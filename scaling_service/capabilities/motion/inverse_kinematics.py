@@ -53,6 +53,7 @@ _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
+_PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
 _STEADY = SweepSettings(max_steps=2, close=True)
@@ -168,7 +169,7 @@ def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSoluti
     doubts |= find_far(part, found.q)
     jumps = find_jumps(part, times, joined)
     solve = _solver(task, rows)
-    if jumps.any() or (doubts.any() and confirm_doubts(part, found, doubts, solve)):
+    if jumps.any() or (doubts.any() and confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
         return choose_minima(part, times, found, doubts | jumps, solve)
     return found
 
@@ -192,7 +193,7 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     step = float(np.median(np.diff(times)))
     rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
     if len(rows):
-        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step)
+        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step / 3.0)
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(_COARSE_S / step)) + 1, dtype=bool)

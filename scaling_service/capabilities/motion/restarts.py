@@ -47,7 +47,10 @@ CAMERA_M = 1e-3
 """Noise of a marker, m (chosen: what cameras leave); below it nothing is worth a better minimum."""
 
 _SKIN_M = 0.01  # standard deviation of a marker about its bone: 5 to 20 mm (Leardini et al. 2005)
-_RELEASED = 2.0  # chosen: times its cost without limits, or of most frames, beyond which a limb is doubted
+_RELEASED = (
+    4.0  # chosen: times its cost without limits, in most frames, or of the root, from which a limb is doubted
+)
+_SHARE = 0.01  # chosen: of a frame's cost; what limits add below it does not move the mean by 0.1 mm
 _BETTER = 0.05  # chosen: share of the cost by which another minimum must be better to count
 _DRAWS = 8  # chosen: starts of each limb; of three joints one start in three reaches the best minimum
 _PROBED = 4  # chosen: limbs that are tried, in two frames each, before all are
@@ -57,6 +60,7 @@ _APART = 0.1  # chosen, rad: what is nearer is one minimum
 _SPACING = 10  # chosen: frames (0.8 s of the coarse ones) between two that are started anew
 _MOST = 16  # chosen: frames started anew, evenly spaced, and as many of the doubted
 _WIDE = 1.0  # chosen, rad: how far starts of a coordinate without a range lie from what was found
+_TINY = 1e-12  # of a weight
 _TREES = 32  # kept; as many as trees are
 
 
@@ -98,11 +102,16 @@ def _list_limbs(tree: Tree, chosen: bytes) -> tuple[Limb, ...]:
     return tuple(limbs)
 
 
-def _measure_limbs(task: Task, rows: Index, q: Array) -> Array:
-    """Weighted squared distances of each limb's markers, (n_rows, n_limbs), m2."""
+def _measure_markers(task: Task, rows: Index, q: Array) -> Array:
+    """Weighted squared distances of the markers, (n_rows, n_markers), m2; zero where not seen."""
     placed = place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(q.T), task.p))
     squares = np.square(task.measured[rows] - np.moveaxis(placed, -1, 0)).sum(axis=2) * task.weights
-    squares[np.isnan(squares)] = 0.0
+    return np.asarray(np.where(np.isnan(squares), 0.0, squares))
+
+
+def _measure_limbs(task: Task, rows: Index, q: Array) -> Array:
+    """Weighted squared distances of each limb's markers, (n_rows, n_limbs), m2."""
+    squares = _measure_markers(task, rows, q)
     limbs = list_limbs(task.tree, task.free)
     return np.stack([squares[:, limb.markers].sum(axis=1) for limb in limbs], axis=1)
 
@@ -122,7 +131,9 @@ def find_held(task: Task, q: Array, release: Solve) -> NDArray[np.bool_]:
     if len(rows):
         released = _measure_limbs(task, rows, release(rows, q[rows]).q)
         least = np.array([task.weights[limb.markers].sum() for limb in limbs]) * CAMERA_M**2
-        held[rows] = _measure_limbs(task, rows, q[rows]) > _RELEASED * (released + least)
+        now = _measure_limbs(task, rows, q[rows])
+        whole = now.max(axis=1, keepdims=True)
+        held[rows] = (now > _RELEASED * (released + least)) & (now > _SHARE * whole)
     return held
 
 
@@ -137,16 +148,19 @@ def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
 
 
 def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
-    """Which limbs are farther from their markers than skin moves, (n_frames, n_limbs).
+    """Which limbs are farther from their markers than skin moves and than the root is, (n_frames, n_limbs).
 
     All limbs where the root has too few markers of its own to be placed by: where it starts is then a guess.
     """
     limbs = list_limbs(task.tree, task.free)
-    costs = _measure_limbs(task, np.arange(len(q)), q)
+    squares = _measure_markers(task, np.arange(len(q)), q)
     heavy = np.where(find_seen(task.measured), task.weights, 0.0)
-    weight = np.stack([heavy[:, limb.markers].sum(axis=1) for limb in limbs], axis=1)
-    far = costs > weight * 3.0 * _SKIN_M**2
-    return far | (find_seen(task.measured)[:, task.tree.marker_rows[0]].sum(axis=1) < MIN_POINTS)[:, None]
+    root = task.tree.marker_rows[0]
+    limit = 3.0 * _SKIN_M**2 + _RELEASED * squares[:, root].sum(axis=1) / (heavy[:, root].sum(axis=1) + _TINY)
+    groups = [limb.markers for limb in limbs]
+    far = [squares[:, own].sum(axis=1) > heavy[:, own].sum(axis=1) * limit for own in groups]
+    guessed = (heavy[:, root] > 0.0).sum(axis=1) < MIN_POINTS
+    return np.stack(far, axis=1) | guessed[:, None]
 
 
 def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:

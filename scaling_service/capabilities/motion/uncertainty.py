@@ -289,7 +289,10 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
 
 
 _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
-_POSES = 3  # chosen: judged of each pattern of markers
+_OTHERS = (
+    0.5,
+    1.0,
+)  # chosen: frames, as shares of those alike, that are judged where the first leaves some open
 _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
 
 
@@ -308,21 +311,17 @@ def find_determined(
     shown = find_seen(measured)
     first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
-    some = _choose_poses(which, len(first))
-    judged = _judge(tree, shown[some], weights, q[some], p, variables)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
-    verdict[:, variables] = False
-    np.logical_or.at(verdict, (which[some][:, None], variables), judged)
+    verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables)
+    for share in _OTHERS:
+        open_still = np.flatnonzero(~verdict.all(axis=1))
+        rows = np.array(
+            [(own := np.flatnonzero(which == k))[int(share * (len(own) - 1))] for k in open_still], int
+        )
+        if len(rows):
+            again = _judge(tree, shown[rows], weights, q[rows], p, variables)
+            verdict[np.ix_(open_still, variables)] |= again
     return verdict[which]
-
-
-def _choose_poses(which: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """A few frames of every pattern, evenly spaced over those that show it; ``which``: each frame's pattern."""
-    order = np.argsort(which, kind="stable")
-    starts = np.searchsorted(which[order], np.arange(count + 1))
-    share = np.linspace(0.0, 1.0, _POSES)
-    places = starts[:-1, None] + np.rint(share * (np.diff(starts)[:, None] - 1)).astype(np.intp)
-    return np.unique(order[places])
 
 
 def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -105,9 +105,10 @@ def decide(
     Raises TrialUnusable: if no marker is seen at all, or the unit cannot be told.
 
     Up: square to the force plates, where there are any; else the upright axis of the body's root, which a
-    bent or raised leg does not tilt; else pelvis above knees above ankles, where these are known and clear of
-    45 degrees; else the longest extent of the body, ties decided by which side stands still near height zero
-    (the floor). Forward: from PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.
+    bent or raised leg does not tilt; else pelvis above knees above ankles, where these are known and clear
+    of 45 degrees; else the longest extent of the body, ties decided by which side stands still near height
+    zero (the floor). Forward: from PSIS to ASIS; else square to right-left pairs; else the displacement;
+    else a lab axis, which is said.
     """
     factor, unit_repairs = find_unit_factor(trial)
     positions = trial.markers * factor

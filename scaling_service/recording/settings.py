@@ -16,13 +16,13 @@ LONGEST_SPLINE_S = 0.15
 
 
 SMOOTHING_HZ = 10.0
-"""Of the low pass for markers. Chosen between the 6 Hz of walking (Winter 2009, sec. 3.4.3), whose markers hold
-nothing above, and the 12 to 15 Hz of running and landing (Sinclair et al. 2013, Uhlrich et al. 2023): what moves
-is kept."""
+"""Of the low pass for markers. Chosen between the 6 Hz of walking (Winter 2009, sec. 3.4.3), whose markers
+hold nothing above, and the 12 to 15 Hz of running and landing (Sinclair et al. 2013, Uhlrich et al. 2023):
+what moves is kept."""
 
 LEAST_RATE = 4.0
-"""Frame rate over cutoff from which markers are smoothed by themselves: below it, less than half of a camera's
-white noise lies beyond the cutoff, and the filter costs more of the movement than it takes off."""
+"""Frame rate over cutoff from which markers are smoothed by themselves: below it, less than half of a
+camera's white noise lies beyond the cutoff, and the filter costs more of the movement than it takes off."""
 
 
 class ProcessingSettings(Options):
@@ -37,8 +37,8 @@ class ProcessingSettings(Options):
 
     smoothing: Literal["automatic", "butterworth", "none"] = Field(
         default="automatic",
-        description="A zero-phase Butterworth low pass: where the frame rate is at least four times the cutoff "
-        "(automatic), always, or never.",
+        description="A zero-phase Butterworth low pass: where the frame rate is at least four times the "
+        "cutoff (automatic), always, or never.",
     )
     cutoff_hz: float = Field(
         default=SMOOTHING_HZ,

@@ -42,7 +42,7 @@ def test_default_way_turns_smooths_and_fills():
     kinds = [r.what for r in result.repairs]
     assert kinds == ["up_axis", "forward_axis", "smoothing", "gap_spline", "gap_solidification", "gap_left"]
     assert np.isnan(result.markers[180:, 4]).all()
-    # The low pass of 10 Hz leaves a bob of 1.9 Hz as it is; at the ends of runs it stands on their mirror image.
+    # The low pass of 10 Hz leaves a bob of 1.9 Hz as it is; ends of runs stand on their mirror image.
     np.testing.assert_allclose(result.markers[:180], ours[:180], atol=1.5e-3)
     assert holed.repairs == ()
 

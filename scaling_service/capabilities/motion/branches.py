@@ -43,7 +43,7 @@ class Triplet:
 
 @lru_cache(maxsize=_TREES)
 def find_turning(tree: Tree) -> NDArray[np.intp]:
-    """The coordinates of which a full turn changes nothing: each is the angle of one rotation, and nothing else.
+    """The coordinates of which a full turn changes nothing: each is one rotation's angle, and nothing else.
 
     Returns (n_turning,).
     """
@@ -135,8 +135,8 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     """The same poses, written so that coordinates change least from frame to frame.
 
     ``q`` (n_frames, n_coordinates), rad or m; frames in the order of time. Full turns are taken out of
-    coordinates without ``bounds``, and a triplet is written in its other way where that is nearer to the frame
-    before. The whole recording then stands as near as can be to the ranges ``natural`` that the model
+    coordinates without ``bounds``, and a triplet is written in its other way where that is nearer to the
+    frame before. The whole recording then stands as near as can be to the ranges ``natural`` that the model
     declares, and within them to its default pose ``neutral`` (n_coordinates,). A triplet that could not keep
     to its bounds stays as it is.
     """

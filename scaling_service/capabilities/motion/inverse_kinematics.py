@@ -181,11 +181,11 @@ def _find_limit(cost: Array) -> float:
 def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
     """What the markers hardly tell, held steady where a joint turns faster than people's joints do.
 
-    Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight, a
-    camera's noise turns coordinates against each other at will. Around such frames the motion is the most
+    Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight,
+    a camera's noise turns coordinates against each other at will. Around such frames the motion is the most
     likely one if angular velocities are normal, of standard deviation ``SPEED``, and markers are as good as
-    cameras: each frame is pulled to the mean of its neighbours, until it hardly moves. It stays as it was where
-    that is not likelier.
+    cameras: each frame is pulled to the mean of its neighbours, until it hardly moves. It stays as it was
+    where that is not likelier.
     """
     if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
         return found
@@ -208,7 +208,7 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
         q = found.q.copy()
         q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
         for share in _SHARES:
-            # Half way to the neighbours' mean at twice the weight: the same minimum, but frames may move together.
+            # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
             q[rows] = _solve(task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
         cost = found.cost.copy()

@@ -51,10 +51,10 @@ class MotionOptions(Options):
     )
     forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
-        description="Laboratory axis to turn to x, such as -x; unless given, the laboratory's heading is kept.",
+        description="Laboratory axis to turn to x, such as -x; the heading is kept unless given.",
     )
     smooth_hz: Annotated[float | None, Flag(metavar="HZ")] = Field(
         default=None,
         ge=0.0,
-        description="Cutoff of the low pass for markers; 10 where the frame rate allows it unless given; 0: none.",
+        description="Cutoff of the low pass for markers; 10 unless given, where the rate allows; 0: none.",
     )

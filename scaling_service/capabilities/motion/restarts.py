@@ -1,9 +1,10 @@
 """Inverse kinematics from many starts, where one start may have ended in a wrong minimum.
 
-A local search that starts in one pose can end with a joint at the wrong end of its range, a limb turned about
-itself, or now in one and now in another of several minima. What ended so is started again from many poses, limb
-by limb, in a few frames; each minimum found there is followed through the frames between; and of all poses that
-a frame may then have, the sequence is taken that explains the markers and does not jump (Viterbi 1967).
+A local search that starts in one pose can end with a joint at the wrong end of its range, a limb turned
+about itself, or now in one and now in another of several minima. What ended so is started again from many
+poses, limb by limb, in a few frames; each minimum found there is followed through the frames between; and of
+all poses that a frame may then have, the sequence is taken that explains the markers and does not jump
+(Viterbi 1967).
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ Solve = Callable[[Index, Array], MotionSolution]
 """Frames (rows), which may come again, and starts (n_rows, n_coordinates) to the minima reached from them."""
 
 SPEED = 3.0
-"""Standard deviation of a joint's angular velocity, rad/s (chosen: the RMS of a knee in walking, 2.5 to 3 rad/s
-by the curves of Winter 2009, app. A)."""
+"""Standard deviation of a joint's angular velocity, rad/s (chosen: the RMS of a knee in walking, 2.5 to 3
+rad/s by the curves of Winter 2009, app. A)."""
 
 FASTEST = 5.0 * SPEED
 """A joint that turns faster is looked at again, not refused (chosen: five standard deviations; a kicking or
@@ -138,7 +139,7 @@ def find_held(task: Task, q: Array, release: Solve) -> NDArray[np.bool_]:
 
 
 def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
-    """In which of some frames a limb is much farther from its markers than it mostly is, (n_frames, n_limbs)."""
+    """Where, in some frames, a limb is much farther from its markers than mostly, (n_frames, n_limbs)."""
     limbs = list_limbs(task.tree, task.free)
     outlying = np.zeros((len(q), len(limbs)), dtype=bool)
     if len(rows):
@@ -193,8 +194,9 @@ def _measure_turns(
 ) -> Iterator[Array]:
     """How far joints turn between poses, each (n, k, l), rad.
 
-    ``before`` (n, k, n_coordinates), ``after`` (n, l, n_coordinates): every pose of a frame with every pose of
-    the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is nearer.
+    ``before`` (n, k, n_coordinates), ``after`` (n, l, n_coordinates): every pose of a frame with every pose
+    of the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is
+    nearer.
     """
     loose = find_loose(tree, bounds)
     triplets = find_triplets(tree)
@@ -391,7 +393,7 @@ def _follow(
 
 
 def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[Array, Array]:
-    """The same poses (n, k, n_coordinates), and in other states those whose bounded triplets can be rewritten.
+    """The same poses (n, k, n_coordinates), and beside them those whose bounded triplets can be rewritten.
 
     What has no bounds is written without jumps afterwards.
     """
@@ -409,7 +411,7 @@ def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[
 
 
 def _find_cheapest_path(own: Array, between: Array) -> Index:
-    """Which state (n, k) to take in every frame, with what each costs and each change (n - 1, k, k) to the next."""
+    """Which state to take in every frame, by what states (n, k) and changes (n - 1, k, k) cost, (n,)."""
     total, back = own[0], np.zeros(own.shape, dtype=np.intp)
     for row, change in enumerate(between, start=1):
         reached = total[:, None] + change

@@ -301,9 +301,9 @@ def find_determined(
 ) -> NDArray[np.bool_]:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
 
-    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen, hardly
-    the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate seems
-    free; what one pose determines counts as determined.
+    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen,
+    hardly the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate
+    seems free; what one pose determines counts as determined.
 
     ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
     ``free`` (n_coordinates,): the others are known and count as determined.

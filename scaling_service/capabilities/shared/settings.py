@@ -144,8 +144,8 @@ class Settings(Options):
     )
     forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
-        description="Laboratory axis to turn to x, such as -x; unless given, the heading is kept, but where results "
-        "are told along and across the way.",
+        description="Laboratory axis to turn to x, such as -x; unless given, the heading is kept, but where "
+        "results are told along and across the way.",
     )
     seed: Annotated[int, Flag(metavar="N")] = Field(
         default=0, ge=0, le=LARGEST, description="Seed of everything random."

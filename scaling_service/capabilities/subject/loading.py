@@ -93,8 +93,8 @@ def load(
     """Read the model and the recordings of a subject.
 
     Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
-    everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes, as
-    forces do in their files: only what is not Y up is turned, about a level axis.
+    everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes,
+    as forces do in their files: only what is not Y up is turned, about a level axis.
 
     ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
     whether to turn the person X forward, for results that are told along and across the way.
@@ -290,8 +290,8 @@ def _decide_axes(
 def find_upright(model: BodyModel, trial: Trial) -> Array | None:
     """Where the upright axis of the model's root points on average in a recording, (3,); None where not seen.
 
-    The root is placed by a rigid fit of its markers; a person's pelvis or thorax stays near upright while legs
-    and arms go anywhere.
+    The root is placed by a rigid fit of its markers; a person's pelvis or thorax stays near upright while
+    legs and arms go anywhere.
     """
     own = [m for m in model.markers if m.name in trial.shown_labels]
     if not own:
@@ -307,7 +307,7 @@ def find_upright(model: BodyModel, trial: Trial) -> Array | None:
 
 
 def list_level_corners(recording: Recording) -> Array | None:
-    """Corners of a recording's force plates in the laboratory's axes, (n_plates, 4, 3), m; None without any."""
+    """Corners of a recording's force plates in the laboratory, (n_plates, 4, 3), m; None without any."""
     plates = recording.plates
     if plates is None or isinstance(plates, TrialUnusable) or not plates.plates:
         return None

@@ -153,6 +153,27 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     return joined
 
 
+def cross_stretches(tree: Tree, q: Array, stretches: NDArray[np.intp], bounds: Bounds) -> Array:
+    """The same poses, written after each stretch (start, stop) in the way that is nearest to before it.
+
+    For stretches in which nothing tells how a triplet turns, so that what lies between does not count.
+    """
+    crossed, loose = q.copy(), find_loose(tree, bounds)
+    for start, stop in stretches.tolist():
+        before, after = crossed[start - 1], crossed[stop:]
+        after[:, loose] -= _TURN * np.rint((after[0] - before) / _TURN)[loose]
+        for triplet in find_triplets(tree):
+            own = triplet.coordinates
+            other, allowed = write_within(triplet, after[:, own], bounds)
+            turns = loose[own]
+            other[:, turns] = np.unwrap(other[:, turns], axis=0, period=_TURN)
+            other[:, turns] -= _TURN * np.rint((other[0] - before[own]) / _TURN)[turns]
+            nearer = np.square(other[0] - before[own]).sum() < np.square(after[0, own] - before[own]).sum()
+            if nearer and allowed.all():
+                after[:, own] = other
+    return crossed
+
+
 def _join_triplet(triplet: Triplet, q: Array, bounds: Bounds, natural: Bounds, neutral: Array) -> None:
     """One triplet's coordinates rewritten in place.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
-from scaling_service.capabilities.motion.branches import find_rotations, join_branches
+from scaling_service.capabilities.motion.branches import cross_stretches, find_rotations, join_branches
 from scaling_service.capabilities.motion.restarts import (
     CAMERA_M,
     FASTEST,
@@ -45,6 +45,7 @@ from scaling_service.numerics.multibody.sweep import (
     solve_motion,
 )
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.filters import find_runs
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -56,6 +57,9 @@ _FINE = SweepSettings(close=True)
 _PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
+_DEARER = (
+    1.25  # chosen: times its cost that a stretch held steady may have; noise alone needs a tenth of that
+)
 _STEADY = SweepSettings(max_steps=2, close=True)
 _LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
 _WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
@@ -199,6 +203,7 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     around = np.ones(2 * max(1, round(_COARSE_S / step)) + 1, dtype=bool)
     near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
     near[[0, -1]] = False
+    found = replace(found, q=cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
     moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
     weight = moving * (CAMERA_M / (SPEED * step)) ** 2
     for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
@@ -236,9 +241,16 @@ def _find_likelier(
     near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
 ) -> NDArray[np.bool_]:
     """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together."""
-    one, two = (cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0) for cost, q in (before, after))
     runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
-    return np.asarray(np.bincount(runs, one - two)[runs] > 0.0)
+    (cost, steps), (cost_after, steps_after) = (
+        (
+            np.bincount(runs, each),
+            np.bincount(runs, np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0)),
+        )
+        for each, q in (before, after)
+    )
+    likelier = (cost_after + steps_after < cost + steps) & (cost_after < _DEARER * cost + _TINY)
+    return np.asarray(likelier[runs])
 
 
 def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:

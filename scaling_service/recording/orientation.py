@@ -122,10 +122,10 @@ def decide(
     if forward_vector is None and not facing:
         forward_vector, why_forward = _keep_heading(up_vector), "the laboratory's own heading, kept"
     elif forward_vector is None:
-        facing, why_forward = _find_facing(positions, where, up_vector)
+        ahead, why_forward = _find_facing(positions, where, up_vector)
         kept = _make_axis(0 if up_vector[0] == 0 else 1, 1.0)
-        forward_vector = kept if facing is None else _snap_to_axis(facing)
-        clarity = 0.0 if facing is None else _share(facing)
+        forward_vector = kept if ahead is None else _snap_to_axis(ahead)
+        clarity = 0.0 if ahead is None else _share(ahead)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
     said = (

@@ -193,7 +193,7 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     """
     if not is_articulated(task.tree) or task.loss is not SQUARED or len(times) < 3:
         return found
-    jumps = find_jumps(task, times, found.q).any(axis=1)
+    jumps = np.asarray(find_jumps(task, times, found.q).any(axis=1))
     step = float(np.median(np.diff(times)))
     rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
     if len(rows):
@@ -205,7 +205,7 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
     near[[0, -1]] = False
     found = replace(found, q=cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
     moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
-    weight = moving * (CAMERA_M / (SPEED * step)) ** 2
+    weight = np.where(moving, (CAMERA_M / (SPEED * step)) ** 2, 0.0)
     for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
         rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
         if not len(rows):

@@ -97,8 +97,8 @@ def _list_limbs(tree: Tree, chosen: bytes) -> tuple[Limb, ...]:
         number[k] = number[link.parent]
         markers = np.arange(tree.n_markers)[tree.carried[k]]
         if own[k] and len(markers):
-            parts = (np.array(sorted(part), dtype=np.intp) for part in (own[k], below[k]))
-            limbs.append(Limb(markers, *parts, number[link.parent]))
+            moved, all_moved = (np.array(sorted(part), dtype=np.intp) for part in (own[k], below[k]))
+            limbs.append(Limb(markers, moved, all_moved, number[link.parent]))
             number[k] = len(limbs) - 1
     return tuple(limbs)
 
@@ -161,7 +161,7 @@ def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
     groups = [limb.markers for limb in limbs]
     far = [squares[:, own].sum(axis=1) > heavy[:, own].sum(axis=1) * limit for own in groups]
     guessed = (heavy[:, root] > 0.0).sum(axis=1) < MIN_POINTS
-    return np.stack(far, axis=1) | guessed[:, None]
+    return np.asarray(np.stack(far, axis=1) | guessed[:, None])
 
 
 def find_jumps(task: Task, times: Array, q: Array) -> NDArray[np.bool_]:
@@ -260,7 +260,7 @@ def choose_minima(
 
     ``found``: frames in the order of time. ``doubts`` (n_frames, n_limbs): what may be wrong.
     """
-    seeds = _choose_seeds(doubts.any(axis=1))
+    seeds = _choose_seeds(np.asarray(doubts.any(axis=1)))
     limbs = list_limbs(task.tree, task.free)
     chosen = _choose_limbs(limbs, doubts)
     turned = sorted({k for number in chosen for k in _list_parts(limbs, number)})

@@ -290,20 +290,22 @@ def _decide_axes(
 def find_upright(model: BodyModel, trial: Trial) -> Array | None:
     """Where the upright axis of the model's root points on average in a recording, (3,); None where not seen.
 
-    The root is placed by a rigid fit of its markers; a person's pelvis or thorax stays near upright while
-    legs and arms go anywhere.
+    The root is placed by a rigid fit of its markers, where it has too few by one of the whole body as it
+    stands by default; a person's pelvis or thorax stays near upright while legs and arms go anywhere.
     """
     own = [m for m in model.markers if m.name in trial.shown_labels]
     if not own:
         return None
     root = next(s.name for s in model.segments if s.name in {m.segment for m in own})
-    names = [m.name for m in own if m.segment == root]
-    tree = compile_model(model, names)
     neutral = np.ascontiguousarray(repeat_default_pose(model, 1).T)
-    poses = pose_links(tree, neutral, list_parameter_values(model))
-    rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
-    axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, 1]
-    return np.asarray(axes.mean(axis=0)) if len(axes) else None
+    for names in ([m.name for m in own if m.segment == root], [m.name for m in own]):
+        tree = compile_model(model, names)
+        poses = pose_links(tree, neutral, list_parameter_values(model))
+        rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
+        axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, 1]
+        if len(axes):
+            return np.asarray(axes.mean(axis=0))
+    return None
 
 
 def list_level_corners(recording: Recording) -> Array | None:

@@ -149,7 +149,9 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     for triplet in find_triplets(tree):
         _join_triplet(triplet, joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
-    joined[:, loose] -= _TURN * _count_turns(joined[:, loose], natural[0][loose], natural[1][loose], neutral[loose])
+    joined[:, loose] -= _TURN * _count_turns(
+        joined[:, loose], natural[0][loose], natural[1][loose], neutral[loose]
+    )
     return joined
 
 

@@ -242,15 +242,17 @@ def _list_parts(limbs: tuple[Limb, ...], number: int) -> list[int]:
 def _choose_limbs(limbs: tuple[Limb, ...], doubts: NDArray[np.bool_]) -> list[int]:
     """The limbs to turn anyhow, the oftenest doubted first.
 
-    Those on which the smallest of the doubted hang, or these where none does.
+    Those on which the smallest of the doubted hang, or these where they hang on nothing, and all larger ones
+    that are doubted, too.
     """
-    doubted = set(np.flatnonzero(doubts.any(axis=0)).tolist())
+    often = doubts.sum(axis=0)
+    doubted = set(np.flatnonzero(often).tolist())
     smallest = doubted - {limbs[k].parent for k in doubted}
-    often: dict[int, int] = {}
+    chosen = {k: int(often[k]) for k in doubted - smallest}
     for k in smallest:
         above = k if limbs[k].parent == NONE else limbs[k].parent
-        often[above] = max(often.get(above, 0), int(doubts[:, k].sum()))
-    return sorted(often, key=lambda k: (-often[k], k))
+        chosen[above] = max(chosen.get(above, 0), int(often[k]))
+    return sorted(chosen, key=lambda k: (-chosen[k], k))
 
 
 def choose_minima(

@@ -7,7 +7,7 @@ It is taken on one recording and holds for all recordings and forces of the sess
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +56,7 @@ class Orientation:
     R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
     repairs: tuple[Repair, ...] = ()  # what was decided and from what
     clarity: float = 1.0  # cosine between where the person faces and the axis taken for forward
+    vertical: int = 1  # which of our axes points up: y, but where a model stands otherwise
 
     @property
     def description(self) -> str:
@@ -65,7 +66,7 @@ class Orientation:
     @property
     def up(self) -> str:
         """The laboratory axis that points up, such as ``"+z"``."""
-        return _name(self.R_new_old[1])
+        return _name(self.R_new_old[self.vertical])
 
     @property
     def forward(self) -> str:
@@ -148,6 +149,16 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     factor, unit_repairs = find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
+
+
+def stand_along(orientation: Orientation, vertical: int) -> Orientation:
+    """The same laboratory for a model that stands along another axis than y (0, 2), by the smallest turn."""
+    turn = np.eye(3)
+    if vertical == 0:
+        turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    elif vertical == 2:
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
 
 
 def _group_by_role(positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]) -> dict[str, Array]:

@@ -29,7 +29,7 @@ from scaling_service.documents.writing import code_version
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
-from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, find_body
@@ -44,7 +44,7 @@ from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, check_axes, decide
+from scaling_service.recording.orientation import Orientation, check_axes, decide, stand_along
 from scaling_service.recording.pipeline import process
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
@@ -89,6 +89,7 @@ def load(
     read: Mapping[Path, Recording] = _NOTHING,
     *,
     facing: bool = False,
+    standing: bool = False,
 ) -> Loaded:
     """Read the model and the recordings of a subject.
 
@@ -98,6 +99,7 @@ def load(
 
     ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
     whether to turn the person X forward, for results that are told along and across the way.
+    ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
@@ -111,7 +113,9 @@ def load(
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    axes = _decide_axes(named, raw, subject, model, settings, facing)
+    vertical = read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1
+    axes = _decide_axes(named, raw, subject, model, settings, facing=facing, vertical=vertical)
+    axes = stand_along(axes, vertical) if standing else axes
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -263,7 +267,9 @@ def _decide_axes(
     subject: Subject,
     model: BodyModel,
     settings: Settings,
+    *,
     facing: bool,
+    vertical: int,
 ) -> Orientation:
     """One decision for the session: up from its first recording, forward from how most movements face.
 
@@ -280,15 +286,17 @@ def _decide_axes(
                 roles=roles,
                 up=up,
                 forward=settings.forward,
-                upright=None if up else find_upright(model, trial),
+                upright=None if up else find_upright(model, trial, vertical),
                 level=list_level_corners(raw[path]),
                 facing=facing,
             )
     return agree_on_axes(decided, subject.static)
 
 
-def find_upright(model: BodyModel, trial: Trial) -> Array | None:
+def find_upright(model: BodyModel, trial: Trial, vertical: int = 1) -> Array | None:
     """Where the upright axis of the model's root points on average in a recording, (3,); None where not seen.
+
+    ``vertical``: the axis along which the model stands by default.
 
     The root is placed by a rigid fit of its markers, where it has too few by one of the whole body as it
     stands by default; a person's pelvis or thorax stays near upright while legs and arms go anywhere.
@@ -302,7 +310,7 @@ def find_upright(model: BodyModel, trial: Trial) -> Array | None:
         tree = compile_model(model, names)
         poses = pose_links(tree, neutral, list_parameter_values(model))
         rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
-        axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, 1]
+        axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, vertical]
         if len(axes):
             return np.asarray(axes.mean(axis=0))
     return None

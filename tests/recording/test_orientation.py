@@ -200,7 +200,7 @@ def test_force_plates_tell_the_vertical_of_who_lies():
     turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # our y along the laboratory's x
     trial = _trial(turn, shift=(0.0, 0.0, 0.5))
     square = np.array([[0.2, 0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0], [0.2, -0.2, 0.0]])
-    corners = np.stack([square, square + [1.0, 0.0, 0.0]])
+    corners = np.stack([square, square + np.array([1.0, 0.0, 0.0])])
     assert decide(trial, roles=ROLES).up == "+x"
     assert decide(trial, roles=ROLES, level=corners).up == "+z"
     wall = corners[:, :, [2, 0, 1]]

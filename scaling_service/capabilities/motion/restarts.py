@@ -61,6 +61,7 @@ _APART = 0.1  # chosen, rad: what is nearer is one minimum
 _SPACING = 10  # chosen: frames (0.8 s of the coarse ones) between two that are started anew
 _MOST = 16  # chosen: frames started anew, evenly spaced, and as many of the doubted
 _WIDE = 1.0  # chosen, rad: how far starts of a coordinate without a range lie from what was found
+_BLOCK = 128  # steps measured together; all of a long recording would take gigabytes
 _TINY = 1e-12  # of a weight
 _TREES = 32  # kept; as many as trees are
 
@@ -386,12 +387,23 @@ def _follow(
             if len(rows):
                 here, now = _solve_all(rows, here[going], solve)
     q, cost = _write_all_ways(task.tree, q, cost, task.bounds)
-    hurry = np.zeros((n - 1, q.shape[1], q.shape[1]))
-    for turn in _measure_turns(task.tree, q[:-1], q[1:], task.bounds, any_way=False):
-        hurry += np.square(np.maximum(turn / np.diff(times)[:, None, None] - FASTEST, 0.0) / SPEED)
-    chosen = _find_cheapest_path(cost / _SKIN_M**2, hurry)
+    chosen = _find_cheapest_path(cost / _SKIN_M**2, _measure_hurry(task, times, q))
     every = np.arange(n)
     return MotionSolution(q[every, chosen], cost[every, chosen], found.steps, found.converged)
+
+
+def _measure_hurry(task: Task, times: Array, q: Array) -> Iterator[Array]:
+    """How much faster than joints turn poses (n, k, n_coordinates) follow each other, (k, k) for each step.
+
+    In squares of the standard deviation of their speed.
+    """
+    for start in range(0, len(q) - 1, _BLOCK):
+        some = q[start : start + _BLOCK + 1]
+        steps = np.diff(times[start : start + _BLOCK + 1])[:, None, None]
+        hurry = np.zeros((len(steps), q.shape[1], q.shape[1]))
+        for turn in _measure_turns(task.tree, some[:-1], some[1:], task.bounds, any_way=False):
+            hurry += np.square(np.maximum(turn / steps - FASTEST, 0.0) / SPEED)
+        yield from hurry
 
 
 def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[Array, Array]:
@@ -412,8 +424,8 @@ def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[
     return q, cost
 
 
-def _find_cheapest_path(own: Array, between: Array) -> Index:
-    """Which state to take in every frame, by what states (n, k) and changes (n - 1, k, k) cost, (n,)."""
+def _find_cheapest_path(own: Array, between: Iterator[Array]) -> Index:
+    """Which state to take in every frame, by what states (n, k) and each change (k, k) cost, (n,)."""
     total, back = own[0], np.zeros(own.shape, dtype=np.intp)
     for row, change in enumerate(between, start=1):
         reached = total[:, None] + change

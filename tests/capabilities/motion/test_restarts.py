@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -68,3 +69,16 @@ def test_a_sound_recording_is_solved_as_it_was() -> None:
     task = Task.of(model, trial)
     found, best = solve_task(task, trial.times), solve_task(task, trial.times, q)
     np.testing.assert_allclose(found.q, best.q, atol=1e-5)
+
+
+def test_a_marker_as_far_out_as_it_can_be_does_not_free_its_joint() -> None:
+    """At no pronation the wrist's one marker moves alike with elbow and forearm; elsewhere it tells them apart."""
+    model = arm()
+    q = np.zeros((3, len(model.coordinates)))
+    q[:, model.coordinate_names.index("elbow")] = 1.0
+    q[1:, model.coordinate_names.index("pronation")] = 0.5, 1.0
+    task = Task.of(model, record(model, q, 0.0, without=("WRB",)))
+    assert find_determined(task.tree, task.measured, task.weights, q, task.p, task.free).all()
+    alone = task.in_frames(np.array([0]))
+    known = find_determined(alone.tree, alone.measured, alone.weights, q[:1], alone.p, alone.free)
+    assert not known[0, model.coordinate_names.index("pronation")]

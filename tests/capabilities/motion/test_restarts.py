@@ -72,7 +72,7 @@ def test_a_sound_recording_is_solved_as_it_was() -> None:
 
 
 def test_a_marker_as_far_out_as_it_can_be_does_not_free_its_joint() -> None:
-    """At no pronation the wrist's one marker moves alike with elbow and forearm; elsewhere it tells them apart."""
+    """At no pronation the wrist's one marker moves alike with elbow and forearm; elsewhere it does not."""
     model = arm()
     q = np.zeros((3, len(model.coordinates)))
     q[:, model.coordinate_names.index("elbow")] = 1.0

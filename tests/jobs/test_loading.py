@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import agree_on_axes, load, read_model
+from scaling_service.capabilities.subject.axes import agree_on_axes
+from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import blame_file, load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc

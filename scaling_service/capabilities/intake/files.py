@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
-from scaling_service.capabilities.subject.loading import agree_on_axes, list_level_corners
+from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES

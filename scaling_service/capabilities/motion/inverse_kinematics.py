@@ -16,18 +16,17 @@ from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
 from scaling_service.capabilities.motion.branches import cross_stretches, find_rotations, join_branches
-from scaling_service.capabilities.motion.restarts import (
+from scaling_service.capabilities.motion.doubts import (
     CAMERA_M,
     FASTEST,
     SPEED,
     Solve,
-    choose_minima,
-    confirm_doubts,
     find_far,
     find_held,
     find_jumps,
     find_outlying,
 )
+from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import compute_marker_rates, find_determined
 from scaling_service.model.body import BodyModel

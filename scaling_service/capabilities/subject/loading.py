@@ -10,12 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
+from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.reading import (
     blame_file,
     hash_input_files,
@@ -33,18 +32,15 @@ from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, find_body
-from scaling_service.model.anatomy.markers import find_canonical, match_labels
+from scaling_service.model.anatomy.markers import match_labels
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Array, Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
-from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
 from scaling_service.recording.exchanged import relabel
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, check_axes, decide, stand_along
+from scaling_service.recording.orientation import Orientation, check_axes, stand_along
 from scaling_service.recording.pipeline import process
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
@@ -114,7 +110,15 @@ def load(
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
     vertical = read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1
-    axes = _decide_axes(named, raw, subject, model, settings, facing=facing, vertical=vertical)
+    axes = decide_axes(
+        {path: trial for path, (trial, _) in named.items()},
+        {path: list_level_corners(found) for path, found in raw.items()},
+        model,
+        settings,
+        static=subject.static,
+        facing=facing,
+        vertical=vertical,
+    )
     axes = stand_along(axes, vertical) if standing else axes
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
@@ -259,84 +263,6 @@ def _scale_setup(
         return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
-
-
-def _decide_axes(
-    named: Mapping[Path, tuple[Trial, Mapping[str, str]]],
-    raw: Mapping[Path, Recording],
-    subject: Subject,
-    model: BodyModel,
-    settings: Settings,
-    *,
-    facing: bool,
-    vertical: int,
-) -> Orientation:
-    """One decision for the session: up from its first recording, forward from how most movements face.
-
-    A person may stand for the static trial in another direction than they walk; what matters for
-    forces and the direction of progression is the movement.
-    """
-    decided: dict[Path, Orientation] = {}
-    for path, (trial, _) in named.items():
-        roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-        up = next(iter(decided.values())).up if decided else settings.up
-        with blame_file(path, [path]):
-            decided[path] = decide(
-                trial,
-                roles=roles,
-                up=up,
-                forward=settings.forward,
-                upright=None if up else find_upright(model, trial, vertical),
-                level=list_level_corners(raw[path]),
-                facing=facing,
-            )
-    return agree_on_axes(decided, subject.static)
-
-
-def find_upright(model: BodyModel, trial: Trial, vertical: int = 1) -> Array | None:
-    """Where the upright axis of the model's root points on average in a recording, (3,); None where not seen.
-
-    ``vertical``: the axis along which the model stands by default.
-
-    The root is placed by a rigid fit of its markers, where it has too few by one of the whole body as it
-    stands by default; a person's pelvis or thorax stays near upright while legs and arms go anywhere.
-    """
-    own = [m for m in model.markers if m.name in trial.shown_labels]
-    if not own:
-        return None
-    root = next(s.name for s in model.segments if s.name in {m.segment for m in own})
-    neutral = np.ascontiguousarray(repeat_default_pose(model, 1).T)
-    for names in ([m.name for m in own if m.segment == root], [m.name for m in own]):
-        tree = compile_model(model, names)
-        poses = pose_links(tree, neutral, list_parameter_values(model))
-        rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
-        axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, vertical]
-        if len(axes):
-            return np.asarray(axes.mean(axis=0))
-    return None
-
-
-def list_level_corners(recording: Recording) -> Array | None:
-    """Corners of a recording's force plates in the laboratory, (n_plates, 4, 3), m; None without any."""
-    plates = recording.plates
-    if plates is None or isinstance(plates, TrialUnusable) or not plates.plates:
-        return None
-    return np.array([plate.corners for plate in plates.plates])
-
-
-def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
-    """One decision from those on each recording: up from the first, forward from how most movements face.
-
-    A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
-
-    ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
-    standing, which counts only where there is no other.
-    """
-    moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
-    votes = {axes.forward: sum(a.clarity for a in moving if a.forward == axes.forward) for axes in moving}
-    chosen = max(moving, key=lambda axes: (votes[axes.forward], axes.clarity))
-    why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
-    return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 
 
 def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:

@@ -120,8 +120,9 @@ def decide(
     else:
         why_up = "given"
     clarity, why_forward = 1.0, "given"
-    if forward_vector is None and not facing:
-        forward_vector, why_forward = _keep_heading(up_vector), "the laboratory's own heading, kept"
+    keeps = forward_vector is None and not facing
+    if keeps:
+        forward_vector = _keep_heading(up_vector)
     elif forward_vector is None:
         ahead, why_forward = _find_facing(positions, where, up_vector)
         kept = _make_axis(0 if up_vector[0] == 0 else 1, 1.0)
@@ -129,13 +130,12 @@ def decide(
         clarity = 0.0 if ahead is None else _share(ahead)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
+    heading = f"forward is {forward_name} of the laboratory ({why_forward})"
+    if keeps:
+        heading = f"the laboratory's heading is kept: x is its {forward_name}"
     said = (
         Repair(what="up_axis", where=trial.name, detail=f"up is {up_name} of the laboratory ({why_up})"),
-        Repair(
-            what="forward_axis",
-            where=trial.name,
-            detail=f"forward is {forward_name} of the laboratory ({why_forward})",
-        ),
+        Repair(what="forward_axis", where=trial.name, detail=heading),
     )
     return Orientation(rotation, (*said, *unit_repairs), clarity)
 

@@ -122,7 +122,7 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         axes={"asis": surface.turn_to_image(across / np.linalg.norm(across))},
         definitions={name: words for name, words in _DEFINITIONS.items() if name in points},
         refused=refused,
-        warnings=(*surface.notes, *_list_doubts(surface, points, frame, sacrum)),
+        warnings=(*surface.notes, *_list_doubts(surface, points, sacrum)),
     )
 
 
@@ -238,7 +238,7 @@ def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
     return float(surface.areas[behind].sum()) > _SACRUM_SHARE * float(surface.areas.sum())
 
 
-def _list_doubts(surface: Surface, points: dict[str, Array], frame: _Frame, sacrum: bool) -> Iterator[str]:
+def _list_doubts(surface: Surface, points: dict[str, Array], sacrum: bool) -> Iterator[str]:
     """What may be wrong with points: hips as an independent check, the sacrum, edges of the image."""
     offsets = _measure_hips(points)
     if offsets is not None and float(np.sqrt(((offsets / _HIP_SD_M) ** 2).sum(axis=1)).max()) > _FAR:

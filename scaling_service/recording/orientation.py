@@ -7,7 +7,7 @@ It is taken on one recording and holds for all recordings and forces of the sess
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,9 @@ from scaling_service.recording.plausibility import find_extremes, find_unit_fact
 
 CLEAR_SHARE = 0.75
 """Share of a direction along its nearest axis that makes it clear (chosen: within 41 deg of the axis)."""
+
+PLATE_SHARE = 0.97
+"""Cosine of the tilt against an axis up to which force plates lie level (chosen: 14 deg, a steep ramp)."""
 
 WALKED_M = 0.5  # chosen: displacement that counts as walking; sway and squats stay below
 
@@ -48,11 +51,12 @@ _AXES = "xyz"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientation:
-    """How the axes of a laboratory become X forward, Y up, Z right."""
+    """How the axes of a laboratory become Y up and, where it matters, X forward and Z right."""
 
     R_new_old: Array  # (3, 3); signed permutation; maps laboratory vectors to ours
     repairs: tuple[Repair, ...] = ()  # what was decided and from what
     clarity: float = 1.0  # cosine between where the person faces and the axis taken for forward
+    vertical: int = 1  # which of our axes points up: y, but where a model stands otherwise
 
     @property
     def description(self) -> str:
@@ -62,7 +66,7 @@ class Orientation:
     @property
     def up(self) -> str:
         """The laboratory axis that points up, such as ``"+z"``."""
-        return _name(self.R_new_old[1])
+        return _name(self.R_new_old[self.vertical])
 
     @property
     def forward(self) -> str:
@@ -78,44 +82,60 @@ class Orientation:
 
 
 def decide(
-    trial: Trial, *, roles: Mapping[str, str] | None = None, up: str | None = None, forward: str | None = None
+    trial: Trial,
+    *,
+    roles: Mapping[str, str] | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    upright: Array | None = None,
+    level: Array | None = None,
+    facing: bool = True,
 ) -> Orientation:
-    """Find which axes of the laboratory point up and forward.
+    """Find which axes of the laboratory point up and, unless its heading is to be kept, forward.
 
     ``trial``: preferably standing; walking will do.
     ``roles``: label to canonical marker name (``RASIS``, ``LPSIS``, ``RLFE``, ``RLM`` …). Labels without a
         role are used for extents only.
     ``up``, ``forward``: overrides such as ``"+z"``, ``"z"`` or ``"-x"``.
+    ``upright`` (3,): where the upright axis of the body's root points on average, in the laboratory; shorter
+        than one where it turns.
+    ``level``: corners of force plates, (n_plates, 4, 3), m.
+    ``facing``: whether forward is sought; else a laboratory is turned by its vertical alone, and one whose y
+        points up not at all.
     Raises InputError: if an override is not an axis, or both name the same one.
     Raises TrialUnusable: if no marker is seen at all, or the unit cannot be told.
 
-    Up: pelvis above knees above ankles, where these are known and clear of 45 degrees; else the longest
-    extent of the body, ties decided by which side stands still near height zero (the floor). Forward: from
-    PSIS to ASIS; else square to right-left pairs; else the displacement; else a lab axis, which is said.
+    Up: square to the force plates, where there are any; else the upright axis of the body's root, which a
+    bent or raised leg does not tilt; else pelvis above knees above ankles, where these are known and clear
+    of 45 degrees; else the longest extent of the body, ties decided by which side stands still near height
+    zero (the floor). Forward: from PSIS to ASIS; else square to right-left pairs; else the displacement;
+    else a lab axis, which is said.
     """
     factor, unit_repairs = find_unit_factor(trial)
     positions = trial.markers * factor
     where = _group_by_role(positions, trial.labels, roles or {})
     up_vector, forward_vector = check_axes(up, forward)
     if up_vector is None:
-        up_vector, why_up = _find_up(positions, where, forward_vector)
+        up_vector, why_up = _find_up(positions, where, forward_vector, upright, level)
     else:
         why_up = "given"
     clarity, why_forward = 1.0, "given"
-    if forward_vector is None:
-        facing, why_forward = _find_facing(positions, where, up_vector)
+    keeps = forward_vector is None and not facing
+    if keeps:
+        forward_vector = _keep_heading(up_vector)
+    elif forward_vector is None:
+        ahead, why_forward = _find_facing(positions, where, up_vector)
         kept = _make_axis(0 if up_vector[0] == 0 else 1, 1.0)
-        forward_vector = kept if facing is None else _snap_to_axis(facing)
-        clarity = 0.0 if facing is None else _share(facing)
+        forward_vector = kept if ahead is None else _snap_to_axis(ahead)
+        clarity = 0.0 if ahead is None else _share(ahead)
     rotation = np.stack((forward_vector, up_vector, np.cross(forward_vector, up_vector))) + 0.0  # no -0
     up_name, forward_name = _name(up_vector), _name(forward_vector)
+    heading = f"forward is {forward_name} of the laboratory ({why_forward})"
+    if keeps:
+        heading = f"the laboratory's heading is kept: x is its {forward_name}"
     said = (
         Repair(what="up_axis", where=trial.name, detail=f"up is {up_name} of the laboratory ({why_up})"),
-        Repair(
-            what="forward_axis",
-            where=trial.name,
-            detail=f"forward is {forward_name} of the laboratory ({why_forward})",
-        ),
+        Repair(what="forward_axis", where=trial.name, detail=heading),
     )
     return Orientation(rotation, (*said, *unit_repairs), clarity)
 
@@ -129,6 +149,16 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     factor, unit_repairs = find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
     return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
+
+
+def stand_along(orientation: Orientation, vertical: int) -> Orientation:
+    """The same laboratory for a model that stands along another axis than y (0, 2), by the smallest turn."""
+    turn = np.eye(3)
+    if vertical == 0:
+        turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    elif vertical == 2:
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return replace(orientation, R_new_old=turn @ orientation.R_new_old + 0.0, vertical=vertical)
 
 
 def _group_by_role(positions: Array, labels: tuple[str, ...], roles: Mapping[str, str]) -> dict[str, Array]:
@@ -155,8 +185,26 @@ def _average_rows(vectors: Array) -> Array | None:
     return complete.mean(axis=0) if len(complete) else None
 
 
-def _find_up(positions: Array, where: Mapping[str, Array], forward: Array | None) -> tuple[Array, str]:
+def _keep_heading(up: Array) -> Array:
+    """The axis that the smallest turn of ``up`` onto y brings to x."""
+    if up[1]:
+        return _make_axis(0, 1.0)  # half a turn about x where y points down
+    return _make_axis(1, -up[0]) if up[0] else _make_axis(0, 1.0)
+
+
+def _find_up(
+    positions: Array,
+    where: Mapping[str, Array],
+    forward: Array | None,
+    upright: Array | None,
+    level: Array | None,
+) -> tuple[Array, str]:
     allowed = np.ones(3, bool) if forward is None else forward == 0
+    standing = None if level is None else _find_square(level, positions)
+    if standing is not None and allowed[np.argmax(np.abs(standing))]:
+        return _snap_to_axis(standing), "square to the force plates, on the side of the markers"
+    if upright is not None and allowed[np.argmax(np.abs(upright))] and np.abs(upright).max() >= CLEAR_SHARE:
+        return _snap_to_axis(upright), f"the body's root stands {_describe_off_axis(upright)} off it"
     centres = [centre for group in _HEIGHT_GROUPS if (centre := _average_markers(where, group)) is not None]
     if len(centres) > 1:
         rise = _average_rows(centres[0] - centres[-1])
@@ -165,6 +213,19 @@ def _find_up(positions: Array, where: Mapping[str, Array], forward: Array | None
             if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
                 return _snap_to_axis(rise), f"pelvis, knees and ankles lie {_describe_off_axis(rise)} off it"
     return _find_up_by_shape(positions, allowed)
+
+
+def _find_square(corners: Array, positions: Array) -> Array | None:
+    """The direction in which all plates face, to the side of the markers; None where they do not agree."""
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not len(corners) or not np.isfinite(normals).all() or not (sizes > 0.0).all():
+        return None
+    normals = normals / sizes
+    axis = int(np.argmax(np.abs(normals).sum(axis=0)))
+    middle = np.nanmedian(positions.reshape(-1, 3), axis=0)[axis] - corners[:, :, axis].mean()
+    agree = np.abs(normals[:, axis]).min() >= PLATE_SHARE
+    return _make_axis(axis, 1.0 if middle > 0.0 else -1.0) if agree else None
 
 
 def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Array, str]:

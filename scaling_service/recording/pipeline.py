@@ -12,13 +12,12 @@ from scaling_service.model.trial import Array, Repair, Trial, repair_each
 from scaling_service.numerics.least_squares.problem import Mask, find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import (
-    average_moving,
     fill_short_gaps,
     filter_butterworth,
     find_runs,
 )
 from scaling_service.recording import orientation
-from scaling_service.recording.settings import LONGEST_SPLINE_S, ProcessingSettings
+from scaling_service.recording.settings import LEAST_RATE, LONGEST_SPLINE_S, ProcessingSettings
 
 
 def process(
@@ -36,30 +35,25 @@ def process(
     """
     chosen = settings or ProcessingSettings()
     turned = orientation.apply(axes, trial)
-    if chosen.smoothing == "moving_average":
-        turned = smooth_by_average(turned)
-    elif chosen.smoothing == "butterworth":
-        turned = smooth_by_cutoff(turned, chosen.cutoff_hz)
+    if chosen.smoothing == "automatic" and turned.rate_hz < LEAST_RATE * chosen.cutoff_hz:
+        turned = turned.with_markers(turned.markers, _tell_not_smoothed(turned, chosen.cutoff_hz))
+    elif chosen.smoothing != "none":
+        turned = smooth(turned, chosen.cutoff_hz)
     return fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
 
-
-WINDOW = 5  # frames; Puchaud et al. 2019, sec. 2.1
-PASSES = 2  # in opposite directions; Puchaud et al. 2019, sec. 2.1
 
 ORDER = 4
 """Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
 
 
-def smooth_by_average(trial: Trial) -> Trial:
-    """Central moving average in several passes; missing where it was missing. One Repair, ``smoothing``."""
-    detail = f"central moving average of {WINDOW} frames in {PASSES} passes"
-    return trial.with_markers(
-        average_moving(trial.markers, window=WINDOW, passes=PASSES),
-        Repair(what="smoothing", where=trial.name, detail=detail, frames=trial.n_frames),
+def _tell_not_smoothed(trial: Trial, cutoff_hz: float) -> Repair:
+    detail = (
+        f"not smoothed: {trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
     )
+    return Repair(what="not_smoothed", where=trial.name, detail=detail, frames=trial.n_frames)
 
 
-def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
+def smooth(trial: Trial, cutoff_hz: float) -> Trial:
     """Zero-phase low-pass Butterworth filter with half power at the cutoff.
 
     Missing where it was missing. One Repair,
@@ -74,7 +68,7 @@ def smooth_by_cutoff(trial: Trial, cutoff_hz: float) -> Trial:
             remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
         )
     result = filter_butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER)
-    detail = f"zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
+    detail = f"smoothed: zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
     return trial.with_markers(

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import agree_on_axes, load, read_model
+from scaling_service.capabilities.subject.axes import agree_on_axes
+from scaling_service.capabilities.subject.loading import load, read_model
 from scaling_service.capabilities.subject.reading import blame_file, load_subject
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.files.trc import write_trc
@@ -20,7 +21,7 @@ from tests.jobs.laboratory import known_person, laboratory, write_recording
 
 
 def test_axes_unit_and_names_are_found(subject_file: Path) -> None:
-    loaded = load(load_subject(subject_file), UNSMOOTHED)
+    loaded = load(load_subject(subject_file), UNSMOOTHED, facing=True)
     person = known_person().session
     assert loaded.axes == "up +z, forward -y"
     for ours, true in zip(
@@ -73,7 +74,7 @@ def test_the_subject_files_map_wins_over_a_markers_own_name(tmp_path: Path) -> N
     for name, trial in (("standing", person.session.static), ("hips", person.session.calibration[0])):
         assert trial is not None
         write_recording(tmp_path / f"{name}.trc", trial.relabel({"RFH": "RFHX", "RMM": "RFH"}))
-    session = load(load_subject(file), UNSMOOTHED).session
+    session = load(load_subject(file), UNSMOOTHED, facing=True).session
     assert session.static is not None
     assert person.session.static is not None
     found, true = session.static.position("RFH"), person.session.static.position("RFH")

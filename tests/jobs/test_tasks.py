@@ -114,5 +114,5 @@ def test_settings_are_resolved_for_the_record() -> None:
     resolved = Settings(up="+z").resolved()
     assert resolved["up"] == "+z"
     assert resolved["calibration"]["n_frames"] == 100
-    assert resolved["processing"]["smoothing"] == "moving_average"
+    assert resolved["processing"]["smoothing"] == "automatic"
     assert "seed" not in resolved

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.numerics.signals.filters import (
-    average_moving,
     convert_cutoff,
     fill_short_gaps,
     filter_butterworth,
@@ -32,23 +31,6 @@ def test_runs_rebuild_the_flags(flags):
     assert (pairs[1:, 0] > pairs[:-1, 1]).all()
 
 
-@pytest.mark.parametrize("f", [0.02, 0.05, 0.1, 0.2])
-def test_moving_average_has_its_closed_form_response(f):
-    n = np.arange(2000)
-    x = np.sin(2 * np.pi * f * n + 0.3)
-    expected = (np.sin(5 * np.pi * f) / (5 * np.sin(np.pi * f))) ** 2
-    y = average_moving(x)
-    np.testing.assert_allclose(y[10:-10], expected * x[10:-10], atol=1e-12)  # no phase: the same sine, scaled
-
-
-def test_moving_average_keeps_lines_and_gaps():
-    x = np.stack((np.arange(30.0), 2 - 0.5 * np.arange(30.0)), axis=1)
-    x[7:9, 0] = np.nan
-    x[12, 0] = np.nan
-    x[0, 1] = np.nan
-    np.testing.assert_allclose(average_moving(x), x, atol=1e-12, equal_nan=True)
-
-
 @given(st.integers(0, 5000))
 @settings(max_examples=30, deadline=None)
 def test_nothing_leaks_across_a_gap(seed):
@@ -57,21 +39,10 @@ def test_nothing_leaks_across_a_gap(seed):
     x[25:28] = np.nan
     other = x.copy()
     other[28:] += 100
-    for smooth in (average_moving, lambda s: filter_butterworth(s, rate_hz=100, cutoff_hz=15).values):
-        a, b = smooth(x), smooth(other)
-        np.testing.assert_array_equal(a[:28], b[:28])
-        np.testing.assert_array_equal(np.isnan(a), np.isnan(x))
-        np.testing.assert_allclose(a[:25], smooth(x[:25]), atol=1e-12)
-
-
-def test_moving_average_does_not_change_its_input_and_knows_its_window():
-    x = np.arange(9.0) ** 2
-    copy = x.copy()
-    average_moving(x)
-    np.testing.assert_array_equal(x, copy)
-    assert average_moving(np.zeros((0, 3))).shape == (0, 3)
-    with pytest.raises(ValueError, match="odd"):
-        average_moving(x, window=4)
+    a, b, first = (filter_butterworth(each, rate_hz=100, cutoff_hz=15).values for each in (x, other, x[:25]))
+    np.testing.assert_array_equal(a[:28], b[:28])
+    np.testing.assert_array_equal(np.isnan(a), np.isnan(x))
+    np.testing.assert_allclose(a[:25], first, atol=1e-12)
 
 
 @pytest.mark.parametrize(("cutoff", "rate"), [(6, 100), (6, 60), (20, 100), (45, 100), (10, 1000)])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import rotate_about
-from scaling_service.recording.orientation import apply, decide
+from scaling_service.recording.orientation import apply, decide, stand_along
 from scaling_service.recording.plausibility import find_unit_factor
 
 BODY = {  # m; X forward, Y up, Z right; a person standing at the origin
@@ -172,3 +172,45 @@ def test_real_laboratories(shared_data):
         ("jia_mri/Static.c3d", "up +y"),
     ):
         assert decide(read_recording(shared_data / name)).description.startswith(up), name
+
+
+@pytest.mark.parametrize("turn", ROTATIONS, ids=lambda R: "".join(f"{v:+.0f}" for v in R.ravel() if v))
+def test_a_kept_heading_is_turned_by_the_vertical_alone(turn):
+    found = decide(_trial(turn), roles=ROLES, facing=False)
+    np.testing.assert_array_equal(found.R_new_old[1], turn[:, 1])  # what was up is up
+    angle = np.degrees(np.arccos(np.clip((np.trace(found.R_new_old) - 1.0) / 2.0, -1.0, 1.0)))
+    assert angle == pytest.approx(np.degrees(np.arccos(np.clip(turn[1, 1], -1.0, 1.0))))  # the smallest turn
+    if turn[1, 1] == 1.0:
+        np.testing.assert_array_equal(found.R_new_old, np.eye(3))
+
+
+def test_the_root_tells_the_vertical_where_a_leg_is_level():
+    lying = {"RASIS": "RASIS", "RLFE": "RLFE", "RLM": "RLM"}
+    trial = _trial()
+    level = trial.markers.copy()
+    for name, reach in (("RLFE", 0.45), ("RLM", 0.9)):
+        level[:, trial.labels.index(name)] = level[:, trial.labels.index("RASIS")] + [reach, -0.05, 0.0]
+    sitting = trial.with_markers(level)
+    assert decide(sitting, roles=lying).up == "-x"
+    assert decide(sitting, roles=lying, upright=np.array([0.1, 0.95, 0.0])).up == "+y"
+
+
+def test_force_plates_tell_the_vertical_of_who_lies():
+    """Lying along x: markers and root say x, the plates under them z."""
+    turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # our y along the laboratory's x
+    trial = _trial(turn, shift=(0.0, 0.0, 0.5))
+    square = np.array([[0.2, 0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0], [0.2, -0.2, 0.0]])
+    corners = np.stack([square, square + np.array([1.0, 0.0, 0.0])])
+    assert decide(trial, roles=ROLES).up == "+x"
+    assert decide(trial, roles=ROLES, level=corners).up == "+z"
+    wall = corners[:, :, [2, 0, 1]]
+    assert decide(trial, roles=ROLES, level=np.concatenate([corners, wall])).up == "+x"  # they disagree
+
+
+def test_a_model_may_stand_along_another_axis():
+    kept = decide(_trial(ROTATIONS[0]), roles=ROLES, facing=False)
+    for vertical in range(3):
+        found = stand_along(kept, vertical)
+        assert found.up == kept.up
+        np.testing.assert_allclose(found.R_new_old[vertical], kept.R_new_old[1])
+        assert np.linalg.det(found.R_new_old) == pytest.approx(1.0)

@@ -7,8 +7,8 @@ import pytest
 
 from scaling_service.core.errors import InputError
 from scaling_service.model.trial import Trial
-from scaling_service.recording.orientation import decide
-from scaling_service.recording.pipeline import process, smooth_by_average, smooth_by_cutoff
+from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording.pipeline import process, smooth
 from scaling_service.recording.settings import ProcessingSettings
 
 LABELS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "HEAD")
@@ -42,7 +42,7 @@ def test_default_way_turns_smooths_and_fills():
     kinds = [r.what for r in result.repairs]
     assert kinds == ["up_axis", "forward_axis", "smoothing", "gap_spline", "gap_solidification", "gap_left"]
     assert np.isnan(result.markers[180:, 4]).all()
-    # Two passes of five frames take 1 % from the 1.9 Hz bob of 20 mm; the ends of runs are smoothed less.
+    # The low pass of 10 Hz leaves a bob of 1.9 Hz as it is; ends of runs stand on their mirror image.
     np.testing.assert_allclose(result.markers[:180], ours[:180], atol=1.5e-3)
     assert holed.repairs == ()
 
@@ -57,7 +57,7 @@ def test_solidification_can_be_left_out_and_smoothing_too():
     np.testing.assert_allclose(np.delete(result.markers, 1, 1), np.delete(ours, 1, 1), atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", ["moving_average", "butterworth"])
+@pytest.mark.parametrize("kind", ["automatic", "butterworth"])
 def test_noise_falls_and_the_motion_stays(kind):
     trial, _ = _walk(noise=1e-3)
     _, clean = _walk()
@@ -67,32 +67,50 @@ def test_noise_falls_and_the_motion_stays(kind):
     assert error < 0.6e-3  # m, from 1 mm
 
 
+def test_markers_are_smoothed_by_time_where_the_rate_allows_it():
+    for rate, expected in (
+        (200.0, "smoothing"),
+        (40.0, "smoothing"),
+        (39.0, "not_smoothed"),
+        (6.0, "not_smoothed"),
+    ):
+        times = np.arange(200) / rate
+        swing = np.sin(2.0 * np.pi * 2.0 * times)[:, None, None] * np.ones(3)
+        trial = Trial(name="walk", times=times, labels=("RASI",), markers=swing, rate_hz=rate)
+        settings = ProcessingSettings(solidify=False)
+        result = process(trial, Orientation(np.eye(3)), {}, settings)
+        assert expected in [r.what for r in result.repairs]
+        # At any rate the movement of 2 Hz stays: a low pass of 10 Hz passes 0.9984 of it.
+        inner = slice(len(times) // 4, -len(times) // 4)
+        np.testing.assert_allclose(result.markers[inner], swing[inner], atol=2e-3)
+
+
 def test_a_gap_before_or_after_smoothing_does_not_bend_its_neighbours():
     trial, ours = _walk()
     straight = trial.with_markers(np.where(np.isfinite(trial.markers), trial.markers, 0))
     markers = straight.markers.copy()
     markers[80:120, 4] = np.nan
-    whole, holed = smooth_by_average(straight), smooth_by_average(straight.with_markers(markers))
+    whole, holed = smooth(straight, 10.0), smooth(straight.with_markers(markers), 10.0)
     np.testing.assert_array_equal(whole.markers[:, :4], holed.markers[:, :4])
-    far = np.r_[0:74, 126:200]
-    np.testing.assert_allclose(holed.markers[far], whole.markers[far], atol=1e-12)
+    far = np.r_[0:40, 160:200]  # the filter's memory: four periods of the cutoff
+    np.testing.assert_allclose(holed.markers[far], whole.markers[far], atol=1e-5)
     assert np.isfinite(ours).all()
 
 
 def test_cutoff_is_checked_and_short_runs_are_named():
     trial, _ = _walk()
     with pytest.raises(InputError, match="cutoff") as caught:
-        smooth_by_cutoff(trial, 50.0)
+        smooth(trial, 50.0)
     assert caught.value.field == "cutoff_hz"
     markers = trial.markers.copy()
     markers[4:8, 2] = np.nan
-    result = smooth_by_cutoff(trial.with_markers(markers), 6.0)
+    result = smooth(trial.with_markers(markers), 6.0)
     assert [(r.what, r.where, r.frames) for r in result.repairs][1:] == [("not_smoothed", "RPSIS", 4)]
 
 
 def test_one_frame_goes_through():
     trial, ours = _walk(frames=1)
-    for kind in ("moving_average", "butterworth", "none"):
+    for kind in ("automatic", "butterworth", "none"):
         result = process(trial, _axes(trial), CLUSTERS, ProcessingSettings(smoothing=kind))
         np.testing.assert_allclose(result.markers, ours, atol=1e-12)
 

@@ -76,7 +76,7 @@ def consistent(
     """
     clock = time.perf_counter()
     report = progress or show_nothing
-    loaded = open_subject(subject, settings)
+    loaded = open_subject(subject, settings, facing=True)
     with loaded.blame_files():
         ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
         result = identify(

@@ -74,7 +74,7 @@ def discover(
     clock = time.perf_counter()
     report = progress or show_nothing
     report("reading the recordings", 0.0)
-    loaded = open_subject(subject, settings)
+    loaded = open_subject(subject, settings, facing=True)
     return run(loaded, chosen, settings, search=search, progress=report, started=clock)
 
 

@@ -152,7 +152,7 @@ def dynamics(
     """
     clock = time.perf_counter()
     report = progress or show_nothing
-    loaded = open_subject(subject, settings)
+    loaded = open_subject(subject, settings, facing=True)
     prepared = prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
     trials: dict[str, TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}

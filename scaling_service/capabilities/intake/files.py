@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
-from scaling_service.capabilities.subject.loading import agree_on_axes
+from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -107,7 +107,8 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
 def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-    return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward)
+    level = list_level_corners(trial) if isinstance(trial, Recording) else None
+    return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward, level=level)
 
 
 def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:

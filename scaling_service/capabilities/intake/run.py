@@ -362,7 +362,7 @@ class _Look:
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            loaded = load(subject, self.settings, read)
+            loaded = load(subject, self.settings, read, facing=True)
             session = loaded.session
             told = {str(one) for one in loaded.findings}
             yield from self._tell(loaded.findings)

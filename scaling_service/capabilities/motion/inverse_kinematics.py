@@ -12,17 +12,30 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion.branches import cross_stretches, find_rotations, join_branches
+from scaling_service.capabilities.motion.doubts import (
+    CAMERA_M,
+    FASTEST,
+    SPEED,
+    Solve,
+    find_far,
+    find_held,
+    find_jumps,
+    find_outlying,
+)
 from scaling_service.capabilities.motion.loops import follow_neighbours
+from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
 from scaling_service.capabilities.motion.task import Task, guess_start
-from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.capabilities.motion.uncertainty import compute_marker_rates, find_determined
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem, find_seen
 from scaling_service.numerics.multibody.closure import CLOSED
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
@@ -32,6 +45,7 @@ from scaling_service.numerics.multibody.sweep import (
     solve_motion,
 )
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
+from scaling_service.numerics.signals.filters import find_runs
 
 _COARSE_S = (
     0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
@@ -40,7 +54,14 @@ _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
-_TURN = 2.0 * np.pi
+_PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
+_RELEASE = SweepSettings(max_steps=2)  # chosen: enough to see that limits hold a limb far off its markers
+_SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
+_DEARER = 1.25  # chosen: times its cost that a stretch held steady may have; noise asks for a tenth of that
+_MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
+_STEADY = SweepSettings(max_steps=2, close=True)
+_LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
+_WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
@@ -128,13 +149,121 @@ def solve_task(
         rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
         kept = _find_not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
-    natural = free_trapped(rough, lambda some, near: _solve(within, rows[some], near, settings=_ROUGH))
-    close = natural.q if stride == 1 else _interpolate(task.model, times, rows, natural.q)
-    fine = _solve(task, slice(None), close, progress, _FINE)
-    fine = free_trapped(fine, lambda some, near: _solve(task, some, near))
-    if task.closure is None:
-        return fine
-    return follow_neighbours(fine, times, lambda some, near: _solve(task, some, near))
+    natural = free_trapped(rough, _solver(within, rows))
+    if task.closure is not None:  # a loop of joints keeps to one of the ways in which it closes, as a whole
+        close = natural.q if stride == 1 else _interpolate(times, rows, np.unwrap(natural.q, axis=0))
+        fine = _solve(task, slice(None), close, progress, _FINE)
+        fine = free_trapped(fine, lambda some, near: _solve(task, some, near))
+        return follow_neighbours(fine, times, lambda some, near: _solve(task, some, near))
+    natural = _doubt(within, times[rows], rows, natural)
+    joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
+    close = joined if stride == 1 else _interpolate(times, rows, joined)
+    fine = free_trapped(
+        _solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near)
+    )
+    fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
+    return hold_steady(task, times, fine)
+
+
+def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
+    """How frames among ``rows`` are solved from given starts."""
+    return lambda some, near: _solve(task, rows[some], near, settings=settings)
+
+
+def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
+    """The frames as they were found, or sought again from many starts where something speaks against them."""
+    part = task.in_frames(rows)
+    free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
+    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
+    doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
+    doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
+    far, jumps = find_far(part, found.q), find_jumps(part, times, joined)
+    if mostly := far.any(axis=1).mean() > _MOSTLY:  # fewer frames stand out beside the others
+        doubts |= far
+    sure = jumps.any() or mostly
+    if sure or (doubts.any() and confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
+        return choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
+    return found
+
+
+def _find_limit(cost: Array) -> float:
+    return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
+
+
+def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
+    """What the markers hardly tell, held steady where a joint turns faster than people's joints do.
+
+    Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight,
+    a camera's noise turns coordinates against each other at will. Around such frames the motion is the most
+    likely one if angular velocities are normal, of standard deviation ``SPEED``, and markers are as good as
+    cameras: each frame is pulled to the mean of its neighbours, until it hardly moves. It stays as it was
+    where that is not likelier.
+    """
+    if not task.is_swept or len(times) < 3:
+        return found
+    jumps = np.asarray(find_jumps(task, times, found.q).any(axis=1))
+    step = float(np.median(np.diff(times)))
+    rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
+    if len(rows):
+        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step / 3.0)
+    if not loose.any():
+        return found
+    around = np.ones(2 * max(1, round(_COARSE_S / step)) + 1, dtype=bool)
+    near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
+    near[[0, -1]] = False
+    found = replace(found, q=cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
+    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
+    weight = np.where(moving, (CAMERA_M / (SPEED * step)) ** 2, 0.0)
+    for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
+        rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
+        if not len(rows):
+            break
+        q = found.q.copy()
+        q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
+        for share in _SHARES:
+            # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
+            middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
+            q[rows] = _solve(task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
+        cost = found.cost.copy()
+        cost[rows] = _solve(task, rows, q[rows], settings=_LOOK).cost
+        likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
+        better = np.where(likelier[:, None], q, found.q)
+        found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
+        near &= ~likelier
+    return found
+
+
+def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> NDArray[np.bool_]:
+    """Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames."""
+    turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree)))
+    heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
+    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+    ridge = (CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+    variance = CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
+    own = np.isin(np.flatnonzero(task.free), turning)
+    return np.asarray((variance[:, own] > limit**2).any(axis=1))
+
+
+def _find_likelier(
+    near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
+) -> NDArray[np.bool_]:
+    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together."""
+    runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
+    (cost, steps), (cost_after, steps_after) = (
+        (
+            np.bincount(runs, each),
+            np.bincount(runs, np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0)),
+        )
+        for each, q in (before, after)
+    )
+    likelier = (cost_after + steps_after < cost + steps) & (cost_after < _DEARER * cost + _TINY)
+    return np.asarray(likelier[runs])
+
+
+def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
+    """Coordinates in some rows, linear in time between those that are kept."""
+    return np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1)
 
 
 def _choose_stride(times: Array) -> int:
@@ -151,6 +280,7 @@ def _solve(
     start: Array,
     progress: Callable[[int], None] | None = None,
     settings: SweepSettings = DEFAULT,
+    prior: tuple[Array, Array] | None = None,
 ) -> MotionSolution:
     if task.is_swept:
         return solve_motion(
@@ -161,6 +291,7 @@ def _solve(
             task.p,
             free=task.free,
             bounds=task.bounds,
+            prior=prior,
             settings=settings,
             progress=progress,
         )
@@ -207,11 +338,8 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
     return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
 
 
-def _interpolate(model: BodyModel, times: Array, rows: NDArray[np.intp], q: Array) -> Array:
-    """The coarse motion at all times, by cubic splines; angles without jumps."""
-    turning = [k for k, c in enumerate(model.coordinates) if c.kind == "rotation"]
-    q = q.copy()
-    q[:, turning] = np.unwrap(q[:, turning], axis=0, period=_TURN)
+def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
+    """The coarse motion, written without jumps, at all times, by cubic splines."""
     return np.asarray(CubicSpline(times[rows], q, bc_type="natural")(times))
 
 
@@ -226,7 +354,7 @@ def free_trapped(
     their solution.
     """
     q, cost, steps = found.q.copy(), found.cost.copy(), found.steps.copy()
-    limit = _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
+    limit = _find_limit(cost)
     tried = np.zeros((2, len(cost)), dtype=bool)
     while True:
         rows, sources = _find_frontier(cost, limit, tried)

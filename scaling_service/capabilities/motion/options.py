@@ -47,14 +47,14 @@ class MotionOptions(Options):
     )
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
-        description="Laboratory axis that points up, such as +z; unless given, found from markers.",
+        description="Laboratory axis that points up, such as +z; found unless given.",
     )
     forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
-        default=None, description="Laboratory axis that the person faces, such as -x; found unless given."
+        default=None,
+        description="Laboratory axis to turn to x, such as -x; the heading is kept unless given.",
     )
     smooth_hz: Annotated[float | None, Flag(metavar="HZ")] = Field(
         default=None,
         ge=0.0,
-        description="Smooth markers by a Butterworth filter with this cutoff, not by the moving average that "
-        "scaling takes; 0: not at all.",
+        description="Cutoff of the low pass for markers; 10 unless given, where the rate allows; 0: none.",
     )

@@ -187,7 +187,7 @@ def ik(
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
-        loaded = replace(load(places, settings), file=subject_file)
+        loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
         trials, found = loaded.session.evaluation, {}
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))

@@ -293,6 +293,10 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
 
 
 _NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
+_OTHERS = (
+    0.5,
+    1.0,
+)  # chosen: frames, as shares of those alike, that are judged where the first leaves some open
 _SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
 
 
@@ -307,8 +311,9 @@ def find_determined(
 ) -> NDArray[np.bool_]:
     """Whether each coordinate is determined in each frame, (n_frames, n_coordinates).
 
-    Frames in which the same markers are seen are judged together, at one of them: it is what is
-    seen, hardly the pose, that decides.
+    Frames in which the same markers are seen are judged together, at a few of them: it is what is seen,
+    hardly the pose, that decides. Where a marker stands as far out as its joint can carry it, its coordinate
+    seems free; what one pose determines counts as determined.
 
     ``measured`` (n_frames, n_markers, 3), m. ``weights`` (n_markers,). ``q`` (n_frames, n_coordinates).
     ``free`` (n_coordinates,): the others are known and count as determined. ``closure``: what every pose
@@ -319,6 +324,14 @@ def find_determined(
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)
     verdict[:, variables] = _judge(tree, shown[first], weights, q[first], p, variables, closure)
+    for share in _OTHERS:
+        open_still = np.flatnonzero(~verdict.all(axis=1))
+        rows = np.array(
+            [(own := np.flatnonzero(which == k))[int(share * (len(own) - 1))] for k in open_still], int
+        )
+        if len(rows):
+            again = _judge(tree, shown[rows], weights, q[rows], p, variables, closure)
+            verdict[np.ix_(open_still, variables)] |= again
     return verdict[which]
 
 

@@ -123,6 +123,7 @@ def describe_understood(document: Provenance) -> Iterator[str]:
         f"{trial}: {repair.detail}" if repair.what == "unit" else repair.detail
         for trial, repairs in document.repairs.items()
         for repair in repairs
-        if repair.what in ("up_axis", "forward_axis", "unit")
+        if repair.what in ("up_axis", "forward_axis", "unit", "smoothing")
+        or (repair.what == "not_smoothed" and repair.where == trial)
     )
     yield from decided

@@ -135,15 +135,17 @@ class Settings(Options):
             kind=float | None,
             least=0.0,
             read=ProcessingSettings.smoothed,
-            help="Smooth by a Butterworth filter with this cutoff, not by a moving average; 0: not at all.",
+            help="Cutoff of the low pass for markers, 10 where the frame rate allows it; 0: none.",
         ),
     ] = Field(default=ProcessingSettings(), description="What is done to recordings.")
     up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
         default=None,
-        description="Laboratory axis that points up, such as +z; unless given, found from markers.",
+        description="Laboratory axis that points up, such as +z; found unless given.",
     )
     forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
-        default=None, description="Laboratory axis that the person faces, such as -x."
+        default=None,
+        description="Laboratory axis to turn to x, such as -x; unless given, the heading is kept, but where "
+        "results are told along and across the way.",
     )
     seed: Annotated[int, Flag(metavar="N")] = Field(
         default=0, ge=0, le=LARGEST, description="Seed of everything random."

@@ -14,6 +14,7 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
+from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.reading import (
     blame_file,
     hash_input_files,
@@ -27,11 +28,11 @@ from scaling_service.documents.writing import code_version
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
-from scaling_service.files.osim.models import read_osim
+from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, find_body
-from scaling_service.model.anatomy.markers import find_canonical, match_labels
+from scaling_service.model.anatomy.markers import match_labels
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
@@ -40,7 +41,7 @@ from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repa
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
-from scaling_service.recording.orientation import Orientation, apply, check_axes, decide
+from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
 from scaling_service.recording.pipeline import process
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
@@ -69,24 +70,34 @@ class Loaded:
             yield
 
 
-def open_subject(subject: Subject | str | Path, settings: Settings = Settings()) -> Loaded:
+def open_subject(
+    subject: Subject | str | Path, settings: Settings = Settings(), *, facing: bool = False
+) -> Loaded:
     """Read a subject, from its file where a path is given, and all that it names; see :func:`load`."""
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(subject)
     with blame_file(file):
-        return replace(load(known, settings), file=file)
+        return replace(load(known, settings, facing=facing), file=file)
 
 
 def load(
-    subject: Subject, settings: Settings = Settings(), read: Mapping[Path, Recording] = _NOTHING
+    subject: Subject,
+    settings: Settings = Settings(),
+    read: Mapping[Path, Recording] = _NOTHING,
+    *,
+    facing: bool = False,
+    standing: bool = False,
 ) -> Loaded:
     """Read the model and the recordings of a subject.
 
-    Labels become the model's marker names, positions m with X forward, Y up and Z right, gaps are
-    filled as the settings allow; everything that was changed is in each trial's ``repairs``.
+    Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
+    everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes,
+    as forces do in their files: only what is not Y up is turned, about a level axis.
 
-    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read.
+    ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
+    whether to turn the person X forward, for results that are told along and across the way.
+    ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
@@ -100,7 +111,17 @@ def load(
     subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
     wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
     named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    axes = _decide_axes(named, subject.static, settings)
+    vertical = read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1
+    axes = decide_axes(
+        {path: trial for path, (trial, _) in named.items()},
+        {path: list_level_corners(found) for path, found in raw.items()},
+        model,
+        settings,
+        static=subject.static,
+        facing=facing,
+        vertical=vertical,
+    )
+    axes = stand_along(axes, vertical) if standing else axes
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -279,38 +300,6 @@ def _scale_setup(
         return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
-
-
-def _decide_axes(
-    named: Mapping[Path, tuple[Trial, Mapping[str, str]]], static: Path | None, settings: Settings
-) -> Orientation:
-    """One decision for the session: up from its first recording, forward from how most movements face.
-
-    A person may stand for the static trial in another direction than they walk; what matters for
-    forces and the direction of progression is the movement.
-    """
-    decided: dict[Path, Orientation] = {}
-    for path, (trial, _) in named.items():
-        roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-        up = next(iter(decided.values())).up if decided else settings.up
-        with blame_file(path, [path]):
-            decided[path] = decide(trial, roles=roles, up=up, forward=settings.forward)
-    return agree_on_axes(decided, static)
-
-
-def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
-    """One decision from those on each recording: up from the first, forward from how most movements face.
-
-    A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.
-
-    ``decided``: file to its own decision, at least one, all with the same up. ``static``: the recording of
-    standing, which counts only where there is no other.
-    """
-    moving = [axes for path, axes in decided.items() if path != static] or list(decided.values())
-    votes = {axes.forward: sum(a.clarity for a in moving if a.forward == axes.forward) for axes in moving}
-    chosen = max(moving, key=lambda axes: (votes[axes.forward], axes.clarity))
-    why_up = [r for r in next(iter(decided.values())).repairs if r.what == "up_axis"]
-    return replace(chosen, repairs=(*why_up, *(r for r in chosen.repairs if r.what != "up_axis")))
 
 
 def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -31,6 +32,19 @@ _KINDS: Mapping[str, type[InputError]] = {
     kind.__name__: kind
     for kind in (errors.DependencyMissing, errors.FileUnreadable, errors.ModelRefused, errors.InputError)
 }
+
+
+_GRAVITY = re.compile(rb"<gravity>\s*([^<]*?)\s*</gravity>")
+
+
+def read_vertical(path: Path) -> int:
+    """Which axis of an OpenSim model its gravity points along, 0 to 2; y where the file does not say."""
+    found = _GRAVITY.search(path.read_bytes())
+    try:
+        parts = [abs(float(part)) for part in found[1].split()] if found else []
+    except ValueError:
+        return 1
+    return parts.index(max(parts)) if len(parts) == 3 and max(parts) > 0.0 else 1
 
 
 def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> dict[str, Any]:

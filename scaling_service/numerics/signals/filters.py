@@ -7,7 +7,6 @@ unless filling it is the function's purpose. Frames come first; each further col
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -39,54 +38,6 @@ def find_runs(flags: Mask) -> NDArray[np.intp]:
         np.diff(np.concatenate(([False], np.asarray(flags, bool), [False])).astype(np.int8))
     )
     return edges.reshape(-1, 2)
-
-
-def average_moving(signal: ArrayLike, *, window: int = 5, passes: int = 2) -> Array:
-    """Central moving average, run several times in alternating direction.
-
-    ``signal`` (n_frames, ...): NaN where not seen.
-    ``window``: odd number of frames: five in Puchaud et al. 2019, sec. 2.1.
-    ``passes``: two in Puchaud et al. 2019, in opposite directions.
-    Returns (n_frames, ...): NaN exactly where the signal is. Near the end of a run the window shrinks to the
-        widest one that is still central, so nothing is shifted and a straight line is returned unchanged.
-    Raises ValueError: if the window is not odd and positive.
-
-    A central average has no phase, so a pass backwards equals a pass forwards. Two passes attenuate by
-    ``(sin(5 pi f) / (5 sin(pi f)))**2`` with f in cycles per frame: half power at 0.065 of the frame rate
-    (6.5 Hz at 100 Hz).
-
-    Examples
-    --------
-    >>> float(average_moving([0.0] * 5 + [25.0] + [0.0] * 5)[5])
-    5.0
-    """
-    if window < 1 or window % 2 == 0:
-        raise ValueError("the window must be an odd number of frames")
-    x = np.array(signal, dtype=float)
-    if x.shape[0] == 0:
-        return x
-    reach = _find_reach(np.isfinite(x), window // 2)
-    for _ in range(passes):
-        x = _average_centrally(x, reach)
-    return x
-
-
-def _find_reach(seen: Mask, most: int) -> list[Mask]:
-    """Which samples (n - 2 k, ...) are seen with all up to k frames to either side, k = 1 ... most."""
-    reached, whole = [], seen
-    for k in range(1, min(most, (len(seen) - 1) // 2) + 1):
-        whole = whole[1:-1] & seen[2 * k :] & seen[: -2 * k]
-        reached.append(whole)
-    return reached
-
-
-def _average_centrally(x: Array, reach: Sequence[Mask]) -> Array:
-    """Mean over as many frames to either side of each sample as its ``reach`` allows."""
-    total, mean = x, x.copy()
-    for k, reached in enumerate(reach, start=1):
-        total = total[1:-1] + x[2 * k :] + x[: -2 * k]
-        np.divide(total, 2 * k + 1, out=mean[k:-k], where=reached)
-    return mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)

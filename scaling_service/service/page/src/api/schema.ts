@@ -1091,7 +1091,7 @@ export interface ProblemEntry {
 }
 
 export interface ProcessingSettings {
-  smoothing?: "moving_average" | "butterworth" | "none";
+  smoothing?: "automatic" | "butterworth" | "none";
   cutoff_hz?: number;
   longest_spline_s?: number;
   solidify?: boolean;

@@ -10,7 +10,7 @@ export class Chosen {
   readonly element: HTMLElement;
   private up: string;
   private forward: string;
-  private smoothing = "moving_average";
+  private smoothing = "automatic";
   private strategy = "joint";
   private knee = "hinge";
 
@@ -54,8 +54,7 @@ export class Chosen {
 }
 
 const SMOOTHINGS = [
-  { value: "moving_average", text: "moving average" },
-  { value: "butterworth", text: "Butterworth, 6 Hz" },
+  { value: "automatic", text: "low pass of 10 Hz where the rate allows" },
   { value: "none", text: "none" },
 ];
 const STRATEGIES = [

@@ -1,0 +1,240 @@
+"""The many ways to write one pose: full turns, and the two triplets of angles of three consecutive rotations.
+
+Turns about three axes of which each stands square on the next, by ``a``, ``b``, ``c``, make the same rotation
+as ``a + pi``, ``-b - 2 l``, ``c + pi``: with ``l`` the angle about the second axis from the first axis to the
+third, ``R3(c) = R2(l) R1(c) R2(-l)``, and ``R1(pi) R2(-x) R1(pi) = R2(x)``. For body-fixed x-y-z angles the
+second is ``pi - b``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.numerics.multibody.tree import Tree
+
+Bounds = tuple[Array, Array]  # each (n_coordinates,)
+
+_TURN = 2.0 * np.pi
+_SQUARE = 1e-9  # cosine between axes that stand square on each other
+_ROUNDING = 1e-9  # rad: a value brought back from another turn may miss its bound by so much
+_TREES = 32  # kept; as many as trees are
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triplet:
+    """Three consecutive rotations; their angles are ``gain * coordinate + constant``."""
+
+    coordinates: NDArray[np.intp]  # (3,)
+    gains: Array  # (3,): +1 or -1
+    constants: Array  # (3,), rad
+    lead: float  # rad: about the second axis, from the first to the third
+
+    def write_otherwise(self, q: Array) -> Array:
+        """The other triplet (..., 3) of the same rotation, each angle within half a turn of zero."""
+        first, second, third = np.moveaxis(self.gains * q + self.constants, -1, 0)
+        other = np.stack([first + np.pi, -second - 2.0 * self.lead, third + np.pi], axis=-1)
+        return wrap(self.gains * (other - self.constants))
+
+
+@lru_cache(maxsize=_TREES)
+def find_turning(tree: Tree) -> NDArray[np.intp]:
+    """The coordinates of which a full turn changes nothing: each is one rotation's angle, and nothing else.
+
+    Returns (n_turning,).
+    """
+    uses = np.zeros(tree.n_coordinates, dtype=np.intp)
+    plain = np.zeros(tree.n_coordinates, dtype=np.intp)
+    for link in tree.links:
+        for move in link.moves:
+            for term in () if isinstance(move, Fixed) else move.terms:
+                if term.factor != NONE:
+                    uses[tree.factors[term.factor].coordinate] += 1
+            if isinstance(move, Turn) and (found := _read_angle(tree, move)) is not None:
+                plain[found[0]] += 1
+    for item in tree.marker_terms:
+        if item.term.factor != NONE:
+            uses[tree.factors[item.term.factor].coordinate] += 1
+    return np.flatnonzero((uses == 1) & (plain == 1))
+
+
+def _read_angle(tree: Tree, move: Turn) -> tuple[int, float] | None:
+    """The coordinate that a turn's angle is, and its sign; None where the angle is anything else."""
+    if len(move.terms) != 1:
+        return None
+    term = move.terms[0]
+    if term.factor == NONE or term.parameter != NONE or tree.factors[term.factor].shape is not None:
+        return None
+    gain = float(term.gain[0])
+    return (tree.factors[term.factor].coordinate, gain) if abs(gain) == 1.0 else None
+
+
+@lru_cache(maxsize=_TREES)
+def find_triplets(tree: Tree) -> tuple[Triplet, ...]:
+    """Every three consecutive rotations of a link that can be written in two ways."""
+    turning, found = set(find_turning(tree).tolist()), []
+    for link in tree.links:
+        prefix, row = np.eye(3), list[tuple[Array, int, float, float]]()
+        for move in link.moves:
+            if isinstance(move, Fixed):
+                prefix = prefix @ move.rotation
+                continue
+            angle = _read_angle(tree, move) if isinstance(move, Turn) else None
+            if isinstance(move, Turn) and angle is not None and angle[0] in turning:
+                row.append((prefix[:, move.axis], *angle, move.constant))
+            else:
+                row, prefix = [], np.eye(3)
+            if len(row) == 3:
+                axes = [axis for axis, *_ in row]
+                if max(abs(axes[0] @ axes[1]), abs(axes[1] @ axes[2])) < _SQUARE:
+                    found.append(_make_triplet(axes, row))
+                    row, prefix = [], np.eye(3)
+                else:
+                    row = row[1:]
+    return tuple(found)
+
+
+def _make_triplet(axes: list[Array], row: list[tuple[Array, int, float, float]]) -> Triplet:
+    lead = float(np.arctan2(axes[1] @ np.cross(axes[0], axes[2]), axes[0] @ axes[2]))
+    return Triplet(
+        np.array([c for _, c, _, _ in row], dtype=np.intp),
+        np.array([gain for _, _, gain, _ in row]),
+        np.array([constant for *_, constant in row]),
+        lead,
+    )
+
+
+@lru_cache(maxsize=_TREES)
+def find_rotations(tree: Tree) -> NDArray[np.intp]:
+    """The coordinates that turn links, by themselves or while they shift them, (n_rotations,)."""
+    turns = {
+        tree.factors[e.term.factor].coordinate
+        for e in tree.plan.entries
+        if e.is_turn and e.term.factor != NONE
+    }
+    return np.array(sorted(turns), dtype=np.intp)
+
+
+def find_loose(tree: Tree, bounds: Bounds) -> NDArray[np.bool_]:
+    """Which coordinates may make full turns, which then change nothing, (n_coordinates,)."""
+    loose = np.zeros(tree.n_coordinates, dtype=bool)
+    loose[find_turning(tree)] = True
+    return loose & np.isinf(bounds[0]) & np.isinf(bounds[1])
+
+
+def wrap(angle: Array) -> Array:
+    """Angles within half a turn of zero, rad."""
+    return np.asarray(angle - _TURN * np.rint(angle / _TURN))
+
+
+def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral: Array) -> Array:
+    """The same poses, written so that coordinates change least from frame to frame.
+
+    ``q`` (n_frames, n_coordinates), rad or m; frames in the order of time. Full turns are taken out of
+    coordinates without ``bounds``, and a triplet is written in its other way where that is nearer to the
+    frame before. The whole recording then stands as near as can be to the ranges ``natural`` that the model
+    declares, and within them to its default pose ``neutral`` (n_coordinates,). A triplet that could not keep
+    to its bounds stays as it is.
+    """
+    joined = q.copy()
+    if not len(q):
+        return joined
+    loose = np.array(
+        [k for k in find_turning(tree) if np.isinf(bounds[0][k]) and np.isinf(bounds[1][k])], int
+    )
+    for triplet in find_triplets(tree):
+        _join_triplet(triplet, joined, bounds, natural, neutral)
+    joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
+    joined[:, loose] -= _TURN * _count_turns(
+        joined[:, loose], natural[0][loose], natural[1][loose], neutral[loose]
+    )
+    return joined
+
+
+def cross_stretches(tree: Tree, q: Array, stretches: NDArray[np.intp], bounds: Bounds) -> Array:
+    """The same poses, written after each stretch (start, stop) in the way that is nearest to before it.
+
+    For stretches in which nothing tells how a triplet turns, so that what lies between does not count.
+    """
+    crossed, loose = q.copy(), find_loose(tree, bounds)
+    for start, stop in stretches.tolist():
+        before, after = crossed[start - 1], crossed[stop:]
+        after[:, loose] -= _TURN * np.rint((after[0] - before) / _TURN)[loose]
+        for triplet in find_triplets(tree):
+            own = triplet.coordinates
+            other, allowed = write_within(triplet, after[:, own], bounds)
+            turns = loose[own]
+            other[:, turns] = np.unwrap(other[:, turns], axis=0, period=_TURN)
+            other[:, turns] -= _TURN * np.rint((other[0] - before[own]) / _TURN)[turns]
+            nearer = np.square(other[0] - before[own]).sum() < np.square(after[0, own] - before[own]).sum()
+            if nearer and allowed.all():
+                after[:, own] = other
+    return crossed
+
+
+def _join_triplet(triplet: Triplet, q: Array, bounds: Bounds, natural: Bounds, neutral: Array) -> None:
+    """One triplet's coordinates rewritten in place.
+
+    From a frame to the next, either both keep their way or one changes it; what is nearer does not depend on
+    how the frames before were written, so the ways are a running sum.
+    """
+    own = triplet.coordinates
+    here = q[:, own]
+    other, allowed = write_within(triplet, here, bounds)
+    loose = np.isinf(bounds[0][own]) & np.isinf(bounds[1][own])
+    keep = _measure(here[1:] - here[:-1], loose)
+    change = _measure(other[1:] - here[:-1], loose)
+    changes = change < keep
+    written = np.cumsum(np.concatenate([[False], changes])) % 2 == 1
+    ways = []
+    for otherwise in (written, ~written):
+        if allowed[otherwise].all():
+            value = np.where(otherwise[:, None], other, here)
+            ways.append((_leave_ranges(value, own, natural, neutral), value))
+    if ways and (changes.any() or len(ways) == 2):
+        q[:, own] = min(ways, key=lambda way: way[0])[1]
+
+
+def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDArray[np.bool_]]:
+    """The other way to write a triplet (..., 3), and whether it keeps to the bounds (...)."""
+    lower, upper = (b[triplet.coordinates] for b in bounds)
+    other = _bring_within(triplet.write_otherwise(q), lower, upper)
+    return other, np.asarray(((other >= lower) & (other <= upper)).all(axis=-1))
+
+
+def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
+    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=1))
+
+
+def _bring_within(angle: Array, lower: Array, upper: Array) -> Array:
+    """Angles turned into their bounds where one of their turns lies there."""
+    middle = _find_middle(lower, upper, np.zeros(len(lower)))
+    near = middle + wrap(angle - middle)
+    off = np.maximum(lower - near, near - upper)
+    return np.asarray(np.where(off < _ROUNDING, np.clip(near, lower, upper), near))
+
+
+def _leave_ranges(q: Array, own: NDArray[np.intp], natural: Bounds, neutral: Array) -> tuple[float, float]:
+    """How far a triplet (n, 3) leaves the ranges of its coordinates, and how far it is from the default."""
+    lower, upper = (b[own] for b in natural)
+    middle = _find_middle(lower, upper, neutral[own])
+    near = middle + wrap(q - middle)
+    outside = np.maximum(lower - near, 0.0) + np.maximum(near - upper, 0.0)
+    away = float(np.square(wrap(q - neutral[own])).sum())
+    return (round(float(np.square(outside).sum()), 6), away)
+
+
+def _count_turns(q: Array, lower: Array, upper: Array, neutral: Array) -> Array:
+    """Full turns by which whole recordings (n, k) stand away from their ranges, or from the default."""
+    middle = _find_middle(lower, upper, neutral)
+    return np.asarray(np.rint((np.median(q, axis=0) - middle) / _TURN))
+
+
+def _find_middle(lower: Array, upper: Array, otherwise: Array) -> Array:
+    """The middle of each range (k,), or another value where it has no end."""
+    both = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(both, 0.5 * (np.where(both, lower, 0.0) + np.where(both, upper, 0.0)), otherwise)

@@ -55,7 +55,7 @@ _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
-_RELEASE = SweepSettings(max_steps=2)  # chosen: enough to see that limits hold a limb far off its markers
+_RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
 _DEARER = 1.25  # chosen: times its cost that a stretch held steady may have; noise asks for a tenth of that
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
@@ -178,9 +178,8 @@ def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSoluti
     doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
     doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
     far, jumps = find_far(part, found.q), find_jumps(part, times, joined)
-    if mostly := far.any(axis=1).mean() > _MOSTLY:  # fewer frames stand out beside the others
-        doubts |= far
-    sure = jumps.any() or mostly
+    doubts |= far
+    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
     if sure or (doubts.any() and confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
         return choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
     return found

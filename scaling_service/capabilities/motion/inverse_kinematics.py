@@ -155,6 +155,7 @@ def _solve(
             task.p,
             free=task.free,
             bounds=task.bounds,
+            prior=task.ranges.in_frames(rows).prior,
             settings=settings,
             progress=progress,
         )
@@ -253,6 +254,7 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
         )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
     known = find_determined(task.tree, task.measured, task.weights, solution.q, task.p, task.free)
+    known &= task.ranges.shown
     sometimes = np.asarray(known.any(axis=0))
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names

@@ -87,10 +87,6 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
     return model.with_markers((*model.markers, *added))
 
 
-_PALPATED = 0.25
-"""Weight of a marker that the model has at an anatomical place no name is known for, such as above the second
-metatarsal head: 20 mm off where a landmark is 10 mm off. Chosen: what palpation and an average foot leave."""
-
 _NO_PLACE = (None, "T10")
 """Labels that do not say where a marker sits: no landmark, and a vertebra, which is counted by palpation."""
 
@@ -101,7 +97,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     Where tracking markers sit is each laboratory's own choice, so a generic model's positions say little of
     them: the pose comes from the landmarks, and tracking markers decide only what these leave open, such as
     how far an arm is bent whose wrist has no landmark. Where landmarks do not show how a segment is turned,
-    as a heel alone does not show where the foot points, its anatomical markers help with their generic place.
+    as a heel alone does not show where the foot points, its anatomical markers count as landmarks do.
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
@@ -113,7 +109,7 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
     open_ = list_unshown(model, known)
     helped = {s.name for s in model.segments if open_ & list_joint_coordinates(model, s)}
     weights = dict.fromkeys(landmarks, 1.0) | {
-        name: _PALPATED if segment in helped and model.marker(name).anatomical else _FOLLOWER
+        name: 1.0 if segment in helped and model.marker(name).anatomical else _FOLLOWER
         for name, segment in tracking.items()
     }
     found = _locate(model, trial, tracking, weights)

@@ -90,7 +90,7 @@ class _Need(NamedTuple):
 
 
 def list_unmarked(model: BodyModel) -> frozenset[str]:
-    """The coordinates that :func:`lock_unmarked` locked: no marker shows them, and their value tells nothing."""
+    """The coordinates that :func:`lock_unmarked` locked: no marker shows them, their value tells nothing."""
     needs = _list_needs(model.name) if model.name in BUILTIN_NAMES else {}
     return frozenset(c.name for c in model.coordinates if c.locked and c.name in needs)
 

@@ -9,13 +9,14 @@ and results do not tell it. Coordinates that the markers show are left to the ma
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.model.body import BodyModel, Segment
+from scaling_service.model.builtin import lock_unmarked
 from scaling_service.model.compile import (
     compile_model,
     free_coordinates,
@@ -43,6 +44,10 @@ _RANGE_SDS = 2.0
 
 _MORE = 0.5
 """Share of the prior's variance that may be left. Chosen: where it is half, markers and range tell as much."""
+
+_FOLLOWS = 0.01
+"""Chosen: of the median weight; what counts for less follows and tells nothing. Weights in set-ups go from 1 to
+50 by what their author trusts, and are no accuracies."""
 
 _WIDEST = np.pi
 """rad: a range that is wider than half a turn to either side, or a way of a translation without ends, tells
@@ -76,7 +81,9 @@ class Ranges:
         return (np.broadcast_to(self.middle, held.shape), self.weight) if held.any() else None
 
 
-def weigh_ranges(model: BodyModel, tree: Tree, measured: Array, weights: Array, free: Mask, p: Array) -> Ranges:
+def weigh_ranges(
+    model: BodyModel, tree: Tree, measured: Array, weights: Array, free: Mask, p: Array
+) -> Ranges:
     """Which coordinates each frame's markers show, and how the others are held.
 
     ``measured`` (n_frames, n_markers, 3), m, NaN where not seen; ``weights`` (n_markers,); ``free``
@@ -86,8 +93,7 @@ def weigh_ranges(model: BodyModel, tree: Tree, measured: Array, weights: Array, 
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
     spread = list_prior_sds(model)
     unit = float(np.median(weights[weights > 0.0])) if (weights > 0.0).any() else 1.0
-    # A marker that counts for less tells less; one that counts for more is no nearer to the bone.
-    share = measure_left(model, tree, patterns * np.minimum(weights / unit, 1.0), free, p)
+    share = measure_left(model, tree, (patterns & (weights > _FOLLOWS * unit)).astype(float), free, p)
     shown = share <= _MORE
     weight = np.where(shown, 0.0, unit * (_MARKER_M / spread) ** 2)
     which = which.reshape(-1)
@@ -118,7 +124,9 @@ def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array
         middle = np.where(asked, 0.5 * (lower + upper), neutral)
     variables = np.flatnonzero(free)
     poses = pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
-    rates = np.moveaxis(compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0))
+    rates = np.moveaxis(
+        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+    )
     rates = rates / _MARKER_M  # (n_poses, n_markers, 3, n_variables)
     prior = np.where(asked, 1.0 / np.square(spread), _LEAST)[variables]
     each = np.einsum("pmak,pmal->pmkl", rates, rates)
@@ -132,16 +140,27 @@ _LEAST = 1e-4
 """1/m2 or 1/rad2: of what has no range, such as the body's place in the laboratory (a spread of 100 m)."""
 
 
-def list_unshown(model: BodyModel, markers: Sequence[str]) -> frozenset[str]:
+def list_unshown(model: BodyModel, markers: Collection[str]) -> frozenset[str]:
     """Coordinates that none of these markers shows, of those that have a range and are not locked."""
     names = [m.name for m in model.markers if m.weight > 0.0]
     tree, free = compile_model(model, names), free_coordinates(model)
     told = np.isin(names, list(markers))[None].astype(float)
     left = measure_left(model, tree, told, free, list_parameter_values(model))[0]
-    return frozenset(c.name for c, share in zip(model.coordinates, left.tolist(), strict=True) if share > _MORE)
+    return frozenset(
+        c.name for c, share in zip(model.coordinates, left.tolist(), strict=True) if share > _MORE
+    )
 
 
 def list_joint_coordinates(model: BodyModel, segment: Segment) -> frozenset[str]:
     """The free coordinates of the joint that carries a segment."""
     loose = {c.name for c in model.coordinates if not c.locked}
     return frozenset(loose & {t.coordinate for j in segment.joints for t in j.law.terms})
+
+
+def list_hidden_segments(model: BodyModel, markers: Collection[str]) -> list[str]:
+    """Segments of which these markers show nothing: no coordinate of the joint that carries them."""
+    segments = {m.name: m.segment for m in model.markers if m.name in markers}
+    model, _ = lock_unmarked(model, segments)
+    unshown = list_unshown(model, markers)
+    joints = {s.name: list_joint_coordinates(model, s) for s in model.segments}
+    return [name for name, own in joints.items() if own and own <= unshown]

@@ -74,7 +74,11 @@ class Task:
         names = tuple(chosen)
         count = len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
-        tree, measured, free = compile_model(model, names), trial.select(names).markers, free_coordinates(model)
+        tree, measured, free = (
+            compile_model(model, names),
+            trial.select(names).markers,
+            free_coordinates(model),
+        )
         heavy, p = np.array([chosen[name] for name in names]), list_parameter_values(model)
         return cls(
             model=model,

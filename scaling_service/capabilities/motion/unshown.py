@@ -1,4 +1,4 @@
-"""Coordinates that no marker shows told as such: what a model holds at its neutral value is nobody's angle."""
+"""Coordinates that no marker shows, told as such: a model holds them at a value that is nobody's angle."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyMode
     ``placed``: every marker that a recording shows to its segment.
     Returns ``notes``: what was locked and why. Other models are left as they are.
     """
-    needs = _list_freedoms_to_mark(model.name) if model.name in BUILTIN_NAMES else {}
+    needs = _list_needs(model.name) if model.name in BUILTIN_NAMES else {}
     locked = {name: need for name, need in needs.items() if need.marked not in placed.values()}
     stiff = {need.moved for need in locked.values()}
     coordinates = tuple(replace(c, locked=c.locked or c.name in locked) for c in model.coordinates)
@@ -89,9 +89,15 @@ class _Need(NamedTuple):
     marked: str
 
 
+def list_unmarked(model: BodyModel) -> frozenset[str]:
+    """The coordinates that :func:`lock_unmarked` locked: no marker shows them, their value tells nothing."""
+    needs = _list_needs(model.name) if model.name in BUILTIN_NAMES else {}
+    return frozenset(c.name for c in model.coordinates if c.locked and c.name in needs)
+
+
 @lru_cache(maxsize=16)
-def _list_freedoms_to_mark(name: str) -> Mapping[str, _Need]:
-    """Coordinate to its need."""
+def _list_needs(name: str) -> Mapping[str, _Need]:
+    """Coordinate to its need, of freedoms that only a marker on some segment would show."""
     document = read_reference(find_reference_folder() / f"{name}.yaml")
     return {
         move["coordinate"]: _Need(segment["name"], move["free_if_marked"])

@@ -15,6 +15,7 @@ from scaling_service.capabilities.intake.document import (
     MarkerSetProof,
     SizesProof,
 )
+from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
 from scaling_service.model.anatomy.markers import (
     SACRUM,
@@ -360,7 +361,7 @@ def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identifi
     common = set.intersection(*known) if known else set()
     whole = [m.name for m in load_builtin(WHOLE).markers if m.weight > 0.0]
     share = sum(name in common for name in whole) / len(whole)
-    if share >= LARGELY:
+    if share >= LARGELY and not list_hidden_segments(load_builtin(WHOLE), common):
         return WHOLE, f"{share:.0%} of its markers are in every movement"
     footed = all(
         f"{side}HEE" in common and any(f"{side}{name}" in common for name in _FOREFOOT) for side in "RL"

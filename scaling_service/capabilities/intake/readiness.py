@@ -16,6 +16,7 @@ from scaling_service.capabilities.intake.document import (
 )
 from scaling_service.capabilities.intake.markers import WHOLE
 from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
+from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import list_few
 from scaling_service.model.body import BodyModel
@@ -100,12 +101,34 @@ def judge_readiness(
         give="forces",
     )
     persons = (feet, whole, height, mass)
+    extra = (proposed or {}).get("extra_markers") or {}
+    hidden = tuple(_check_segments(model, markers, extra, moving))
     return [
-        _make_entry("comparisons", "Compare scaling methods", usable, standing, unseen, imaged),
-        _make_entry("discoveries", "Find the missing effect", usable, movement, unseen),
-        _make_entry("dynamics", "Check the forces", usable, forces, *persons),
-        _make_entry("consistent-motions", "Motion that agrees with the forces", usable, both, *persons),
+        _make_entry("comparisons", "Compare scaling methods", usable, *hidden, standing, unseen, imaged),
+        _make_entry("discoveries", "Find the missing effect", usable, *hidden, movement, unseen),
+        _make_entry("dynamics", "Check the forces", usable, *hidden, forces, *persons),
+        _make_entry(
+            "consistent-motions", "Motion that agrees with the forces", usable, *hidden, both, *persons
+        ),
     ]
+
+
+def _check_segments(
+    model: BodyModel, markers: Sequence[MarkerProof], extra: Mapping[str, str], moving: Sequence[str]
+) -> Iterator[Need]:
+    """What a movement does not show of the model; nothing where every segment is shown.
+
+    ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing that.
+    """
+    if not moving:
+        return
+    seen = {m.marker for m in markers if m.label is not None and set(moving) <= set(m.recordings)}
+    hidden = [name for name in list_hidden_segments(model, seen) if name not in extra.values()]
+    if hidden:
+        lacking = [m.marker for m in markers if m.segment in hidden and m.marker not in seen]
+        text = f"no marker shows {list_few(hidden)} in the movements: {list_few(lacking)} would"
+        text += "; name markers that move with them under `extra_markers:`, or choose a smaller model"
+        yield Need(name="segments", there=False, text=text, give="model")
 
 
 def sum_up(problems: Sequence[ProblemEntry], readiness: Sequence[Readiness]) -> str:

@@ -31,6 +31,7 @@ from scaling_service.capabilities.motion.uncertainty import (
     estimate_coordinate_sd,
     list_skin_fields,
 )
+from scaling_service.capabilities.motion.unshown import hide_unshown
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blame_file
@@ -95,14 +96,20 @@ class Tracked:
     def coordinates(self, trial: str) -> ResultTable:
         """Coordinates of a trial over time with their standard deviations, degrees and m.
 
+        What markers do not show is NaN, its deviation infinite.
+
         Raises KeyError: no recording is called so.
         """
-        tracked, kinds = self.trials[trial], {c.name: c.kind for c in self.loaded.session.model.coordinates}
-        columns, values = ["time_s"], [tracked.motion.times]
-        for k, name in enumerate(tracked.motion.coordinates):
+        model = self.loaded.session.model
+        tracked, kinds = self.trials[trial], {c.name: c.kind for c in model.coordinates}
+        motion = tracked.motion
+        q = hide_unshown(motion, model, motion.q)
+        sd = np.where(np.isnan(q), np.inf, tracked.uncertainty.sd)
+        columns, values = ["time_s"], [motion.times]
+        for k, name in enumerate(motion.coordinates):
             unit, factor = ("deg", 180.0 / np.pi) if kinds[name] == "rotation" else ("m", 1.0)
             columns += [f"{name}_{unit}", f"{name}_sd_{unit}"]
-            values += [factor * tracked.motion.q[:, k], factor * tracked.uncertainty.sd[:, k]]
+            values += [factor * q[:, k], factor * sd[:, k]]
         return ResultTable(trial, tuple(columns), tuple(map(tuple, np.column_stack(values))))
 
     @property

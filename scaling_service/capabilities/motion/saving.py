@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from scaling_service.capabilities.motion.document import (
     TrackedTrialDocument,
 )
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
+from scaling_service.capabilities.motion.unshown import hide_unshown, list_unshown_names
 from scaling_service.capabilities.subject.loading import record_provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.sto import Table, tabulate_motion, write_sto
@@ -34,21 +36,25 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
     A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file is in
-    degrees. Coordinates that a frame does not determine are NaN, and are written so.
+    degrees. Coordinates that markers do not show, in a frame or ever, are written as NaN.
     """
-    followed = [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
-    _write(path, motion, motion.q, followed, model)
+    told = replace(motion, q=hide_unshown(motion, model, motion.q))
+    followed = [evaluate_law_at(coupler.law, _express_leading(coupler, told)) for coupler in model.couplers]
+    _write(path, motion, told.q, followed, model)
 
 
 def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
     """Write standard deviations (n_frames, n_coordinates) in the columns and units of :func:`write_motion`.
 
-    A dependent coordinate's is that of the leading one times the slope of its law.
+    A dependent coordinate's is that of the leading one times the slope of its law. Infinite where markers do
+    not show a coordinate.
     """
+    sd = hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
     followed = []
     for coupler in model.couplers:
         slopes = differentiate_law_at(coupler.law, _express_leading(coupler, motion))
-        followed.append(np.abs(slopes) * sd[:, motion.coordinates.index(coupler.independent)])
+        leading = sd[:, motion.coordinates.index(coupler.independent)]
+        followed.append(np.where(np.isinf(leading), np.inf, np.abs(slopes) * leading))
     _write(path, motion, sd, followed, model)
 
 
@@ -179,7 +185,6 @@ def _make_document(tracked: Tracked, files: list[str]) -> MotionDocument:
 def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
-    locked = {c.name for c in model.coordinates if c.locked}
     error = tracked.error
     return TrackedTrialDocument(
         kinematic_error_mm=KinematicErrorDocument(
@@ -188,7 +193,7 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
             max=_to_mm(error.max),
             per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
         ),
-        not_determined=[n for n in motion.coordinates if n not in locked and n not in motion.estimated],
+        not_determined=[n for n in motion.coordinates if n in list_unshown_names(motion, model)],
         frames_not_determined=_count_undetermined(
             motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
         ),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
@@ -40,6 +41,7 @@ class Task:
     free: NDArray[np.bool_]
     bounds: tuple[Array, Array]
     p: Array
+    ranges: Ranges  # what holds the coordinates that the markers do not show
     loss: Loss = SQUARED
     closure: Closure | None = None
 
@@ -76,15 +78,22 @@ class Task:
         names = tuple(chosen)
         count = len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
+        tree, measured, free = (
+            compile_model(model, names),
+            trial.select(names).markers,
+            free_coordinates(model),
+        )
+        heavy, p = np.array([chosen[name] for name in names]), list_parameter_values(model)
         return cls(
             model=model,
-            tree=compile_model(model, names),
+            tree=tree,
             markers=names,
-            measured=trial.select(names).markers,
-            weights=np.array([chosen[name] for name in names]),
-            free=free_coordinates(model),
+            measured=measured,
+            weights=heavy,
+            free=free,
             bounds=list_coordinate_bounds(model) if bounded else open_ended,
-            p=list_parameter_values(model),
+            p=p,
+            ranges=weigh_ranges(model, tree, measured, heavy, free, p),
             loss=loss,
             closure=compile_constraints(model),
         )
@@ -100,7 +109,7 @@ class Task:
 
     def in_frames(self, rows: NDArray[np.intp]) -> Task:
         """The same task in some frames."""
-        return replace(self, measured=self.measured[rows])
+        return replace(self, measured=self.measured[rows], ranges=self.ranges.in_frames(rows))
 
 
 def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:

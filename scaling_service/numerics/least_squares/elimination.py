@@ -200,7 +200,7 @@ class PivotDamping:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pull:
-    """Tasks of the coordinates themselves, by column: weight (c, 1), and weight times way to go (c, n)."""
+    """Tasks of the coordinates themselves, by column: weight, and weight times way to go, each (c, n)."""
 
     stiffness: Array
     drive: Array

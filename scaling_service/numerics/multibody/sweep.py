@@ -97,14 +97,14 @@ class _Problem:
     ground: Array
     lower: Array  # (c, 1), as upper: bounds by column
     upper: Array
-    prior: tuple[Array, Array] | None  # value (n_coordinates, n), weight (n_coordinates, 1)
+    prior: tuple[Array, Array] | None  # value and weight, each (n_coordinates, n)
     floor: Array  # (n,) added to every pivot
 
     def take(self, rows: NDArray[np.intp]) -> _Problem:
         return replace(
             self,
             clusters=self.clusters.take(rows),
-            prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1]),
+            prior=None if self.prior is None else (self.prior[0][:, rows], self.prior[1][:, rows]),
             ground=self.ground[:, rows],
             floor=self.floor[rows],
         )
@@ -167,7 +167,8 @@ def solve_motion(
     ``p``: (n_parameters,).
     ``free`` bool (n_coordinates,): coordinates to estimate; the others stay at ``q0``.
     ``bounds``: each (n_coordinates,).
-    ``prior`` each (n_frames, n_coordinates) and (n_coordinates,): values and weights of coordinate tasks.
+    ``prior``: values (n_frames, n_coordinates) and weights (n_coordinates,) or (n_frames, n_coordinates) of
+    coordinate tasks.
     ``progress``: called with the number of frames done.
     Raises ValueError: the tree is not articulated (see :func:`is_articulated`).
     """
@@ -182,7 +183,7 @@ def solve_motion(
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
         some = weights[rows] if weights.ndim == 2 else weights
-        tasks = None if prior is None else (prior[0][rows], prior[1])
+        tasks = None if prior is None else (prior[0][rows], np.broadcast_to(prior[1], q0.shape)[rows])
         block = _take_block(tree, plan, p, measured[rows], some, limits, tasks)
         found = _solve_block(block, np.array(q0[rows].T, order="C"), settings)
         q[rows], cost[rows], steps[rows], converged[rows] = found[0].T, *found[1:]
@@ -207,7 +208,7 @@ def _take_block(
     placed = np.moveaxis(filled, 0, -1) - middle
     carrier = plan.row_of_link[tree.marker_link]
     clusters = gather_clusters(carrier, len(tree.links), evaluate_local_positions(tree, p), placed, heavy)
-    tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), prior[1][:, None])
+    tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300
     return _Problem(

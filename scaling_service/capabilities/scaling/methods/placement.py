@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
+from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
@@ -95,15 +96,22 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 
     Where tracking markers sit is each laboratory's own choice, so a generic model's positions say little of
     them: the pose comes from the landmarks, and tracking markers decide only what these leave open, such as
-    how far an arm is bent whose wrist has no landmark.
+    how far an arm is bent whose wrist has no landmark. Where landmarks do not show how a segment is turned,
+    as a heel alone does not show where the foot points, its anatomical markers count as landmarks do.
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
     landmarks = [m.name for m in model.markers if find_canonical(m.name) not in _NO_PLACE]
     tracking = {m.name: m.segment for m in model.markers if m.name not in landmarks and m.weight > 0.0}
-    if len(_list_seen(trial, landmarks)) < _FEWEST or not tracking:
+    known = _list_seen(trial, landmarks)
+    if len(known) < _FEWEST or not tracking:
         return model, ()
-    weights = dict.fromkeys(landmarks, 1.0) | dict.fromkeys(tracking, _FOLLOWER)
+    open_ = list_unshown(model, known)
+    helped = {s.name for s in model.segments if open_ & list_joint_coordinates(model, s)}
+    weights = dict.fromkeys(landmarks, 1.0) | {
+        name: 1.0 if segment in helped and model.marker(name).anatomical else _FOLLOWER
+        for name, segment in tracking.items()
+    }
     found = _locate(model, trial, tracking, weights)
     return move_markers(model, found), tuple(found)
 

@@ -118,7 +118,8 @@ def _check_segments(
 ) -> Iterator[Need]:
     """What a movement does not show of the model; nothing where every segment is shown.
 
-    ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing that.
+    ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing
+    that.
     """
     if not moving:
         return

@@ -397,7 +397,8 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
     )
     if task.closure is not None:
         known &= np.abs(task.closure.evaluate(solution.q, task.p)).max(axis=1, keepdims=True) <= CLOSED
-    known &= task.ranges.shown
+    else:
+        known &= task.ranges.shown
     sometimes = np.asarray(known.any(axis=0))
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names

@@ -2,9 +2,14 @@
 
 Each coordinate of a joint has a normal prior: its middle is the model's default pose, and its range holds two
 standard deviations to either side. With the markers' information it makes a posterior. A coordinate of which
-the markers tell less than the range does (its posterior variance is more than half of the prior one) is *not
-shown*: two markers on a foot show where it points, not how it is rolled. The solver then holds it by its range,
-and results do not tell it. Coordinates that the markers show are left to the markers alone.
+the markers
+tell less than the range does (its posterior variance is more than half of the prior one) is *held*: two
+markers
+on a foot show where it points, hardly how it is rolled. The solver then weighs its range beside the markers,
+and
+so does its deviation. A coordinate of which they tell nothing is *not shown*, and results do not tell it.
+Those
+that the markers show are left to the markers alone.
 """
 
 from __future__ import annotations
@@ -43,10 +48,14 @@ _RANGE_SDS = 2.0
 """Standard deviations from the middle of a joint's range to its ends: 95 % of postures lie within."""
 
 _MORE = 0.5
-"""Share of the prior's variance that may be left. Chosen: where it is half, markers and range tell as much."""
+"""Share of the prior's variance that may be left. Chosen: at half, markers and range tell as much."""
+
+_NOTHING = 0.99
+"""Share of the prior's variance from which on the markers tell nothing: what is left is rounding."""
 
 _FOLLOWS = 0.01
-"""Chosen: of the median weight; what counts for less follows and tells nothing. Weights in set-ups go from 1 to
+"""Chosen: of the median weight; what counts for less follows and tells nothing. Weights in set-ups go from 1
+to
 50 by what their author trusts, and are no accuracies."""
 
 _WIDEST = np.pi
@@ -62,21 +71,30 @@ bent shows how its shoulder turns though it hangs straight by default."""
 class Ranges:
     """What holds the coordinates that are not shown.
 
-    ``middle`` (n_coordinates,), rad or m; ``weight`` (n_frames, n_coordinates), in the units of squared
-    marker distances times their weights: zero where the markers tell enough. ``shown`` of the same shape.
+    ``middle`` and ``spread`` (n_coordinates,), rad or m; ``weight`` (n_frames, n_coordinates), in the units
+    of
+    squared marker distances times their weights: zero where the markers tell enough. ``shown`` of the same
+    shape: whether they tell anything.
     """
 
     middle: Array
+    spread: Array
     weight: Array
     shown: Mask
 
     def in_frames(self, rows: slice | NDArray[np.intp]) -> Ranges:
         """The same in some frames."""
-        return Ranges(self.middle, self.weight[rows], self.shown[rows])
+        return Ranges(self.middle, self.spread, self.weight[rows], self.shown[rows])
+
+    def combine(self, sd: Array) -> Array:
+        """Deviations by markers (n_frames, n_coordinates) with what the range tells of those held."""
+        with np.errstate(invalid="ignore"):
+            both = sd / np.sqrt(1.0 + np.square(sd / self.spread))
+        return np.asarray(np.where(self.weight > 0.0, both, sd))
 
     @property
     def prior(self) -> tuple[Array, Array] | None:
-        """Values and weights as the solver takes them, each (n_frames, n_coordinates); None if all is shown."""
+        """Values and weights for the solver, each (n_frames, n_coordinates); None if nothing is held."""
         held = self.weight > 0.0
         return (np.broadcast_to(self.middle, held.shape), self.weight) if held.any() else None
 
@@ -94,14 +112,13 @@ def weigh_ranges(
     spread = list_prior_sds(model)
     unit = float(np.median(weights[weights > 0.0])) if (weights > 0.0).any() else 1.0
     share = measure_left(model, tree, (patterns & (weights > _FOLLOWS * unit)).astype(float), free, p)
-    shown = share <= _MORE
-    weight = np.where(shown, 0.0, unit * (_MARKER_M / spread) ** 2)
+    weight = np.where(share <= _MORE, 0.0, unit * (_MARKER_M / spread) ** 2)
     which = which.reshape(-1)
-    return Ranges(repeat_default_pose(model, 1)[0], weight[which], shown[which])
+    return Ranges(repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which])
 
 
 def list_prior_sds(model: BodyModel) -> Array:
-    """Standard deviation of each coordinate in ordinary postures, rad or m; infinite where no range tells it."""
+    """Standard deviation of each coordinate in ordinary postures, rad or m; infinite without a range."""
     lower, upper = list_coordinate_ranges(model)
     spread = (upper - lower) / (2.0 * _RANGE_SDS)
     turns = np.array([c.kind == "rotation" for c in model.coordinates], dtype=bool)
@@ -111,7 +128,8 @@ def list_prior_sds(model: BodyModel) -> Array:
 def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array) -> Array:
     """Posterior over prior variance of each coordinate, (n_patterns, n_coordinates); zero where not asked.
 
-    ``told`` (n_patterns, n_markers): how much each marker counts, 1 for one that is seen. The lower of that in the default pose and that half-way to the middle of all ranges.
+    ``told`` (n_patterns, n_markers): how much each marker counts, 1 for one that is seen. The lower of that
+    in the default pose and that half-way to the middle of all ranges.
     """
     spread = list_prior_sds(model)
     asked = free & np.isfinite(spread)

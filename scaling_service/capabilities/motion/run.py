@@ -223,6 +223,7 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     learnt = learn_skin_sizes([posed.thin()], [fields]) if fields and not has_bone_knowledge(model) else {}
     fields = tuple(resize(field, task.markers, learnt) for field in fields)
     uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
+    uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     if fields and has_bone_knowledge(model):
         bones = estimate_bones(Posed(task, solution.q, ~known | uncertainty.at_range_end), fields, rates)
         motion = make_motion(task, trial, replace(solution, q=bones.q))

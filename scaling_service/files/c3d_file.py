@@ -23,17 +23,6 @@ from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files.tables import read_bytes
 from scaling_service.model.trial import Array, Repair
 
-METRES = {
-    spelling: metres
-    for metres, spellings in {
-        1e-3: "mm mms millimeter millimeters millimetre millimetres mill",
-        1e-2: "cm cms centimeter centimeters centimetre centimetres cent",
-        1.0: "m meter meters metre metres mete metr",
-    }.items()
-    for spelling in spellings.split()
-}
-"""Unit of length, lower case, in m; writers with a field of four letters cut the words."""
-
 COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS")
 """Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""
 
@@ -590,9 +579,8 @@ def _decode(content: bytes, facts: _Facts, layout: _Layout, file: Path) -> tuple
     points = table[:, : 4 * layout.points].reshape(layout.frames, layout.points, 4).astype(float)
     xyz = points[..., :3] if layout.real else points[..., :3] * _find_scale(facts, file)
     seen = points[..., 3] >= 0  # the sign of the fourth number
-    analog = (
-        table[:, 4 * layout.points :].reshape(layout.frames * layout.per_frame, layout.channels).astype(float)
-    )
+    samples = layout.frames * layout.per_frame if layout.channels else 0
+    analog = table[:, 4 * layout.points :].reshape(samples, layout.channels).astype(float)
     return np.where(seen[..., None], xyz, np.nan), _scale_analog(analog, facts)
 
 

@@ -12,6 +12,17 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.model.trial import Array, Repair, repair_each
 
+METRES = {
+    spelling: metres
+    for metres, spellings in {
+        1e-3: "mm mms millimeter millimeters millimetre millimetres mill",
+        1e-2: "cm cms centimeter centimeters centimetre centimetres cent",
+        1.0: "m meter meters metre metres mete metr",
+    }.items()
+    for spelling in spellings.split()
+}
+"""Unit of length, lower case, in m; writers with a field of four letters cut the words."""
+
 MISSING = frozenset(("", "-", "--", "na", "n/a", "nan", "nan(ind)", "-nan(ind)", "-nan", "null", "none"))
 MISSING |= {"-1.#ind", "1.#qnan", "-1.#qnan"}
 """Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""

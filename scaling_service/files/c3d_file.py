@@ -480,7 +480,7 @@ def _list_layouts(witnesses: Sequence[_Witness], length: int) -> Iterable[_Layou
     pairs = set(product(channels or [0], steps))
     for total in analogs:
         pairs |= {(total // step, step) for step in steps if total % step == 0}
-        pairs |= {(count, total // count) for count in channels if count and total % count == 0}
+        pairs |= {(count, total // count) for count in channels if count and total and total % count == 0}
         if not total or not steps:
             pairs.add((0, 1))
     for points, (count, step), start, real in product(

@@ -61,7 +61,7 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
-    times, positions, rate, clock = _restore_clock(data[:, 1], positions, header.rate_hz, file)
+    times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
     labels, twice = tables.separate_duplicates(labels, positions)
     counts = _check_counts(header, len(data))
@@ -246,7 +246,7 @@ def _read_positive(text: str) -> float:
     return value if 0 < value < 1e9 else float("nan")
 
 
-def _restore_clock(
+def restore_clock(
     times: Array, positions: Array, stated_hz: float, file: Path
 ) -> tuple[Array, Array, float, tuple[Repair, ...]]:
     """Undo the rounding of times and restore frames that were left out, where the clock is regular.

@@ -21,7 +21,6 @@ from scaling_service.cli import main
 # Worker processes of libraries that must stay out of this one; they have no examples.
 APART = (
     "scaling_service.files.osim.worker",
-    "scaling_service.files.c3d_worker",
     "scaling_service.__main__",
 )
 MODULES = [

@@ -11,14 +11,17 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.documents.subject import RANGES_M
-from scaling_service.files.c3d_file import METRES, C3dFile, read_c3d_file, report_no_frame, take_first_value
+from scaling_service.files.c3d_file import C3dFile, read_c3d_file, report_no_frame, take_first_value
 from scaling_service.files.recording import NOT_STATED, Recording
-from scaling_service.files.tables import clean_positions, refuse_duplicates
+from scaling_service.files.tables import METRES, clean_positions, separate_duplicates
 from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, list_plate_names
 from scaling_service.model.trial import Array, MeasuredSizes, Repair, Trial, is_unlabelled
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""
+
+SMALLEST_M2, LARGEST_M2 = 1e-3, 50.0
+"""Area of a plate. Chosen: a button to a room; corners that coincide or are in another unit lie beyond."""
 
 NO_PLATES = ("FORCE_PLATFORM:USED", "ANALOG")
 """Fields of the errors which mean that a file holds no forces at all."""
@@ -58,18 +61,19 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     """Read the markers, force plates and measured sizes of a C3D file.
 
     Positions are m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros); time
-    starts at 0 with the first frame of the file. ``repairs`` names the points that were left out: computed
-    ones and those without a label. Raises FileUnreadable if it is absent, empty, damaged, not C3D, or has
-    two markers of one name; TrialUnusable if it has no marker, no frame or no frame rate, or only segment
-    poses (Theia); DependencyMissing if ezc3d is not installed.
+    starts at 0 with the first frame of the file. ``repairs`` names the points that were left out (computed
+    ones and those without a label), and what header, parameters and length disagree on. Raises
+    FileUnreadable if it is absent, empty, damaged or not C3D; TrialUnusable if it has no marker, no frame or
+    no frame rate, or only segment poses (Theia).
     """
     file = Path(path)
     content = read_c3d_file(file)
     kept, unlabelled, repairs = _sort_points(content, file)
     labels = tuple(content.labels[k] for k in kept)
-    refuse_duplicates(labels, [k + 1 for k in kept], file, "marker")
     scale, of_unit = _find_unit(content, file)
     markers, lost = clean_positions(content.points[:, kept] * scale, labels)
+    descriptions = [content.descriptions[k] for k in kept] if content.descriptions else ()
+    labels, twice = separate_duplicates(labels, markers, descriptions)
     times = np.arange(len(markers)) / content.rate_hz
     nobodys = tuple(content.labels[k] for k in unlabelled)
     theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
@@ -79,7 +83,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
         labels=labels,
         markers=markers,
         rate_hz=content.rate_hz,
-        repairs=(*repairs, *of_unit, *_note_cut(content), *lost),
+        repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice),
         sizes=read_stated_sizes(content.parameters),
         unit=content.point_unit or NOT_STATED,
         plates=_read_plates_or_refusal(content),
@@ -139,14 +143,6 @@ def _find_unit(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair,
         )
     said = "no unit is stated; mm was taken, as is usual in C3D files"
     return METRES["mm"], (Repair(what="unit", where="POINT:UNITS", detail=said),)
-
-
-def _note_cut(content: C3dFile) -> tuple[Repair, ...]:
-    found = len(content.points)
-    if content.stated_frames is None or content.stated_frames == found:
-        return ()
-    detail = f"the header says {content.stated_frames}, the file holds {found}: it may be cut off"
-    return (Repair(what="header", where="frames", detail=detail),)
 
 
 def _read_plates_or_refusal(content: C3dFile) -> PlateRecording | TrialUnusable | None:
@@ -211,8 +207,9 @@ class _Plate:
                 f"Types {', '.join(map(str, CHANNELS))} are; export the forces as MOT or STO",
             )
         corners = self._matrix("CORNERS", (3, 4)).T * length
-        if min(np.linalg.norm(corners[0] - corners[i]) for i in (1, 3)) < 1e-3:
-            problem = f"{self._name} has corners that coincide"
+        area = np.linalg.norm(np.cross(corners[2] - corners[0], corners[3] - corners[1])) / 2.0
+        if not SMALLEST_M2 <= area <= LARGEST_M2:
+            problem = f"{self._name} has corners that span {area:.3g} m², which no plate does"
             raise self._refuse(problem, "CORNERS", "Measure the plate's corners")
         origin = self._matrix("ORIGIN", (3,)) * length
         columns = self._columns()
@@ -336,5 +333,6 @@ def read_stated_sizes(parameters: Mapping[str, Mapping[str, Any]]) -> MeasuredSi
 
 
 def _read_length(value: float, limits: tuple[float, float]) -> float | None:
-    fitting = [round(value * unit, 6) for unit in METRES.values() if limits[0] <= value * unit <= limits[1]]
+    units = set(METRES.values())
+    fitting = [round(value * unit, 6) for unit in units if limits[0] <= value * unit <= limits[1]]
     return fitting[0] if len(fitting) == 1 else None

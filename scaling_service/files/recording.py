@@ -25,6 +25,8 @@ READERS: Mapping[str, EntryPoint] = MappingProxyType(
         for suffix, reader in {
             ".c3d": "scaling_service.files.c3d:read_c3d",
             ".trc": "scaling_service.files.trc:read_trc",
+            ".csv": "scaling_service.files.delimited:read_delimited",
+            ".tsv": "scaling_service.files.delimited:read_delimited",
         }.items()
     }
 )
@@ -64,7 +66,7 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
     Parameters
     ----------
     path : path
-        A C3D or TRC file, or one in a format that another distribution adds.
+        A C3D or TRC file, a CSV or TSV table of markers, or one in a format that another distribution adds.
 
     Returns
     -------

@@ -12,6 +12,17 @@ from numpy.typing import NDArray
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.model.trial import Array, Repair, repair_each
 
+METRES = {
+    spelling: metres
+    for metres, spellings in {
+        1e-3: "mm mms millimeter millimeters millimetre millimetres mill",
+        1e-2: "cm cms centimeter centimeters centimetre centimetres cent",
+        1.0: "m meter meters metre metres mete metr",
+    }.items()
+    for spelling in spellings.split()
+}
+"""Unit of length, lower case, in m; writers with a field of four letters cut the words."""
+
 MISSING = frozenset(("", "-", "--", "na", "n/a", "nan", "nan(ind)", "-nan(ind)", "-nan", "null", "none"))
 MISSING |= {"-1.#ind", "1.#qnan", "-1.#qnan"}
 """Spellings of "not seen" (lower case): blanks, C and Windows run-times, spreadsheets, databases."""
@@ -224,6 +235,35 @@ def trim_cut_line(text: str, lines: list[Line], wanted: int) -> tuple[list[Line]
     return [*lines[:-1], (number, kept)], (
         Repair(what="cut_row", where=f"line {number}", detail=detail, frames=1),
     )
+
+
+def separate_duplicates(
+    labels: Sequence[str], markers: Array, descriptions: Sequence[str] = ()
+) -> tuple[tuple[str, ...], tuple[Repair, ...]]:
+    """Labels of which each stands once, and what was decided.
+
+    ``markers`` (n_frames, n_markers, 3): NaN where not seen. Of two points of one name the first that is ever
+    seen keeps it, the others get a number: ``RASI#2``. Where most labels stand twice there are two persons:
+    the second one's get a prefix, ``#2:RASI``.
+    """
+    seen = np.isfinite(markers).all(-1).any(0)
+    places: dict[str, list[int]] = {}
+    for k in sorted(range(len(labels)), key=lambda k: not seen[k]):
+        places.setdefault(labels[k], []).append(k)
+    twice = {label: found for label, found in places.items() if len(found) > 1}
+    persons = len(twice) > 2 and 2 * len(twice) > len(places)
+    names, repairs = list(labels), []
+    for label, (_, *others) in twice.items():
+        for n, k in enumerate(others, start=2):
+            names[k] = f"#{n}:{label}" if persons else f"{label}#{n}"
+        about = {names[k]: descriptions[k] for k in others if k < len(descriptions) and descriptions[k]}
+        shown = "".join(f"; {name} is described as '{said}'" for name, said in about.items())
+        detail = (
+            f"{len(others) + 1} points have this name; called {', '.join(names[k] for k in others)} from "
+        )
+        detail += f"the second on{shown}"
+        repairs.append(Repair(what="duplicate", where=label, detail=detail))
+    return tuple(names), tuple(repairs)
 
 
 def refuse_duplicates(names: Sequence[str], columns: Sequence[int], path: Path, kind: str) -> None:

@@ -16,14 +16,13 @@ from scaling_service.files import tables
 from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.model.trial import Array, Repair, Trial
 
-METRES = dict.fromkeys(("mm", "millimeters", "millimetres"), 1e-3) | {"cm": 1e-2}
-METRES |= dict.fromkeys(("m", "meters", "metres"), 1.0)
-
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""
 
 MOST_INSERTED = 1.0
 """Absent rows are restored up to this share of the rows present (chosen: beyond, it is no one clock)."""
+
+SLOWEST_STEP_S = 1.0  # chosen: nobody records a movement with less than a frame a second
 
 _KIND = "a TRC file"
 _AXIS = re.compile(r"^[XYZ]\d*$", re.IGNORECASE)
@@ -33,9 +32,9 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     """Read a TRC file.
 
     Returns positions in m in the file's own axes, NaN where not seen; ``repairs`` lists what did not follow
-    the format. Labels are as in the file, prefixes included. Raises FileUnreadable if it is absent, empty,
-    something else, truncated, has two markers of one name or a cell that is no number. Raises TrialUnusable
-    if it has no frame, no marker, or times that do not increase.
+    the format. Labels are as in the file, prefixes included; of two of one name the second gets a number.
+    Raises FileUnreadable if it is absent, empty, something else, truncated or has a cell that is no number.
+    Raises TrialUnusable if it has no frame, no marker, or times that do not increase.
     """
     file = Path(path)
     text, repairs = tables.read_text(file, _KIND)
@@ -62,8 +61,9 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
     named = [k for k, label in enumerate(header.columns) if label]
     labels = tuple(header.columns[k] for k in named)
     positions = data[:, 2:].reshape(len(data), -1, 3)[:, named] * header.metres_per_unit
-    times, positions, rate, clock = _restore_clock(data[:, 1], positions, header.rate_hz, file)
+    times, positions, rate, clock = restore_clock(data[:, 1], positions, header.rate_hz, file)
     positions, lost = tables.clean_positions(positions, labels)
+    labels, twice = tables.separate_duplicates(labels, positions)
     counts = _check_counts(header, len(data))
     return Recording(
         name=file.stem,
@@ -71,7 +71,7 @@ def read_trc(path: str | os.PathLike[str]) -> Recording:
         labels=labels,
         markers=positions,
         rate_hz=rate,
-        repairs=(*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost),
+        repairs=(*repairs, *header.repairs, *counts, *cut, *row_repairs, *clock, *lost, *twice),
         unit=header.unit or NOT_STATED,
     )
 
@@ -111,7 +111,7 @@ def _read_header(lines: list[tables.Line], file: Path) -> _Header:
         columns=columns,
         first_row=first_row,
         rate_hz=_read_positive(stated.get("datarate", "")),
-        metres_per_unit=METRES[unit],
+        metres_per_unit=tables.METRES[unit],
         unit=stated.get("units", "")[:20],
         stated_frames=stated.get("numframes", ""),
         stated_markers=stated.get("nummarkers", ""),
@@ -143,9 +143,9 @@ def _report_truncated(file: Path, what: str) -> FileUnreadable:
 
 def _read_unit(stated: dict[str, str], values: list[str], file: Path) -> tuple[str, tuple[Repair, ...]]:
     unit = stated.get("units", "").lower()
-    if unit in METRES:
+    if unit in tables.METRES:
         return unit, ()
-    elsewhere = [value.lower() for value in values if value.lower() in METRES]
+    elsewhere = [value.lower() for value in values if value.lower() in tables.METRES]
     if elsewhere:
         return elsewhere[0], (
             Repair(what="header", where="Units", detail=f"unit {elsewhere[0]} found out of its column"),
@@ -175,7 +175,6 @@ def _read_labels(line: str, file: Path) -> tuple[tuple[str, ...], tuple[Repair, 
         )
     spread = "\t" in line and all(k % 3 == 0 for k, _ in found)
     slots = [k // 3 for k, _ in found] if spread else list(range(len(found)))
-    tables.refuse_duplicates([name for _, name in found], [3 + 3 * slot for slot in slots], file, "marker")
     columns = [""] * (slots[-1] + 1)
     for slot, (_, name) in zip(slots, found, strict=True):
         columns[slot] = name
@@ -247,7 +246,7 @@ def _read_positive(text: str) -> float:
     return value if 0 < value < 1e9 else float("nan")
 
 
-def _restore_clock(
+def restore_clock(
     times: Array, positions: Array, stated_hz: float, file: Path
 ) -> tuple[Array, Array, float, tuple[Repair, ...]]:
     """Undo the rounding of times and restore frames that were left out, where the clock is regular.
@@ -260,9 +259,10 @@ def _restore_clock(
                 "one frame and no frame rate", file=file, field="DataRate", remedy="State the rate"
             )
         return times, positions, stated_hz, ()
+    times, counted = _take_seconds(times, stated_hz)
     measured_hz = 1.0 / float(np.median(np.diff(times)))
     frame = _number_frames(times, stated_hz)
-    rate, repairs = stated_hz, []
+    rate, repairs = stated_hz, list(counted)
     if frame is None:
         frame, rate = _measure_clock(times, measured_hz)
         note = (
@@ -308,6 +308,21 @@ def _restore_clock(
     return clock, positions, rate, tuple(repairs)
 
 
+def _take_seconds(times: Array, stated_hz: float) -> tuple[Array, tuple[Repair, ...]]:
+    """Times in s, where the stated rate shows that they count something else."""
+    if not np.isfinite(stated_hz):
+        if np.median(np.diff(times)) < SLOWEST_STEP_S:
+            return times, ()
+        detail = f"no rate is stated; steps of {np.median(np.diff(times)):g} were taken as milliseconds"
+        return times / 1e3, (Repair(what="clock", where="Time", detail=detail, frames=len(times)),)
+    if _number_frames(times, stated_hz) is None:
+        for unit, second in (("milliseconds", 1e3), ("frames", stated_hz)):
+            if _number_frames(times / second, stated_hz) is not None:
+                detail = f"at {stated_hz:g} Hz these times count {unit}; they were turned into seconds"
+                return times / second, (Repair(what="clock", where="Time", detail=detail, frames=len(times)),)
+    return times, ()
+
+
 def _number_frames(times: Array, rate_hz: float) -> NDArray[np.intp] | None:
     """Frame of each time on the regular clock of a rate, from 0; None if they do not fit it."""
     if not np.isfinite(rate_hz) or (times[-1] - times[0]) * rate_hz > (1 + MOST_INSERTED) * len(times):
@@ -351,7 +366,7 @@ def write_trc(path: str | os.PathLike[str], trial: Trial, units: Literal["mm", "
     if np.isinf(trial.markers).any():
         raise TrialUnusable("a position is infinite", file=trial.name, remedy="Mark it as missing")
     decimals = 5 if units == "mm" else 8
-    values = np.round(trial.markers / METRES[units], decimals) + 0.0
+    values = np.round(trial.markers / tables.METRES[units], decimals) + 0.0
     values[(values == 0).all(-1), 0] = 10.0**-decimals
     n, m = trial.n_frames, len(trial.labels)
     rate = f"{trial.rate_hz:.6f}".rstrip("0").rstrip(".")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.files.c3d_file import METRES
+from scaling_service.files.tables import METRES
 from scaling_service.model.trial import Trial
 
 

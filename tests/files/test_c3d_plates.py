@@ -82,7 +82,7 @@ def test_a_baseline_is_taken_off_only_where_nobody_stands() -> None:
         (replace(made(), analog=np.zeros((0, 0))), "has no analog signal"),
         (made(CHANNEL=[[k + 3] for k in range(6)]), "names channels that the file does not hold"),
         (made(CORNERS=[]), "CORNERS does not describe plate_1"),
-        (made(CORNERS=[[[0.0]] * 4] * 3), "corners that coincide"),
+        (made(CORNERS=[[[0.0]] * 4] * 3), "corners that span 0 m²"),
         (made(ORIGIN=[[float("nan")]] * 3), "ORIGIN does not describe plate_1"),
         (made(units=("N",) * 3 + ("lbf ft",) * 3), "is in 'lbf ft', which is no unit of moment"),
     ],

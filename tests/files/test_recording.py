@@ -17,7 +17,7 @@ from tests.files.c3d_writing import write_c3d
 WRITERS = {".trc": write_trc, ".c3d": write_c3d}
 
 
-@pytest.mark.parametrize("suffix", sorted(READERS))
+@pytest.mark.parametrize("suffix", sorted(WRITERS))
 @pytest.mark.parametrize("case", [str.lower, str.upper])
 def test_every_reader_gives_the_trial_back(tmp_path, suffix, case):
     markers = np.random.default_rng(0).uniform(0.1, 2, (12, 4, 3))
@@ -38,7 +38,7 @@ def test_every_reader_gives_the_trial_back(tmp_path, suffix, case):
     assert not back.markers.flags.writeable
 
 
-@pytest.mark.parametrize("name", ["walk.csv", "walk", "walk.mot"])
+@pytest.mark.parametrize("name", ["walk.txt", "walk", "walk.mot"])
 def test_other_formats_are_refused_with_what_is_supported(tmp_path, name):
     with pytest.raises(FileUnreadable, match=r"Supported are \.c3d, \.trc"):
         read_recording(tmp_path / name)

@@ -142,11 +142,33 @@ def test_labels_in_neighbouring_cells(lines):
     assert _kinds(trial) == {"label_layout"}
 
 
-def test_duplicate_labels_name_both_columns(lines):
+def test_a_duplicate_keeps_both_and_the_first_its_name(lines):
     content, read = lines
+    whole = read(content)
     content[3] = content[3].replace("V Sacral", "RASI")
-    with pytest.raises(FileUnreadable, match=r"'RASI': in columns 3 and 9"):
-        read(content)
+    trial = read(content)
+    assert trial.labels == ("RASI", "S1:L.ASIS", "RASI#2")
+    np.testing.assert_array_equal(trial.markers, whole.markers)
+    assert _kinds(trial) == {"duplicate"}
+
+
+@pytest.mark.parametrize("stated", ["100", "0"])
+def test_times_in_milliseconds_become_seconds(lines, stated):
+    content, read = lines
+    content[2] = re.sub(r"^[^\t]+", stated, content[2])
+    rows = [line.split("\t") for line in content[6:-1]]
+    trial = read([*content[:6], *("\t".join([r[0], f"{1e3 * float(r[1]):.0f}", *r[2:]]) for r in rows), ""])
+    np.testing.assert_allclose(trial.times, np.arange(6) / 100, atol=1e-9)
+    assert trial.rate_hz == pytest.approx(100)
+    assert any("milliseconds" in repair.detail for repair in trial.repairs)
+
+
+def test_times_that_count_frames_become_seconds(lines):
+    content, read = lines
+    rows = [line.split("\t") for line in content[6:-1]]
+    trial = read([*content[:6], *("\t".join([r[0], str(k), *r[2:]]) for k, r in enumerate(rows)), ""])
+    np.testing.assert_allclose(trial.times, np.arange(6) / 100, atol=1e-9)
+    assert _kinds(trial) == {"clock"}
 
 
 @pytest.mark.parametrize("rate", [60.0, 120.0, 300.0])

@@ -16,6 +16,7 @@ from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
@@ -119,6 +120,7 @@ def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
 
 Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
 
+_TABLES = (".csv", ".tsv")
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
 _PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
 """Keys of a subject document under which files are named."""
@@ -159,6 +161,8 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     ``up``, ``forward``: the laboratory's axes, where they are known.
     """
     suffix = file.suffix.lower()
+    if suffix in _TABLES:
+        return _read_markers(file, up, forward)
     if suffix in READERS:
         guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
         return _try_reading(guess, file, lambda: look_at(file, up, forward))
@@ -166,6 +170,18 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     if reader is None:
         return InputFile(name=file.name, kind="other", why="of no kind that is used here")
     return reader(file)
+
+
+def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
+    """CSV and TSV hold markers on an image, a recording, or anything else."""
+    other = _read_csv(file)
+    if other.kind != "other":
+        return other
+    guess = InputFile(name=file.name, kind="recording", why="a table of markers over time")
+    found = _try_reading(guess, file, lambda: look_at(file, up, forward))
+    if found.problem is None or found.problem.field not in (FIELD, "time"):
+        return found
+    return other if found.problem.field == FIELD else replace(other, why=found.problem.problem)
 
 
 def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
@@ -291,7 +307,7 @@ def _read_beginning(file: Path) -> str:
 
 
 _READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
-    {".mot": _read_table, ".sto": _read_table, ".csv": _read_csv, ".xml": _read_xml, ".osim": _read_osim}
+    {".mot": _read_table, ".sto": _read_table, ".xml": _read_xml, ".osim": _read_osim}
     | dict.fromkeys(_MESHES, _read_mesh)
     | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
 )

@@ -185,12 +185,14 @@ class Coordinate:
 class Coupler:
     """A coordinate that follows another one: ``dependent = shape(independent)``.
 
-    Its effect is already in the laws; it is kept so that motion files hold the dependent too.
+    Its effect is already in the laws; it is kept so that motion files hold the dependent too. ``kind``: a
+    rotation, which files hold in degrees, or anything else, which they hold as it is.
     """
 
     dependent: str
     independent: str
     law: Law
+    kind: Literal["rotation", "translation"] = "translation"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

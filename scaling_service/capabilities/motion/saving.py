@@ -35,8 +35,8 @@ CLINICAL = "_clinical.csv"
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
-    A dependent coordinate is of OpenSim's motion type "coupled": it stays in radians where the file is in
-    degrees. Coordinates that markers do not show, in a frame or ever, are written as NaN.
+    A dependent coordinate of OpenSim's motion type "coupled" stays in radians where the file is in degrees.
+    Coordinates that markers do not show, in a frame or ever, are written as NaN.
     """
     told = replace(motion, q=hide_unshown(motion, model, motion.q))
     followed = [evaluate_law_at(coupler.law, _express_leading(coupler, told)) for coupler in model.couplers]
@@ -61,7 +61,7 @@ def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> 
 def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
-    kinds += ["translation" for _ in model.couplers]  # OpenSim reads what follows as it is, never in degrees
+    kinds += [coupler.kind for coupler in model.couplers]
     write_sto(
         path, tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
     )

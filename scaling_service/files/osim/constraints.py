@@ -120,7 +120,8 @@ def resolve_coupler(dependent: str, direct: Mapping[str, tuple[str, Coupler]]) -
             raise NotSubstituted(independent)
         passed.add(independent)
         inner = direct[independent][1]
-        coupler = Coupler(dependent, inner.independent, _substitute(coupler.law, independent, inner.law))
+        law = _substitute(coupler.law, independent, inner.law)
+        coupler = Coupler(dependent, inner.independent, law, coupler.kind)
     return coupler
 
 

@@ -79,7 +79,7 @@ def read_body_model(model: Any) -> BodyModel:
         segments=driven,
         coordinates=tuple(coordinates),
         markers=tuple(_read_marker(marker) for marker in list_items(model.getMarkerSet())),
-        couplers=tuple(follows.values()),
+        couplers=tuple(replace(c, kind=_find_kind(model, c.dependent)) for c in follows.values()),
         constraints=bound,
         notes=tuple(_list_notes(model, bound)),
     )
@@ -100,6 +100,12 @@ def _list_notes(model: Any, followed: Sequence[Constraint]) -> Iterator[str]:
     if followed:
         names = ", ".join(item.name for item in followed)
         yield f"motions obey the model's constraints ({names}); joint moments leave out their forces"
+
+
+def _find_kind(model: Any, coordinate: str) -> Literal["rotation", "translation"]:
+    """What OpenSim counts a coordinate as, which decides its unit in motion files."""
+    kind = int(model.getCoordinateSet().get(coordinate).getMotionType())
+    return "rotation" if kind == _ROTATIONAL else "translation"
 
 
 def _read_coordinate(coordinate: Any) -> Coordinate:

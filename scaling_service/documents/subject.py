@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import Annotated, Literal
@@ -282,7 +282,11 @@ class SubjectDocument(_Strict):
 
     def _check_trials(self) -> None:
         names = [PurePath(path).name for path in self.trials.files]
-        fields = {"forces": self.forces, "corrections": self.corrections, "mirrored": self.mirrored}
+        fields: dict[str, Iterable[str]] = {
+            "forces": self.forces,
+            "corrections": self.corrections,
+            "mirrored": self.mirrored,
+        }
         for field, trials in fields.items():
             for trial in trials:
                 if trial not in names:

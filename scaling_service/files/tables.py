@@ -246,7 +246,7 @@ def separate_duplicates(
     seen keeps it, the others get a number: ``RASI#2``. Where most labels stand twice there are two persons:
     the second one's get a prefix, ``#2:RASI``.
     """
-    seen = np.isfinite(markers).all(-1).any(0)
+    seen = np.atleast_1d(np.isfinite(markers).all(-1).any(0))
     places: dict[str, list[int]] = {}
     for k in sorted(range(len(labels)), key=lambda k: not seen[k]):
         places.setdefault(labels[k], []).append(k)

@@ -185,7 +185,8 @@ class ClinicalAngles:
     ``values``: side to angle (of ``ANGLES``) to (n_frames,), rad; NaN where the recording does not determine
         it.
     ``pelvis`` ((n_frames, 3), m): half-way between the hip centres.
-    ``heading`` (rad): the walking direction of the recording: turn about y that leads from x to it.
+    ``heading`` (rad): the walking direction of the recording: turn about y that leads from x to it; who stays
+        on the spot, on a treadmill or standing, walks along the axis of the laboratory that the pelvis faces.
     ``left_out``: which angles are not there and why, one sentence without a full stop each.
     ``doubtful``: which are there but rest on little, likewise.
     """
@@ -242,7 +243,8 @@ def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
     sides = {side: compute_conventional_angles(points, side) for side in SIDES}
     unknown = np.full((len(motion.times), 3), np.nan)
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
-    heading = _find_heading(pelvis[np.isfinite(pelvis).all(axis=1)])
+    way = pelvis[np.isfinite(pelvis).all(axis=1)]
+    heading = _find_heading(way, _find_axis_faced(sides["r"].get("pelvis_internal_rotation")))
     free = {side: _drop_locked(angles) for side, angles in sides.items()}
     values = {side: _measure_against(angles, side, heading) for side, angles in free.items()}
     left_out = tuple(_list_left_out(sides, values))
@@ -349,6 +351,15 @@ def _find_heading(way: Array, otherwise: float = 0.0) -> float:
     """Where a way over the floor leads, (n, 3), m, from its first to its last point."""
     gone = way[-1] - way[0] if len(way) else np.zeros(3)
     return float(np.arctan2(-gone[2], gone[0])) if np.hypot(gone[0], gone[2]) > _LEAST_WAY_M else otherwise
+
+
+def _find_axis_faced(rotation: Array | None) -> float:
+    """The axis of the laboratory nearest to where a pelvis faces, rad from x; x where that is not known."""
+    known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
+    if not len(known):
+        return 0.0
+    mean = np.arctan2(np.sin(known).mean(), np.cos(known).mean())
+    return float(np.round(mean / (np.pi / 2.0)) * (np.pi / 2.0))
 
 
 def _drop_locked(angles: Mapping[str, Array]) -> dict[str, Array]:

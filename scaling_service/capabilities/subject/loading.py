@@ -15,6 +15,7 @@ from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, f
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
+from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.capabilities.subject.reading import (
     blame_file,
     hash_input_files,
@@ -204,6 +205,7 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     for path in list_recordings(subject):
         with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
+            found = select_person(found, subject.marker_map)
             read[path] = person.mend(
                 found, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
             )

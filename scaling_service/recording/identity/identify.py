@@ -159,24 +159,27 @@ def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequ
 
     The lowest labels of thigh and shank stand for knee and ankle, the pelvis's labels for the hips.
     """
-    owner = np.array([look.segments[k] for k in look.share.argmax(axis=1)])
+    owner = np.array(look.segments)[look.share.argmax(axis=1)]
     heading = look.body.heading
     right = np.array([np.sin(heading), 0.0, np.cos(heading)])  # the body's Z in the room
     forward, backward = 0.0, 0.0
     for trial in movements:
         shown = np.array([name in trial.labels for name in names])
-        pelvis = np.flatnonzero((owner == "pelvis") & shown)
+        placed = shown & np.isfinite(at[:, 1])
+        pelvis = np.flatnonzero((owner == "pelvis") & shown).tolist()
         if len(pelvis) < 3:
             continue
         rows = np.unique(np.linspace(0, trial.n_frames - 1, min(trial.n_frames, _FRAMES)).astype(int))
-        paths = {k: trial.position(names[k])[rows] for k in np.flatnonzero(shown)}
+        paths = {k: trial.position(names[k])[rows] for k in np.flatnonzero(shown).tolist()}
         moving = np.stack([paths[k] for k in pelvis], axis=1)
         across = fit_rigid(at[pelvis], moving)[0] @ right
         for side in "rl":
             lowest = [
                 min(on, key=lambda k: at[k, 1])
                 for part in ("femur", "tibia")
-                if len(on := np.flatnonzero((owner == f"{part}_{side}") & shown & np.isfinite(at[:, 1])))
+                if (
+                    on := np.flatnonzero((owner == f"{part}_{side}") & shown & np.isfinite(at[:, 1])).tolist()
+                )
             ]
             if len(lowest) == 2:
                 standing = _flex(at[pelvis].mean(axis=0), at[lowest[0]], at[lowest[1]], right)

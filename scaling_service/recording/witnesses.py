@@ -12,6 +12,7 @@ import numpy as np
 from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
 from scaling_service.model.trial import Array, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
+from scaling_service.recording.repeated import list_repeated
 
 WRONG = 0.01
 """Prior probability that a witness of the front misleads (chosen: two labels of it are exchanged, or a
@@ -83,8 +84,9 @@ class Body:
         self.labels = trial.labels
         self.regions: dict[str, str] = {}
         shown = find_shown(self.markers)
+        further = {label for labels in list_repeated(trial.labels).values() for label in labels}
         for k, label in enumerate(trial.labels):
-            if not shown[k] or is_computed(label) or is_unlabelled(label):
+            if not shown[k] or is_computed(label) or is_unlabelled(label) or label in further:
                 continue
             name = roles.get(label) or make_plain_key(label)
             self.columns.setdefault(name, k)

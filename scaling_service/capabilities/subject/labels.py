@@ -81,9 +81,8 @@ def with_tracking_markers(
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
-    markers, those that the marker set puts there are taken, and those that sit there and move with it. Only
-    for
-    built-in models: others bring their own.
+    markers, those that the marker set puts there are taken, and those that sit there and move with it, which
+    takes two markers. Only for built-in models: others bring their own.
     """
     if subject.extra_markers or subject.model not in BUILTIN_NAMES:
         return subject, ()
@@ -96,6 +95,8 @@ def with_tracking_markers(
     by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
     still = {s for s in limbs if carried[s] + Counter(by_set.values())[s] < _FEWEST}
     by_place = _find_clusters(subject, trials, set(free) - by_set.keys(), still)
+    together = carried + Counter([*by_set.values(), *by_place.values()])
+    by_place = {label: segment for label, segment in by_place.items() if together[segment] > 1}
     notes = [
         f"{list_few(list(found))}: {why}, used though no extra_markers name them"
         for found, why in (

@@ -44,6 +44,7 @@ from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
 from scaling_service.recording.pipeline import process
+from scaling_service.recording.repeated import choose_repeated
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
@@ -205,9 +206,11 @@ def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING
     for path in list_recordings(subject):
         with blame_file(path, [path]):
             found = known[path] if path in known else repair_markers(read_recording(path))
-            found = select_person(found, subject.marker_map)
+            read[path] = select_person(found, subject.marker_map)
+    for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
+        with blame_file(path, [path]):
             read[path] = person.mend(
-                found, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
+                one, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
             )
     return read
 

@@ -177,9 +177,7 @@ def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequ
             lowest = [
                 min(on, key=lambda k: at[k, 1])
                 for part in ("femur", "tibia")
-                if (
-                    on := np.flatnonzero((owner == f"{part}_{side}") & shown & np.isfinite(at[:, 1])).tolist()
-                )
+                if (on := np.flatnonzero((owner == f"{part}_{side}") & placed).tolist())
             ]
             if len(lowest) == 2:
                 standing = _flex(at[pelvis].mean(axis=0), at[lowest[0]], at[lowest[1]], right)

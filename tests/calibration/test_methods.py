@@ -44,7 +44,7 @@ def test_a_method_comes_by_entry_point(tmp_path: Path) -> None:
         env={**os.environ, "PYTHONPATH": paths},
     )
     assert done.stdout.splitlines() == [
-        "MB MB_lam MB_am EB EB_am half",
+        "MB MB_lam MB_am EB EB_am MAP half",
         "segment sizes from marker distances",
         "a person halved",
     ]

@@ -30,7 +30,11 @@ MODEL = BodyModel(
         ),
     ),
     coordinates=(Coordinate(name="knee"), Coordinate(name="lift", kind="translation")),
-    couplers=(Coupler("knee_glide", "knee", GLIDE), Coupler("patella", "knee", FOLLOW)),
+    couplers=(
+        Coupler("knee_glide", "knee", GLIDE),
+        Coupler("patella", "knee", FOLLOW),
+        Coupler("crank", "knee", FOLLOW, "rotation"),
+    ),
 )
 
 
@@ -44,17 +48,18 @@ def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> 
         q=q,
         markers=(),
         residuals=np.zeros((3, 0, 3)),
-        estimated=("knee",),
+        estimated=("knee", "lift"),
     )
     write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
     table = read_sto(tmp_path / "squat_ik.mot")
-    assert table.columns == ("time", "knee", "lift", "knee_glide", "patella")
+    assert table.columns == ("time", "knee", "lift", "knee_glide", "patella", "crank")
     assert table.in_degrees is True
     np.testing.assert_allclose(table.column("knee"), np.degrees(q[:, 0]), rtol=1e-11)
     np.testing.assert_allclose(table.column("lift"), q[:, 1], rtol=1e-11)
     np.testing.assert_allclose(table.column("knee_glide")[:2], [0.02 * 0.5, 0.02 * 2.0], rtol=1e-11)
     np.testing.assert_allclose(table.column("patella")[:2], [0.35, 0.85], rtol=1e-11)  # coupled: rad
-    assert np.isnan(table.data[2, [1, 3, 4]]).all()
+    np.testing.assert_allclose(table.column("crank")[:2], np.degrees([0.35, 0.85]), rtol=1e-11)
+    assert np.isnan(table.data[2, [1, 3, 4, 5]]).all()
 
 
 def test_a_law_that_needs_more_than_one_coordinate_is_refused() -> None:

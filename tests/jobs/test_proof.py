@@ -109,10 +109,10 @@ def test_an_unknown_label_is_found_by_its_place(lab: Path, label: str) -> None:
     found = proof(lab)
     knee = next(m for m in found.markers if m.marker == "RLFE")
     assert (knee.label, knee.source) == (label, "place")
-    assert 0.0 < knee.confidence <= 0.6
+    assert 0.5 < knee.confidence < 1.0
+    assert "moves with the right thigh" in (knee.why or "")
     assert found.proposal is not None
-    assert "markers" not in found.proposal  # a guess is for people to look at
-    assert any(p.severity == "error" and "RLFE" in p.problem for p in found.problems)
+    assert found.proposal["markers"] == {"RLFE": label}
 
 
 def test_the_laboratorys_map_is_followed(lab: Path) -> None:

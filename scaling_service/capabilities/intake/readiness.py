@@ -125,11 +125,14 @@ def _check_segments(
         return
     seen = {m.marker for m in markers if m.label is not None and set(moving) <= set(m.recordings)}
     hidden = [name for name in list_hidden_segments(model, seen) if name not in extra.values()]
-    if hidden:
-        lacking = [m.marker for m in markers if m.segment in hidden and m.marker not in seen]
-        text = f"no marker shows {list_few(hidden)} in the movements: {list_few(lacking)} would"
+    lacking = {m.marker: m.segment for m in markers if m.segment in hidden and m.marker not in seen}
+    if shown := [name for name in hidden if name in lacking.values()]:
+        text = f"no marker shows {list_few(shown)} in the movements: {list_few(list(lacking))} would"
         text += "; name markers that move with them under `extra_markers:`, or choose a smaller model"
         yield Need(name="segments", there=False, text=text, give="model")
+    if bare := [name for name in hidden if name not in shown]:
+        text = f"the model has no marker on {list_few(bare)}: how they turn is not told"
+        yield Need(name="segments", there=False, required=False, text=text, give="model")
 
 
 def sum_up(problems: Sequence[ProblemEntry], readiness: Sequence[Readiness]) -> str:

@@ -14,7 +14,7 @@ from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.text import describe_effect
 from scaling_service.capabilities.scaling.clinical_gait import read_schwartz2008
-from scaling_service.capabilities.scaling.methods.table import METHODS
+from scaling_service.capabilities.scaling.methods.table import METHODS, list_usual_methods
 from scaling_service.documents.service import (
     CoordinateWord,
     ExampleList,
@@ -108,7 +108,13 @@ def list_vocabulary() -> Vocabulary:
     return Vocabulary(
         models=[_describe_model(load_builtin(name)) for name in BUILTIN_NAMES],
         methods=[
-            MethodWord(name=name, meaning=m.title, starts_from=m.needs, needs_images=m.needs_images)
+            MethodWord(
+                name=name,
+                meaning=m.title,
+                starts_from=m.needs,
+                needs_images=m.needs_images,
+                usual=name in list_usual_methods(),
+            )
             for name, m in METHODS.items()
         ],
         bones=list(BONES),

@@ -29,8 +29,9 @@ from tests.peers.scaled_models import scaled_gait2354, scaled_rajagopal
 
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
-NO_WORSE = 1.001
-"""Room for OpenSim's couplings, which it holds as constraints and may leave by its tolerance."""
+NO_WORSE = 0.1e-3
+"""m, of the root mean square: room for OpenSim's couplings, which it holds as constraints and may leave by its
+tolerance, and for the ranges of joints that hold here what markers hardly show."""
 SAME = 0.1e-3
 """m; OpenSim at an accuracy of 1e-7, positions in the file rounded to 10 nm."""
 ROUNDED = 0.5e-3  # s: times stand in some files to the millisecond; we put them back on the clock
@@ -52,8 +53,10 @@ def assert_no_worse(
     peer = run_opensim_ik(model, recording, used, time_range=(first, last))
     assert set(peer.markers) == set(motion.markers)
     np.testing.assert_allclose(peer.times, motion.times, rtol=0, atol=ROUNDED)
-    error = np.nansum(np.array(list(used.values())) * motion.distances**2)
-    assert error <= NO_WORSE * peer.weighted_squared_errors.sum()
+    weights = np.array(list(used.values()))
+    seen = np.where(np.isfinite(motion.distances), weights, 0.0).sum()
+    error = np.sqrt(np.nansum(weights * motion.distances**2) / seen)
+    assert error <= np.sqrt(peer.weighted_squared_errors.sum() / seen) + NO_WORSE
 
 
 def read_tasks(setup: Path) -> dict[str, float]:

@@ -7,7 +7,7 @@ import { bring } from "../intake/bringing.ts";
 import { cohortOf, takeKept } from "../intake/cohort.ts";
 import type { Entry } from "../intake/entries.ts";
 import { Problem } from "../api/problem.ts";
-import type { SubjectSummary } from "../api/schema.ts";
+import type { MethodWord, SubjectSummary } from "../api/schema.ts";
 import { toJob, toSubject } from "../routes.ts";
 import { box, group } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
@@ -27,7 +27,7 @@ interface Picked {
 
 export const cohort: View = async ({ main, signal }) => {
   const [subjects, known, jobs] = await Promise.all([listSubjects(signal), vocabulary(), listJobs({ kind: "batch", limit: "20" }, signal)]);
-  const picked: Picked = { subjects: new Set(), methods: new Set(known.methods.map(({ name }) => name)), groups: {} };
+  const picked: Picked = { subjects: new Set(), methods: new Set(known.methods.filter(({ usual }) => usual).map(({ name }) => name)), groups: {} };
   const list = h("div");
   const status = h("p", { class: "quiet", role: "status" });
   const failed = h("div");
@@ -42,7 +42,7 @@ export const cohort: View = async ({ main, signal }) => {
     dropBox(take, h("p", null, "Drop a folder with one subject file for each person beside their recordings; a table (CSV with a column “subject”) may add groups."), status),
     failed,
     list,
-    ...starting(picked, known.methods.map(({ name }) => name)),
+    ...starting(picked, known.methods),
     h("h2", null, "Cohorts that were compared"),
     jobs.items.length === 0 ? h("p", { class: "quiet" }, "None yet.") : jobList(jobs.items, signal),
   );
@@ -83,22 +83,23 @@ function chooser(subjects: readonly SubjectSummary[], picked: Picked): HTMLEleme
     columns: [{ title: "subject" }, { title: "groups", words: true }, { title: "changed" }, { title: "" }] });
 }
 
-function starting(picked: Picked, methods: readonly string[]): HTMLElement[] {
+function starting(picked: Picked, methods: readonly MethodWord[]): HTMLElement[] {
   const failed = h("div");
   const start = (): void =>
     void guarded(failed, async () => {
       if (picked.subjects.size === 0) throw new Problem({ problem: "Nobody is chosen", remedy: "Tick the subjects of the cohort" });
       const subjects = [...picked.subjects];
       const groups = Object.fromEntries(subjects.flatMap((id) => (picked.groups[id] === undefined ? [] : [[id, picked.groups[id]]])));
-      const all = picked.methods.size === methods.length;
-      const request = { subjects, groups, ...(all ? {} : { methods: methods.filter((name) => picked.methods.has(name)) }) };
+      const all = methods.every(({ name, usual }) => picked.methods.has(name) === usual);
+      const wanted = methods.map(({ name }) => name).filter((name) => picked.methods.has(name));
+      const request = { subjects, groups, ...(all ? {} : { methods: wanted }) };
       location.hash = toJob((await ask("batches", request)).id);
     });
-  const boxes = methods.map((name) =>
-    box(h("span", null, chipOf(styleOf(name).colour), ` ${name}`), true, (wanted) => void (wanted ? picked.methods.add(name) : picked.methods.delete(name))));
+  const boxes = methods.map(({ name, usual }) =>
+    box(h("span", null, chipOf(styleOf(name).colour), ` ${name}`), usual, (wanted) => void (wanted ? picked.methods.add(name) : picked.methods.delete(name))));
   return [
     group("Methods", ...boxes),
-    h("p", { class: "note" }, "With all methods, each subject takes those that its recordings allow."),
+    h("p", { class: "note" }, "With the usual methods, each subject takes those that its recordings allow."),
     h("div", { class: "actions" }, h("button", { class: "main", onclick: start }, "Compare the cohort")),
     failed,
   ];

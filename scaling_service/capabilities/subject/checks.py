@@ -164,7 +164,17 @@ def _require_pair(
         )
 
 
-_TOLD = ("stray", "impossible_position", "cut_row", *FAULTS)
+_TOLD = (
+    "stray",
+    "impossible_position",
+    "cut_row",
+    "duplicate",
+    "persons",
+    "mirrored",
+    "rate",
+    "header",
+    *FAULTS,
+)
 """Repairs that a person should know of without opening the results."""
 
 _STANDS_IN: Mapping[str, tuple[str, ...]] = {
@@ -235,8 +245,8 @@ def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
 
 def _describe_repairs(trial: Trial) -> Iterator[str]:
     for repair in trial.repairs:
-        if repair.what in _TOLD:
-            count = f"{repair.frames} frame{'s' if repair.frames != 1 else ''}"
-            yield f"{trial.name}: {repair.where}: {repair.detail} ({count})"
-        elif repair.what == "header" and repair.where in _FRAME_COUNTS:
+        if repair.what == "header" and repair.where in _FRAME_COUNTS:
             yield f"{trial.name}: {repair.detail} frames: it may be a part of a recording"
+        elif repair.what in _TOLD:
+            count = f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
+            yield f"{trial.name}: {repair.where}: {repair.detail}{count}"

@@ -30,14 +30,12 @@ ALIKE = 1.2  # largest ratio of both sockets' radii: chosen, sides differ by 1-3
 
 _SACRUM_OUT, _SACRUM_SHARE = 0.2, 0.01  # chosen: bone in the middle, in halves; share of the whole surface
 _PSIS_OUT = (0.36, 0.75)
-"""Where PSIS lie to the side, in halves of the sockets' distance: half 40-47 of 87 mm (models and
-palpation), give or
-take two and a half standard deviations of 12 %."""
+"""Where PSIS lie to the side, in halves of the sockets' distance: half 40-47 of 87 mm (models and palpation),
+give or take two and a half standard deviations of 12 %."""
 _HIP_SD_M = np.array([0.009, 0.008, 0.008])
 _FAR = 4.0
 """Of hips about Harrington's regression in adults, who miss it by 12 mm on average (Mantovani 2016), and of
-spines by
-one rater and another; beyond four of these a pelvis is none."""
+spines by one rater and another; beyond four of these a pelvis is none."""
 _NEAR_EDGE_M = 0.010  # chosen: edges of triangles and a blunt tip's size
 
 _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
@@ -47,11 +45,9 @@ spines at 1.2-1.5, pubic tubercles at 0.2-0.4. Chosen between them."""
 _WINGS_OUT, _PUBIS_OUT = 1.1, 0.35
 _PUBIS_REACH, _PUBIS_BELOW, _PUBIS_AHEAD = 0.9, 0.3, 0.1
 """In halves of the distance between the sockets. Beyond 1.1 to the side there is nothing but the wings: ASIS
-and
-crests lie at 1.2 to 1.7, ischia at 0.5 to 0.9 in women, too. Within 0.35 there is the pubis, not farther
-from the
-sockets' line than 0.9 (symphysis: 0.4 to 0.7), and behind it the sacrum, farther (1.0 to 1.4). Chosen between
-these, from the shapes in anatomies of both sexes; the pubis lies about 0.4 ahead."""
+and crests lie at 1.2 to 1.7, ischia at 0.5 to 0.9 in women, too. Within 0.35 there is the pubis, not farther
+from the sockets' line than 0.9 (symphysis: 0.4 to 0.7), and behind it the sacrum, farther (1.0 to 1.4).
+Chosen between these, from the shapes in anatomies of both sexes; the pubis lies about 0.4 ahead."""
 
 _TURNS = 6  # chosen: the frame turns by 5 degrees the first time, by less than 0.1 the third
 _SIDES = (("r", 1.0), ("l", -1.0))
@@ -87,10 +83,9 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     plane.
 
     The sockets give the transverse axis. Only the wings lie outside the sockets, so that they tell where up
-    is,
-    and between the sockets lies the pubis, ahead of them. The anterior pelvic plane then touches spines and
-    pubis.
-    ASIS and PSIS are the foremost and rearmost points of the ilia once they stand level with each other.
+    is, and between the sockets lies the pubis, ahead of them. The anterior pelvic plane then touches spines
+    and pubis. ASIS and PSIS are the foremost and rearmost points of the ilia once they stand level with each
+    other.
     """
     surface = prepare(vertices, faces)
     size = float(np.ptp(surface.points, axis=0).max())

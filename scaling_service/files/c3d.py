@@ -11,7 +11,8 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.documents.subject import RANGES_M
-from scaling_service.files.c3d_file import C3dFile, read_c3d_file, report_no_frame, take_first_value
+from scaling_service.files.c3d_file import C3dFile, read_c3d_file
+from scaling_service.files.c3d_parameters import report_no_frame, take_first_value
 from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.files.tables import METRES, clean_positions, separate_duplicates
 from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, list_plate_names

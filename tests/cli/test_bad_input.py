@@ -91,7 +91,9 @@ MISTAKES = {
     "a TRC cut in its rows": Mistake(cut("hips.trc", 0.5), "hips.trc", ("cut off", "Copy or export")),
     "a C3D cut in its header": Mistake(as_c3d(cut("hips.c3d", 0.01)), "hips.c3d", ("cut off", "Export")),
     "a C3D cut in its frames": Mistake(
-        as_c3d(cut("hips.c3d", 0.7)), "hips.c3d", ("cut off: 50 frames are stated, and it ends after 33", "Copy or export")
+        as_c3d(cut("hips.c3d", 0.7)),
+        "hips.c3d",
+        ("cut off: 50 frames are stated, and it ends after 33", "Copy or export"),
     ),
     "text in a C3D": Mistake(
         as_c3d(holding("hips.c3d", b"my notes of today\n" * 50)), "hips.c3d", ("not a C3D file", "Export")

@@ -23,32 +23,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(saving, "render_scaled", lambda *_: "<model/>")
 
 
-LOOP = """<?xml version="1.0" encoding="UTF-8"?>
-<OpenSimDocument Version="40000"><Model name="loop">
-<BodySet><objects>
-<Body name="a"><mass>1</mass><inertia>1 1 1 0 0 0</inertia></Body>
-<Body name="b"><mass>1</mass><inertia>1 1 1 0 0 0</inertia></Body>
-</objects></BodySet>
-<JointSet><objects>
-<PinJoint name="first"><socket_parent_frame>/ground</socket_parent_frame>
-<socket_child_frame>/bodyset/a</socket_child_frame>
-<coordinates><Coordinate name="q1"/></coordinates></PinJoint>
-<PinJoint name="second"><socket_parent_frame>/bodyset/a</socket_parent_frame>
-<socket_child_frame>/bodyset/b</socket_child_frame>
-<coordinates><Coordinate name="q2"/></coordinates></PinJoint>
-{third}
-</objects></JointSet>
-<ConstraintSet><objects>{constraint}</objects></ConstraintSet>
-</Model></OpenSimDocument>
-"""
-THIRD_JOINT = """<PinJoint name="third"><socket_parent_frame>/ground</socket_parent_frame>
-<socket_child_frame>/bodyset/b</socket_child_frame>
-<coordinates><Coordinate name="q3"/></coordinates></PinJoint>"""
-WELD = """<WeldConstraint name="weld"><socket_frame1>/ground</socket_frame1>
-<socket_frame2>/bodyset/b</socket_frame2></WeldConstraint>"""
 MODELS = {
-    "a joint too many": (LOOP.format(third=THIRD_JOINT, constraint=""), ("third: ", "closes a loop", "tree")),
-    "a weld constraint": (LOOP.format(third="", constraint=WELD), ("weld: ", "WeldConstraint", "Remove")),
     "no XML": ("a model", ("not well-formed XML",)),
     "entities": (
         '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hosts">]><a>&b;</a>',

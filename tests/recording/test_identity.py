@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from scaling_service.files.recording import read_recording
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, strip_prefix
 from scaling_service.model.trial import Trial
-from scaling_service.recording.identity.body import list_landmarks, propose_standing_bodies
+from scaling_service.recording.identity.body import propose_standing_bodies
 from scaling_service.recording.identity.identify import Identification, identify
+from scaling_service.recording.identity.landmarks import list_landmarks
 from scaling_service.recording.orientation import apply, decide
 from tests.oracle.persons import RATE_HZ, Person, draw_person
 

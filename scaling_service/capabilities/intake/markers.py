@@ -64,9 +64,8 @@ def propose_markers(
     """A label for every marker of a model.
 
     ``trials``: name to recording, in one set of axes, m. ``document``: model marker to label, as the
-    subject's
-    document says. ``laboratory``: label to model marker, as the laboratory has them. ``who``: what geometry
-    tells of the labels. Returns ``unused``: labels that no marker took.
+    subject's document says. ``laboratory``: label to model marker, as the laboratory has them. ``who``: what
+    geometry tells of the labels. Returns ``unused``: labels that no marker took.
     """
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]
@@ -226,9 +225,8 @@ def with_extra_markers(
     """A subject document with tracking markers, where it names none itself.
 
     Those that their marker set knows; and on a segment that the movements would show by fewer than three
-    markers, all that geometry puts there. Only labels that are seen while standing, which places them, and
-    in a
-    movement, which they then follow.
+    markers, all that geometry puts there. Only labels that are seen while standing, which places them, and in
+    a movement, which they then follow.
 
     ``trials``: file to recording.
     """

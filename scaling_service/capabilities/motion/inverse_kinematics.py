@@ -57,7 +57,8 @@ _FINE = SweepSettings(close=True)
 _PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
 _SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
-_DEARER = 1.25  # chosen: times its cost that a stretch held steady may have; noise asks for a tenth of that
+_DEARER = 1.25  # chosen: times its cost that a frame held steady may have; noise asks for a tenth of that
+_SURE = 5.0  # chosen: SDs of a camera's noise, along what it turns at will, that are no disagreement
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
 _STEADY = SweepSettings(max_steps=2, close=True)
 _LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
@@ -247,17 +248,17 @@ def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> N
 def _find_likelier(
     near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
 ) -> NDArray[np.bool_]:
-    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together."""
+    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together.
+
+    No frame of such a stretch may be much farther from its markers than it was.
+    """
     runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
-    (cost, steps), (cost_after, steps_after) = (
-        (
-            np.bincount(runs, each),
-            np.bincount(runs, np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0)),
-        )
-        for each, q in (before, after)
+    whole, whole_after = (
+        np.bincount(runs, cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0))
+        for cost, q in (before, after)
     )
-    likelier = (cost_after + steps_after < cost + steps) & (cost_after < _DEARER * cost + _TINY)
-    return np.asarray(likelier[runs])
+    dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * CAMERA_M) ** 2) > 0
+    return np.asarray(((whole_after < whole) & ~dear)[runs])
 
 
 def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:

@@ -2,14 +2,10 @@
 
 Each coordinate of a joint has a normal prior: its middle is the model's default pose, and its range holds two
 standard deviations to either side. With the markers' information it makes a posterior. A coordinate of which
-the markers
-tell less than the range does (its posterior variance is more than half of the prior one) is *held*: two
-markers
-on a foot show where it points, hardly how it is rolled. The solver then weighs its range beside the markers,
-and
-so does its deviation. A coordinate of which they tell nothing is *not shown*, and results do not tell it.
-Those
-that the markers show are left to the markers alone.
+the markers tell less than the range does (its posterior variance is more than half of the prior one) is
+*held*: two markers on a foot show where it points, hardly how it is rolled. The solver then weighs its range
+beside the markers, and so does its deviation. A coordinate of which they tell nothing is *not shown*, and
+results do not tell it. Those that the markers show are left to the markers alone.
 """
 
 from __future__ import annotations
@@ -55,8 +51,7 @@ _NOTHING = 0.99
 
 _FOLLOWS = 0.01
 """Chosen: of the median weight; what counts for less follows and tells nothing. Weights in set-ups go from 1
-to
-50 by what their author trusts, and are no accuracies."""
+to 50 by what their author trusts, and are no accuracies."""
 
 _WIDEST = np.pi
 """rad: a range that is wider than half a turn to either side, or a way of a translation without ends, tells
@@ -72,8 +67,7 @@ class Ranges:
     """What holds the coordinates that are not shown.
 
     ``middle`` and ``spread`` (n_coordinates,), rad or m; ``weight`` (n_frames, n_coordinates), in the units
-    of
-    squared marker distances times their weights: zero where the markers tell enough. ``shown`` of the same
+    of squared marker distances times their weights: zero where the markers tell enough. ``shown`` of the same
     shape: whether they tell anything.
     """
 

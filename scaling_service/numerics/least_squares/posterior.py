@@ -87,7 +87,7 @@ class Posterior:
     outcome: Outcome
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Normal:
     """Whitened residuals with the normal equations of frames and parameters, without the prior."""
 
@@ -191,11 +191,11 @@ def _linearise(problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Ar
     own, shared = white[:, :nq], white[:, nq:]
     flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(len(p), -1)
     return _Normal(
-        own @ own.transpose(0, 2, 1),
-        own @ shared.transpose(0, 2, 1),
-        (own @ gap[:, :, None])[:, :, 0],
-        flat @ flat.T,
-        flat @ gap.ravel(),
+        own=own @ own.transpose(0, 2, 1),
+        cross=own @ shared.transpose(0, 2, 1),
+        slope=(own @ gap[:, :, None])[:, :, 0],
+        shared=flat @ flat.T,
+        shared_slope=flat @ gap.ravel(),
     )
 
 

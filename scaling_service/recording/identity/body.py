@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import product
 
 import numpy as np
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from scaling_service.model.body import BodyModel, Marker
-from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import (
     compile_model,
     free_coordinates,
@@ -30,30 +28,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.numerics.multibody.tree import pose_links, pose_markers
-
-_MODEL = "full_body_35dof"
-_STATURE_M = 1.762  # of that model
-
-_MORE: Mapping[str, tuple[str, tuple[float, float, float]]] = {
-    "GT": ("femur", (-0.005, -0.010, 0.085)),
-    "THI": ("femur", (0.000, -0.250, 0.100)),
-    "TUB": ("tibia", (0.040, -0.055, 0.000)),
-    "SHK": ("tibia", (0.000, -0.200, 0.060)),
-    "CREST": ("pelvis", (-0.055, 0.085, 0.145)),
-    "HLAT": ("calcn", (-0.045, -0.045, 0.032)),
-    "HMED": ("calcn", (-0.040, -0.040, -0.033)),
-    "HTOP": ("calcn", (-0.065, -0.005, 0.000)),
-    "NAV": ("calcn", (0.045, -0.025, -0.035)),
-    "B5": ("calcn", (0.060, -0.050, 0.040)),
-    "HLX": ("calcn", (0.165, -0.045, -0.020)),
-}
-"""Where laboratories put markers beside the model's own, on the right, m in the segment's frame: greater
-trochanter, tuberosity and iliac crest (Rajagopal 2016's bones), a thigh's and a shank's wand, heel,
-navicular,
-base of the fifth metatarsal and big toe (outline of a foot of .152 of stature, Winter 2009). Chosen to 10 mm:
-they take the labels that lie there from the landmarks beside them."""
-
-_NOT_MARKED = ("L3",)  # of the model's markers: a sacral marker lies as near to it
+from scaling_service.recording.identity.landmarks import MORE, STATURE_M, read_body
 
 _HEADINGS = np.radians(np.arange(0.0, 360.0, 45.0))
 _COARSE_M = (0.15, 0.12, 0.10, 0.08)  # chosen: half of how far label and landmark may be apart, by round
@@ -61,8 +36,7 @@ _FINE_M = (0.08, 0.06, 0.05, 0.04, 0.04, 0.04)
 _UNPLACED_M = 0.08  # chosen: a label at no landmark costs as much as one so far from it
 _TOPS = (1.05, 1.22, 1.75, 1.92)
 """Stature over the height of all markers: the highest is on the head, a shoulder or an iliac crest, or they
-go
-from spines to malleoli (Winter 2009: .82, .57 and .57 less .05 of stature)."""
+go from spines to malleoli (Winter 2009: .82, .57 and .57 less .05 of stature)."""
 _STATURES_M = (0.95, 2.15)  # of people who walk: ANSUR II and children from three years on
 _TRIED = 9  # of headings and statures, bent and sized
 _BENT = np.radians(20.0)  # SD of joint angles in standing, beside a marker's 30 mm (chosen)
@@ -82,8 +56,7 @@ _ARMS = (
     ),
 )
 """How people hold their arms in standing trials: hanging, held off, spread, forward, elbows bent, hands on
-hips or
-before the chest. Chosen; each start finds what lies within 30 deg of it."""
+hips or before the chest. Chosen; each start finds what lies within 30 deg of it."""
 
 _ENDS = (("LFE", "MFE"), ("LM", "MM"))
 _WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
@@ -114,8 +87,7 @@ class StandingBody:
 
     ``taken``: label (its number) to landmark. ``places``: landmark to where the body has it, (3,) m, and
     ``segments`` the segment of each. ``ends``: segment to the ends of its bone, (2, 3) m. ``heading``: where
-    it
-    faces, rad about Y from X. ``misfit`` m2: squared distances of all labels, those at no landmark as far.
+    it faces, rad about Y from X. ``misfit`` m2: squared distances of all labels, those at no landmark as far.
     """
 
     start: _Start
@@ -166,29 +138,9 @@ def _with_numbers_of(seen: NDArray[np.intp], body: StandingBody) -> StandingBody
     return replace(body, taken={int(seen[k]): name for k, name in body.taken.items()})
 
 
-def list_landmarks() -> tuple[str, ...]:
-    """The landmarks of the body."""
-    return _read_body().marker_names
-
-
-@cache
-def _read_body() -> BodyModel:
-    model = load_builtin(_MODEL)
-    own = [m for m in model.markers if m.weight > 0.0 and m.name not in _NOT_MARKED]
-    sacral = Marker.at("SACR", "pelvis", (-0.155, 0.0, 0.0))
-    return model.with_markers((*own, sacral, *_make_more()))
-
-
-def _make_more() -> Iterator[Marker]:
-    for name, (segment, (x, y, z)) in _MORE.items():
-        for side, sign in (("R", 1.0), ("L", -1.0)):
-            owner = segment if segment == "pelvis" else f"{segment}_{side.lower()}"
-            yield Marker.at(f"{side}{name}", owner, (x, y, sign * z))
-
-
 def _place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -> Iterator[_Start]:
     """The upright body at every heading, each moved and turned over the points nearest to it."""
-    body = _read_body()
+    body = read_body()
     names = list(body.marker_names)
     rise = float(np.ptp(at[:, 1]))
     tree = compile_model(body, names)
@@ -196,7 +148,7 @@ def _place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -
     low, high = _STATURES_M
     guesses = [top * rise for top in _TOPS if low < top * rise < high]
     for height in guesses if stature is None else [stature]:
-        sized = height / _STATURE_M * upright
+        sized = height / STATURE_M * upright
         for heading, sunk in product(_HEADINGS, (0.0, _ANKLES * height)):
             turn = rotate_about((0.0, 1.0, 0.0), float(heading))
             middle = np.array([np.median(at[:, 0]), at[:, 1].min() - sunk, np.median(at[:, 2])])
@@ -230,7 +182,7 @@ def _assign(
 ) -> list[tuple[int, int]]:
     """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``."""
     squared = np.nan_to_num(((at[:, None] - places[None]) ** 2).sum(axis=2), nan=np.inf)
-    squared = squared + np.array([_RARE_M**2 if name[1:] in _MORE else 0.0 for name in names])
+    squared = squared + np.array([_RARE_M**2 if name[1:] in MORE else 0.0 for name in names])
     alone = reach**2
     for row, name in fixed.items():
         column = names.index(name)
@@ -264,15 +216,15 @@ def _bend(
     ``adapt``: whether its landmarks move on their segments, too; rivals are compared without. ``arms``: how
     they start, flexion, abduction and the elbow's flexion, rad.
     """
-    body = _read_body()
+    body = read_body()
     names = list(body.marker_names)
-    factors = {name: np.full(3, start.stature / _STATURE_M) for name in body.segment_names}
+    factors = {name: np.full(3, start.stature / STATURE_M) for name in body.segment_names}
     shifts = np.zeros((len(names), 3))
     q = repeat_default_pose(body, 1)
     index = {name: k for k, name in enumerate(body.coordinate_names)}
     q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]] = start.origin + rotate_about(
         (0.0, 1.0, 0.0), start.heading
-    ) @ (start.stature / _STATURE_M * q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]])
+    ) @ (start.stature / STATURE_M * q[0, [index[f"pelvis_t{letter}"] for letter in "xyz"]])
     q[0, index["pelvis_rotation"]] += start.heading
     for side in "rl":
         flexed, abducted, elbow = arms
@@ -386,8 +338,7 @@ def _reconcile(
     """Pairs that agree with each other: both sides are mirror images, both ends of a joint are level.
 
     Of two that do not, the one nearer to its place on the body counts, and the other takes the label nearest
-    to
-    where the first wants it.
+    to where the first wants it.
     """
     inside = _turn_into_segments(model, q, at)
     nominal = {m.name: np.array(m.nominal) for m in model.markers}

@@ -18,10 +18,10 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.recording.identity.body import (
     StandingBody,
-    list_landmarks,
     propose_standing_bodies,
     refine_standing_body,
 )
+from scaling_service.recording.identity.landmarks import list_landmarks
 
 _THICK_M: Mapping[str, float] = {
     "pelvis": 0.12,

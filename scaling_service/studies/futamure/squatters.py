@@ -40,8 +40,7 @@ LENGTH_SD = {"shank": 0.011, "thigh": 0.012, "torso": 0.020, "arm": 0.015}
 
 TABLES = ("dumas2007", "dumas_wojtusch2018", "deleva1996")
 """One of them, drawn, is a person's mean inertia. The analysis starts from another table (Winter 2009), so
-that it is
-wrong as tables are."""
+that it is wrong as tables are."""
 
 MASS_SD, COM_SD, RADIUS_SD = 0.10, 0.10, 0.08
 """A person's scatter about the table: mass and radius of gyration relative, centre of mass over the radius of

@@ -30,8 +30,8 @@ from tests.peers.scaled_models import scaled_gait2354, scaled_rajagopal
 pytestmark = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
 NO_WORSE = 0.1e-3
-"""m, of the root mean square: room for OpenSim's couplings, which it holds as constraints and may leave by its
-tolerance, and for the ranges of joints that hold here what markers hardly show."""
+"""m, of the root mean square: room for OpenSim's couplings, which it holds as constraints and may leave by
+its tolerance, and for the ranges of joints that hold here what markers hardly show."""
 SAME = 0.1e-3
 """m; OpenSim at an accuracy of 1e-7, positions in the file rounded to 10 nm."""
 ROUNDED = 0.5e-3  # s: times stand in some files to the millisecond; we put them back on the clock

@@ -38,7 +38,7 @@ def swinging(model: BodyModel, n_frames: int) -> Motion:
         q=q,
         markers=(),
         residuals=np.zeros((n_frames, 0, 3)),
-        estimated=(),
+        estimated=model.coordinate_names,
     )
 
 

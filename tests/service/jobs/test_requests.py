@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from scaling_service.capabilities.cohort.job import BatchRequest
 from scaling_service.capabilities.scaling.job import LinearRequest, OptimisedRequest, ScalingRequest
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
+from scaling_service.capabilities.scaling.methods.posterior import JointPosterior
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.service.jobs.kinds import KINDS
 
@@ -19,7 +20,7 @@ from scaling_service.service.jobs.kinds import KINDS
 def test_every_method_can_be_asked_for_where_it_belongs() -> None:
     linear = set(get_args(LinearRequest.model_fields["method"].annotation))
     optimised = set(OptimisedRequest.model_json_schema()["properties"]["method"]["enum"])
-    assert optimised == {name for name, method in METHODS.items() if isinstance(method, Optimised)}
+    assert optimised == {n for n, method in METHODS.items() if isinstance(method, Optimised | JointPosterior)}
     assert linear == METHODS.keys() - optimised
 
 

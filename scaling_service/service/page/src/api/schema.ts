@@ -270,7 +270,7 @@ export interface ConsistentDocument {
 }
 
 export interface ConsistentRequest {
-  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "none" | null;
+  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
   subject: string;
@@ -373,7 +373,7 @@ export interface DisagreementDocument {
 }
 
 export interface DiscoverRequest {
-  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "none" | null;
+  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
   subject: string;
@@ -434,7 +434,7 @@ export interface DynamicsDocument {
 }
 
 export interface DynamicsRequest {
-  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "none" | null;
+  start?: "MB" | "MB_lam" | "MB_am" | "EB" | "EB_am" | "MAP" | "none" | null;
   inertia?: "dumas2007" | "dumas_wojtusch2018" | "deleva1996" | "winter2009" | "model" | null;
   cutoff_hz?: number;
   identify?: boolean;
@@ -990,7 +990,7 @@ export interface OptimisedRequest {
   muscle_points?: "scaled" | "surface";
   subject: string;
   settings?: Settings;
-  method?: "MB_lam" | "MB_am" | "EB_am";
+  method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
 }
 
 export interface Origin {

@@ -78,7 +78,9 @@ export class MarkerMap {
   }
 
   private labelOf(marker: string): string | null {
-    return this.draft.document.markers?.[marker] ?? this.proof.markers.find((one) => one.marker === marker)?.label ?? null;
+    const chosen = this.draft.document.markers ?? {};
+    const found = this.proof.markers.find((one) => one.marker === marker)?.label ?? null;
+    return chosen[marker] ?? (found !== null && Object.values(chosen).includes(found) ? null : found);
   }
 
   private draw(): void {

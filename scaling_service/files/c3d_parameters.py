@@ -203,6 +203,8 @@ def _read_entry(content: bytes, at: int, end: int, processor: Processor) -> _Ent
     if group < 0:
         after = link + 3 + content[link + 2]
         return _Entry(name=name, group=group, value=None, after=after, linked=linked)
+    if link + 4 > end:
+        return None
     size, rank = struct.unpack_from("bB", content, link + 2)
     begin = link + 4 + rank
     if size not in (-1, 1, 2, 4) or rank > 7 or begin > end:

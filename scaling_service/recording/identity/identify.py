@@ -49,7 +49,7 @@ _FEW = 10  # frames in which two labels must be seen together
 _LANDMARK_M = 0.03  # SD of a label about its landmark on the fitted body (chosen: as the body is fitted)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
     """What a label is.
 

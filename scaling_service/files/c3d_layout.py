@@ -135,11 +135,12 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
         raise report_no_frame(file)
     if others and others[0][:2] == best[:2]:
         rivals = {w.of for w in witnesses if w.supports(best[2]) != w.supports(others[0][2])}
-        where = ", ".join(dict.fromkeys(f"{w.where} ({w.value})" for w in witnesses if w.of in rivals))
+        said = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
         raise FileUnreadable(
-            f"the C3D file contradicts itself and its length does not decide: {where}",
+            "the C3D file contradicts itself and its length does not decide: "
+            + (", ".join(said) or "its frames may begin in several places"),
             file=file,
-            field=next(w.where for w in witnesses if w.of in rivals),
+            field=next(iter(said.values()), "header"),
             remedy="Export it again",
         )
     notes = []

@@ -105,8 +105,12 @@ def weigh_ranges(
     patterns, which = np.unique(seen, axis=0, return_inverse=True)
     spread = list_prior_sds(model)
     unit = float(np.median(weights[weights > 0.0])) if (weights > 0.0).any() else 1.0
-    share = measure_left(model, tree, (patterns & (weights > _FOLLOWS * unit)).astype(float), free, p)
+    leads = weights > _FOLLOWS * unit
+    share = measure_left(model, tree, (patterns & leads).astype(float), free, p)
     weight = np.where(share <= _MORE, 0.0, unit * (_MARKER_M / spread) ** 2)
+    if (~leads & (weights > 0.0)).any():  # what followers show, where nothing else does, is left to them
+        followed = measure_left(model, tree, (patterns & (weights > 0.0)).astype(float), free, p) <= _MORE
+        weight = np.where(followed, 0.0, weight)
     which = which.reshape(-1)
     return Ranges(repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from scaling_service.bones.fits import (
     CylinderOnBone,
@@ -34,6 +35,14 @@ FACET_RADII_M = (0.013, 0.030)  # of the hollow that sits on the heel bone; chos
 FACET_COVERED = 0.05  # usual share of its sphere; three adults have 0.05-0.08
 FACET_AREA = 0.3  # least area of it as a share of the squared radius; chosen, three adults have 0.5-1.1
 
+_GAP_M = 6e-3
+"""What of a talus is nearer to tibia and fibula than this is its part of the joint: chosen, a joint space of
+2-5 mm and a step of the meshes."""
+
+MORTISE = 0.12
+"""Least share of the surface in the mortise: chosen, half of the 0.25-0.29 of three persons; a heel bone in
+its place has 0, one that is pushed up until it touches the tibia 0.03-0.08."""
+
 _RIDGE = float(np.sin(np.deg2rad(25.0)))  # keeps to the dome; its sides stand across
 _DIRECTIONS = 150  # chosen: about 11 degrees apart on the half sphere
 _CELL_M = 2e-3
@@ -63,6 +72,7 @@ def find_talus_landmarks(
             f"it is {1e3 * length:.4g} mm long; a talus has {1e3 * SIZE_M[0]:.0f}-{1e3 * SIZE_M[1]:.0f} mm",
             remedy="Check the unit (mm or m), and that it is a talus",
         )
+    _require_mortise(surface, tibia)
     up, right = surface.R_image_own.T @ tibia.y, surface.R_image_own.T @ tibia.z
     found = _find_trochlea(surface, up, right)
     axis = found.direction * np.sign(found.direction @ right)
@@ -109,6 +119,19 @@ def find_talus_landmarks(
         refused={} if "subtalar" in axes else {"subtalar_centre": f"no sphere fits its {missing}"},
         warnings=(*surface.notes, *notes),
     )
+
+
+def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
+    """Raises MeshRefused: tibia and fibula do not hold it, as they do a talus and no other bone."""
+    gap = np.asarray(cKDTree(tibia.surface).query(surface.to_image(surface.smooth))[0])
+    held = float(surface.areas[gap < _GAP_M].sum() / surface.areas.sum())
+    if held < MORTISE:
+        raise MeshRefused(
+            f"at its nearest it lies {1e3 * float(gap.min()):.0f} mm from the tibia, and {100 * held:.0f} % of "
+            f"it within {1e3 * _GAP_M:.0f} mm of tibia and fibula, which hold a talus by a quarter: it is "
+            "another bone (a heel bone lies below the talus) or was moved",
+            remedy="Give the talus and its tibia of one image, not moved apart",
+        )
 
 
 def _find_subtalar_spheres(

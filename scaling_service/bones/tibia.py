@@ -31,11 +31,15 @@ _BEHIND_M = 5e-3  # chosen: the fibula's head lies 10-25 mm behind the middle of
 
 @dataclass(frozen=True, slots=True)
 class TibiaFrame:
-    """Anterior, proximal and right unit vectors in the image, for fits on neighbouring bones."""
+    """Anterior, proximal and right unit vectors in the image, for fits on neighbouring bones.
+
+    ``surface`` (n, 3), m: vertices of tibia and fibula in the image, close enough to measure gaps to.
+    """
 
     x: Array
     y: Array
     z: Array
+    surface: Array
 
 
 def find_tibia_landmarks(
@@ -89,10 +93,8 @@ def find_tibia_landmarks(
         refused=refused,
         warnings=(*surface.notes, *shank.notes),
     )
-    turned = TibiaFrame(
-        surface.turn_to_image(frame.x), surface.turn_to_image(frame.y), surface.turn_to_image(frame.z)
-    )
-    return landmarks, turned
+    axes = (surface.turn_to_image(axis) for axis in (frame.x, frame.y, frame.z))
+    return landmarks, TibiaFrame(*axes, surface=surface.to_image(surface.smooth))
 
 
 _DEFINITIONS = {
@@ -205,10 +207,10 @@ def _build_frame(
                 "a tibia without its fibula does not tell left from right here",
                 remedy="Name it tibia_r or tibia_l",
             )
-        return TibiaFrame(ahead, up, wide), named, "name"
+        return TibiaFrame(ahead, up, wide, tibia.smooth), named, "name"
     head = _find_middle_of_end(fibula, up, 1.0)
     side: Side = "r" if float((head - middle) @ wide) > 0 else "l"
-    return TibiaFrame(ahead, up, wide), side, "shape"
+    return TibiaFrame(ahead, up, wide, tibia.smooth), side, "shape"
 
 
 def _measure_behind(tibia: Surface, fibula: Surface | None, up: Array, middle: Array, ahead: Array) -> float:

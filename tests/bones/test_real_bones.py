@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from scaling_service.bones.mesh import merge_vertices
-from scaling_service.bones.results import BoneLandmarks
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import Mesh, find_landmarks
 from scaling_service.files.mesh import read_mesh
 
@@ -82,6 +82,25 @@ def test_ankle(person: Person) -> None:
     assert degrees(talus.axes["subtalar"], person.right("subtalar_r")) <= (11.0 if person.rough else 7.0)
     malleoli = person.found["tibia_r"].points["ankle_centre_malleoli"] * 1e3 - person.centre("ankle_r")
     assert 3.0 < np.linalg.norm(malleoli) < 12.0  # tips lie lateral, proximal and behind
+
+
+def test_a_heel_bone_is_no_talus(person: Person, shared_data: Path) -> None:
+    """In its own image where it lies, in others where a talus's bottom is, and pushed up to the tibia."""
+    heel = shared_data / "bones/JIA_foot/calcaneus_r.stl"
+    if not heel.is_file():
+        pytest.skip(f"no heel bone at {heel}")
+    mesh = read_mesh(heel)
+    vertices = mesh.vertices * 1e-3
+    tibia = person.found["tibia_r"].points
+    up = tibia["fibula_head"] - tibia["malleolus_lateral"]
+    up = up / np.linalg.norm(up)
+    if not person.rough:
+        vertices = vertices - vertices.mean(axis=0) + tibia["ankle_centre"] - 0.035 * up
+    for lifted in (0.0, 0.006, 0.012, 0.018):
+        bones = {"tibia_r": person.meshes["tibia_r"], "talus_r": (vertices + lifted * up, mesh.faces)}
+        with pytest.raises(MeshRefused, match="another bone") as refusal:
+            find_landmarks(bones)
+        assert refusal.value.field == "talus_r"
 
 
 def test_pelvis(person: Person) -> None:

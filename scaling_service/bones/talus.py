@@ -127,8 +127,8 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
     held = float(surface.areas[gap < _GAP_M].sum() / surface.areas.sum())
     if held < MORTISE:
         raise MeshRefused(
-            f"at its nearest it lies {1e3 * float(gap.min()):.0f} mm from the tibia, and {100 * held:.0f} % of "
-            f"it within {1e3 * _GAP_M:.0f} mm of tibia and fibula, which hold a talus by a quarter: it is "
+            f"at its nearest it lies {1e3 * float(gap.min()):.0f} mm from the tibia, and {100 * held:.0f} % "
+            f"of it within {1e3 * _GAP_M:.0f} mm of tibia and fibula, which hold a talus by a quarter: it is "
             "another bone (a heel bone lies below the talus) or was moved",
             remedy="Give the talus and its tibia of one image, not moved apart",
         )

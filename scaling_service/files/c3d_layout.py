@@ -135,12 +135,12 @@ def find_layout(facts: Facts, length: int, file: Path) -> tuple[Layout, tuple[Re
         raise report_no_frame(file)
     if others and others[0][:2] == best[:2]:
         rivals = {w.of for w in witnesses if w.supports(best[2]) != w.supports(others[0][2])}
-        said = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
+        told = {f"{w.where} ({w.value})": w.where for w in witnesses if w.of in rivals}
         raise FileUnreadable(
             "the C3D file contradicts itself and its length does not decide: "
-            + (", ".join(said) or "its frames may begin in several places"),
+            + (", ".join(told) or "its frames may begin in several places"),
             file=file,
-            field=next(iter(said.values()), "header"),
+            field=next(iter(told.values()), "header"),
             remedy="Export it again",
         )
     notes = []

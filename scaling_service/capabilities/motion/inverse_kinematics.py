@@ -138,29 +138,29 @@ def solve_task(
     """
     n = len(times)
     if start is not None:
-        return _solve(task, slice(None), start, progress)
+        return solve_from(task, slice(None), start, progress)
     neutral = repeat_default_pose(task.model, 1)[0]
     stride = _choose_stride(times)
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = guess_start(task.tree, task.measured[rows], neutral, task.p, task.free)
     within = replace(task, bounds=list_coordinate_ranges(task.model))
     if stride == 1:
-        rough = _solve(within, rows, guess, settings=_ROUGH)
+        rough = solve_from(within, rows, guess, settings=_ROUGH)
     else:
-        rough = _solve(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
+        rough = solve_from(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
         kept = _find_not_alone(rough.converged)
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, _solver(within, rows))
     if task.closure is not None:  # a loop of joints keeps to one of the ways in which it closes, as a whole
         close = natural.q if stride == 1 else _interpolate(times, rows, np.unwrap(natural.q, axis=0))
-        fine = _solve(task, slice(None), close, progress, _FINE)
-        fine = free_trapped(fine, lambda some, near: _solve(task, some, near))
-        return follow_neighbours(fine, times, lambda some, near: _solve(task, some, near))
+        fine = solve_from(task, slice(None), close, progress, _FINE)
+        fine = free_trapped(fine, lambda some, near: solve_from(task, some, near))
+        return follow_neighbours(fine, times, lambda some, near: solve_from(task, some, near))
     natural = _doubt(within, times[rows], rows, natural)
     joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     close = joined if stride == 1 else _interpolate(times, rows, joined)
     fine = free_trapped(
-        _solve(task, slice(None), close, progress, _FINE), lambda some, near: _solve(task, some, near)
+        solve_from(task, slice(None), close, progress, _FINE), lambda some, near: solve_from(task, some, near)
     )
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
     return hold_steady(task, times, fine)
@@ -168,7 +168,7 @@ def solve_task(
 
 def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
     """How frames among ``rows`` are solved from given starts."""
-    return lambda some, near: _solve(task, rows[some], near, settings=settings)
+    return lambda some, near: solve_from(task, rows[some], near, settings=settings)
 
 
 def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
@@ -223,9 +223,11 @@ def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSoluti
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-            q[rows] = _solve(task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)).q
+            q[rows] = solve_from(
+                task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)
+            ).q
         cost = found.cost.copy()
-        cost[rows] = _solve(task, rows, q[rows], settings=_LOOK).cost
+        cost[rows] = solve_from(task, rows, q[rows], settings=_LOOK).cost
         likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
         better = np.where(likelier[:, None], q, found.q)
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
@@ -274,7 +276,7 @@ def _choose_stride(times: Array) -> int:
     return max(1, round(_COARSE_S / step)) if regular else 1
 
 
-def _solve(
+def solve_from(
     task: Task,
     rows: slice | NDArray[np.intp],
     start: Array,
@@ -282,6 +284,11 @@ def _solve(
     settings: SweepSettings = DEFAULT,
     prior: tuple[Array, Array] | None = None,
 ) -> MotionSolution:
+    """Some frames of a task from a start (n, n_coordinates), each to the minimum nearest to it.
+
+    ``prior``: values and weights of the coordinates beside the markers, in place of the joints' ranges.
+    """
+    prior = task.ranges.in_frames(rows).prior if prior is None else prior
     if task.is_swept:
         return solve_motion(
             task.tree,
@@ -291,11 +298,11 @@ def _solve(
             task.p,
             free=task.free,
             bounds=task.bounds,
-            prior=task.ranges.in_frames(rows).prior if prior is None else prior,
+            prior=prior,
             settings=settings,
             progress=progress,
         )
-    return _solve_densely(task, rows, start)
+    return _solve_densely(task, rows, start, prior)
 
 
 def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -305,7 +312,9 @@ def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return kept
 
 
-def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> MotionSolution:
+def _solve_densely(
+    task: Task, rows: slice | NDArray[np.intp], start: Array, prior: tuple[Array, Array] | None
+) -> MotionSolution:
     """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
 
     Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
@@ -325,6 +334,11 @@ def _solve_densely(task: Task, rows: slice | NDArray[np.intp], start: Array) -> 
         prior_weight=none,
         coordinate_bounds=task.bounds,
         loss=task.loss,
+        coordinate_prior=prior
+        and (
+            np.broadcast_to(prior[0], start.shape),
+            np.broadcast_to(prior[1], start.shape),
+        ),
         closure=task.closure,
     )
     if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:

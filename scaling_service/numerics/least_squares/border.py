@@ -182,7 +182,13 @@ def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
         stiff += problem.weights.sum() * np.square(following[:, : len(problem.coordinates)]).sum(axis=2)
         root = np.sqrt(problem.closing)
         white, gap = np.concatenate([white, root * following], axis=2), np.hstack([gap, -root * missed])
-    return _form_normal_equations(problem, white, gap, stiff)
+    block = _form_normal_equations(problem, white, gap, stiff)
+    if problem.coordinate_prior is not None:
+        value, held = (part[rows][:, problem.coordinates] for part in problem.coordinate_prior)
+        np.einsum("nii->ni", block.curvature)[...] += held
+        block.diagonal[...] += held
+        block.slope[...] += held * (value - q[rows][:, problem.coordinates])
+    return block
 
 
 def _form_normal_equations(problem: Problem, white: Array, gap: Array, stiff: Array) -> _Block:

@@ -82,6 +82,8 @@ class Problem:
     prior_weight: Array
     coordinate_bounds: tuple[Array, Array]  # each (n_coordinates,)
     loss: Loss = SQUARED
+    # Values and weights of ``(q - value)**2`` beside the squared distances, each (n_frames, n_coordinates)
+    coordinate_prior: tuple[Array, Array] | None = None
     closure: Closure | None = None  # what every pose must obey
     # Whether coordinates are kept where the closure is obeyed; otherwise it counts as one more marker
     closed: bool = True
@@ -102,7 +104,9 @@ class Problem:
 
     def of_frames(self, rows: NDArray[np.intp]) -> Problem:
         """The same of some frames."""
-        return replace(self, measured=self.measured[rows])
+        prior = self.coordinate_prior
+        prior = None if prior is None else (prior[0][rows], prior[1][rows])
+        return replace(self, measured=self.measured[rows], coordinate_prior=prior)
 
     @property
     def closing(self) -> float:
@@ -141,6 +145,9 @@ def compute_frame_costs(problem: Problem, q: Array, p: Array) -> Array:
         squared = np.einsum("nmc,nmc->nm", gaps, gaps)
         shown = np.isfinite(squared)
         costs[rows] = (problem.loss.cost(np.where(shown, squared, 0.0)) * shown) @ problem.weights
+        if problem.coordinate_prior is not None:
+            value, weight = (part[rows] for part in problem.coordinate_prior)
+            costs[rows] += (weight * np.square(q[rows] - value)).sum(axis=1)
         if problem.closure is not None:
             costs[rows] += problem.closing * np.square(problem.closure.evaluate(q[rows], p)).sum(axis=1)
     return costs

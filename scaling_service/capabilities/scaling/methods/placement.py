@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.motion.inverse_kinematics import solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import solve_from, solve_task
 from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
@@ -19,7 +19,7 @@ from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen, find_shown
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings, solve_motion
+from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.multibody.tree import pose_links
 
 
@@ -223,17 +223,8 @@ def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
     def solve(start: Array, bounds: tuple[Array, Array]) -> MotionSolution:
-        return solve_motion(
-            task.tree,
-            measured,
-            task.weights,
-            start,
-            task.p,
-            free=task.free,
-            bounds=bounds,
-            prior=prior,
-            settings=_EXACT,
-        )
+        repeated = replace(task, measured=measured, bounds=bounds)
+        return solve_from(repeated, slice(None), start, settings=_EXACT, prior=prior)
 
     found = solve(solve(np.clip(starts, *natural), natural).q, task.bounds)
     return found.q[[int(np.argmin(found.cost))]]

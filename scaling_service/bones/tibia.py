@@ -93,8 +93,8 @@ def find_tibia_landmarks(
         refused=refused,
         warnings=(*surface.notes, *shank.notes),
     )
-    axes = (surface.turn_to_image(axis) for axis in (frame.x, frame.y, frame.z))
-    return landmarks, TibiaFrame(*axes, surface=surface.to_image(surface.smooth))
+    x, y, z = (surface.turn_to_image(axis) for axis in (frame.x, frame.y, frame.z))
+    return landmarks, TibiaFrame(x, y, z, surface.to_image(surface.smooth))
 
 
 _DEFINITIONS = {

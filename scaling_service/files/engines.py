@@ -179,11 +179,13 @@ def write_mjcf(model: BodyModel) -> Skeleton:
     for marker in model.markers:
         given = {"name": marker.name, "pos": _format_numbers(marker.nominal), "size": "0.005"}
         ET.SubElement(bodies[marker.segment], "site", given)
-    said = [*list_uncarried(model), *_tie(root, found, coordinates)]
+    _add_unmoving(bodies[GROUND], found, coordinates)
+    in_all, each = _tie(root, found, coordinates)
+    said = [*list_uncarried(model), *in_all]
     if odd:
         said.append(f"inertias that no body has, which MuJoCo replaces by a sphere's: {', '.join(odd)}")
     ET.indent(root)
-    head = "\n".join(f"  {line}" for line in said).replace("--", "- -")
+    head = "\n".join(f"  {line}" for line in (*said, *each)).replace("--", "- -")
     return Skeleton(f"<!--\n{head}\n-->\n{ET.tostring(root, encoding='unicode')}\n", tuple(said))
 
 
@@ -230,24 +232,50 @@ def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinat
     return body
 
 
-def _tie(root: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]) -> list[str]:
-    """Tie axes that follow to those that lead; says where a polynomial is not the law."""
+def _list_unmoving(found: tuple[Limb, ...]) -> list[str]:
+    """Coordinates that move axes by functions alone, and none by their own value."""
     axes = [axis for limb in found for axis in limb.axes]
     leading = {axis.name for axis in axes if axis.leads}
+    return list(dict.fromkeys(str(a.term.coordinate) for a in axes if a.term.coordinate not in leading))
+
+
+def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]) -> None:
+    """A body without mass for each coordinate that is no axis: its joint has the value that others follow."""
+    for name in _list_unmoving(found):
+        own = coordinates[name]
+        body = ET.SubElement(ground, "body", name=f"value of {name}")
+        least = {"pos": "0 0 0", "mass": f"{_SMALLEST}", "diaginertia": _format_numbers([_SMALLEST] * 3)}
+        ET.SubElement(body, "inertial", least)
+        given = {"name": name, "type": "hinge" if own.kind == "rotation" else "slide", "axis": "0 0 1"}
+        if own.clamped and np.isfinite([own.lower, own.upper]).all():
+            given["range"] = _format_numbers([own.lower, own.upper])
+        ET.SubElement(body, "joint", given)
+
+
+def _tie(
+    root: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]
+) -> tuple[list[str], list[str]]:
+    """Tie axes that follow to those that lead; where a polynomial is not the law, in all and axis by axis."""
+    axes = [axis for limb in found for axis in limb.axes]
     ties, said = ET.SubElement(root, "equality"), []
+    worst: dict[str, float] = {}
     for axis in axes:
         if axis.leads:
             continue
         name = str(axis.term.coordinate)
-        if name not in leading:
-            said.append(f"{axis.name} is {axis.term.gain:g} times {name}, which no axis of its own moves")
-            continue
         coefficients, off = _fit_polynomial(axis, coordinates[name])
         ET.SubElement(ties, "joint", joint1=axis.name, joint2=name, polycoef=_format_numbers(coefficients))
         if off > _WORTH_SAYING:
-            size = f"{1e3 * off:.3g} {'mm' if axis.kind == 'translation' else 'mrad'}"
-            said.append(f"{axis.name} follows {name} by a quartic, off its law by up to {size}")
-    return said
+            unit = "mm" if axis.kind == "translation" else "mrad"
+            worst[unit] = max(worst.get(unit, 0.0), 1e3 * off)
+            said.append(
+                f"{axis.name} follows {name} by a quartic, off its law by up to {1e3 * off:.3g} {unit}"
+            )
+    most = " and ".join(f"{off:.1g} {unit}" for unit, off in sorted(worst.items()))
+    in_all = (
+        f"{len(said)} of these axes follow by a quartic, off their laws by up to {most}; the file lists each"
+    )
+    return [in_all] if said else [], said
 
 
 def _fit_polynomial(axis: DrivenAxis, coordinate: Coordinate) -> tuple[Array, float]:

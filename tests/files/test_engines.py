@@ -110,7 +110,8 @@ def test_what_is_not_carried_is_listed() -> None:
     following = [a.name for limb in list_limbs(hand_made()) for a in limb.axes if not a.leads]
     assert following
     assert all(name in said for name in following)
-    assert "by a quartic, off its law by up to" in said
+    assert "by a quartic, off their laws by up to" in said
+    assert "by a quartic, off its law by up to" in write_mjcf(hand_made()).text
     assert all(line in write_mjcf(hand_made()).text for line in write_biomod(hand_made()).left_out)
 
 

@@ -99,13 +99,13 @@ def show(document: ComparisonDocument, out: Path) -> None:
 
     console = make_console()
     print_subject(console, document)
+    if document.verdict is not None and (out / "comparison.json").is_file():
+        say(console, "Verdict", "bold", [document.verdict.headline])
     print_tables(console, make_comparison_tables(document))
     if document.muscles is not None:
         say(console, "Muscles", "bold", document.muscles.summary)
         say(console, "Note", "yellow", document.muscles.notes)
     say(console, "Note", "yellow", document.all_warnings)
-    if document.verdict is not None and (out / "comparison.json").is_file():
-        say(console, "Verdict", "bold", [document.verdict.headline])
     files = [f"{m.method}/  {', '.join([*m.files, 'scaling.json'])}" for m in document.methods.values()]
     files += [name for name in ("comparison.json", "report.html") if (out / name).is_file()]
     list_files(console, out, files)

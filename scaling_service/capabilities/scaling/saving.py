@@ -159,7 +159,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
             warnings.append(f"{calibration.method}/{file} was not written: {error}")
             continue
         replace_text(folder / file, skeleton.text)
-        warnings += [f"{calibration.method}/{file}: {said}" for said in skeleton.left_out]
+        warnings += [f"{file}: {said}" for said in skeleton.left_out]
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())

@@ -32,6 +32,7 @@ UNKNOWN_SIZES = BodySizes()
 """Nothing but markers."""
 
 _NOTHING: Points = MappingProxyType({})
+NO_PLACES: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -82,15 +83,17 @@ def find_person_points(
     sizes: BodySizes = UNKNOWN_SIZES,
     joints: FunctionalJoints | None = None,
     scale: float = 1.0,
+    places: Mapping[str, str] = NO_PLACES,
 ) -> PersonPoints:
     """Landmarks of a recording by canonical name, with the joint centres.
 
+    ``places``: labels to the landmarks that they are by where the model has them.
     ``standing``: only a standing trial gives the leg length that the fuller regressions use, where it was not
         measured.
     ``regression``: gives the hip centres that ``joints`` does not.
     ``scale``: see :class:`PersonPoints`.
     """
-    landmarks = without_raised_shoulders(read_landmarks(trial))
+    landmarks = without_raised_shoulders(read_landmarks(trial, places))
     if standing:
         sizes = sizes.with_leg_lengths(measure_standing_legs(landmarks))
     hips = {} if joints is None else {f"hip_{side}": joints.hip_in(trial, side) for side in joints.hips}
@@ -106,11 +109,11 @@ def find_person_points(
     )
 
 
-def read_landmarks(trial: Trial) -> dict[str, Array]:
+def read_landmarks(trial: Trial, places: Mapping[str, str] = NO_PLACES) -> dict[str, Array]:
     """A recording's landmarks by canonical name; other labels by their own, in capitals, no prefix."""
     points: dict[str, Array] = {}
     for label in trial.labels:
-        points.setdefault(_name(label), trial.position(label))
+        points.setdefault(places.get(label) or _name(label), trial.position(label))
     return points
 
 
@@ -159,13 +162,14 @@ def measure_standing_legs(points: Points) -> dict[str, float]:
     return found
 
 
-def find_model_points(model: BodyModel) -> Points:
+def find_model_points(model: BodyModel, places: Mapping[str, str] = NO_PLACES) -> Points:
     """The same points on the model in its neutral pose, one frame."""
     points: dict[str, Array] = {}
     frames = pose_neutral_frames(model)
     for marker in model.markers:
         rotation, origin = frames[marker.segment]
-        points.setdefault(_name(marker.name), (origin + rotation @ np.array(marker.nominal))[None])
+        name = places.get(marker.name) or _name(marker.name)
+        points.setdefault(name, (origin + rotation @ np.array(marker.nominal))[None])
     if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
     own = find_joint_centres(model)

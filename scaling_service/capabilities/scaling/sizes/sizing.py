@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from types import MappingProxyType
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
 from scaling_service.capabilities.scaling.sizes.measurements import open_axes
 from scaling_service.capabilities.scaling.sizes.points import (
+    NO_PLACES,
     PersonPoints,
     find_doubtful_joints,
     find_model_points,
@@ -33,6 +35,7 @@ from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import GROUND, BodyModel, Vector
+from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
 from scaling_service.numerics.multibody.laws import Array
@@ -181,6 +184,12 @@ def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[
     return {name: found[name] for name in model.segment_names}
 
 
+PALPATION_M = 0.010
+"""Standard deviation of a marker's place on a segment: Della Croce 2005, within examiners 6 to 21 mm."""
+
+_SHORTEST_M = 0.03  # chosen: nearer markers measure their own placing
+
+
 _SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 
 
@@ -216,9 +225,10 @@ def size_segments(
     Raises TrialUnusable: nothing could be measured, or a size is no person's.
     """
     subject, model = session.subject, session.model
+    places = find_landmarks_by_place(model)
     prior = expect_dimensions(subject).condition({name: (at, BONE_SD_M) for name, at in lengths.items()})
     scale = prior.value("stature") / ADULT_STATURE_M
-    known = estimate_body_sizes(session, prior)
+    known = estimate_body_sizes(session, prior, places)
     people = tuple(
         find_person_points(
             trial,
@@ -227,26 +237,26 @@ def size_segments(
             sizes=known,
             joints=joints,
             scale=scale,
+            places=places,
         )
         for trial in (session.static, *session.calibration)
         if trial is not None
     )
-    ours = find_model_points(model)
+    ours = find_model_points(model, places)
     weighted = settings.sizes == "weighted" or bool(lengths)
     bones = {model.bone_of(name): name for name in model.segment_names}
     doubtful = find_doubtful_joints(model, ours)
     ratios = measure_ratios(people, ours, tuple(bones), besides=weighted, doubtful=doubtful)
     if not len(ratios.logs):
-        raise TrialUnusable(
-            "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there",
-            field="markers",
-            remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
-        )
+        return _size_by_own_markers(session, people)
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
         _check(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_write_notes(model, ratios, sizes, subject)]
+    if places:
+        told = list_few([f"{name} = {landmark}" for name, landmark in places.items()])
+        notes.append(f"MB: landmarks by where the model has its markers: {told}")
     if settings.scaling == "per-axis":
         factors, more = open_axes(factors, [person.points for person in people], ours)
         notes.extend(more)
@@ -258,7 +268,58 @@ def size_segments(
     )
 
 
-def estimate_body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
+def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> Sizing:
+    """Each segment by the distances between the model's own markers on it, none of which is a landmark.
+
+    The factor is that of least squares; its deviation that of two hand-placed markers, over their distance.
+    """
+    model = session.model
+    standing = next(trial for trial in (session.static, *session.calibration) if trial is not None)
+    shown = [m for m in model.markers if m.weight > 0.0 and m.name in standing.shown_labels]
+    sizes = {}
+    for segment in dict.fromkeys(m.segment for m in shown):
+        pairs = list(combinations([m for m in shown if m.segment == segment], 2))
+        ours = np.array([np.linalg.norm(np.subtract(a.nominal, b.nominal)) for a, b in pairs])
+        theirs = np.array(
+            [_measure_distance(standing.position(a.name), standing.position(b.name)) for a, b in pairs]
+        )
+        known = np.isfinite(theirs) & (ours > _SHORTEST_M)
+        if known.any():
+            factor = float(ours[known] @ theirs[known] / np.square(ours[known]).sum())
+            sizes[segment] = SegmentSize(
+                dimension=find_dimension(model.bone_of(segment)) or segment,
+                factor=factor,
+                sd=float(np.sqrt(2.0) * PALPATION_M / ours[known].max()),
+                measured=1.0,
+                others=0.0,
+            )
+    if not sizes:
+        raise TrialUnusable(
+            "no segment could be measured: the landmarks of the pelvis, knees and ankles are not all there, "
+            "and no segment of the model carries two markers that are seen",
+            field="markers",
+            remedy="Map the labels of ASIS, PSIS, epicondyles and malleoli under `markers:`",
+        )
+    note = (
+        f"MB: {list_few(list(sizes))}: sized by the distances between the model's markers on them, none of "
+        "which is a landmark that is known here"
+    )
+    found = _with_followers(model, sizes)
+    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in found.items()}
+    for segment, (factor, *_) in factors.items():
+        _check(factor, segment)
+    return Sizing(factors=factors, sizes=found, centres=_list_centres(people), people=people, notes=(note,))
+
+
+def _measure_distance(one: Array, other: Array) -> float:
+    apart = np.linalg.norm(one - other, axis=1)
+    known = apart[np.isfinite(apart)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def estimate_body_sizes(
+    session: Session, prior: DimensionPrior, places: Mapping[str, str] = NO_PLACES
+) -> BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
     widths: dict[str, tuple[Size, float]] = {}
@@ -275,7 +336,7 @@ def estimate_body_sizes(session: Session, prior: DimensionPrior) -> BodySizes:
     sizes = BodySizes(widths, legs, diameter / 2.0)
     if session.static is None:
         return sizes
-    return sizes.with_leg_lengths(measure_standing_legs(read_landmarks(session.static)))
+    return sizes.with_leg_lengths(measure_standing_legs(read_landmarks(session.static, places)))
 
 
 def _list_centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:

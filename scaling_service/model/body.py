@@ -267,6 +267,19 @@ class Expectation:
     source: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterPosterior:
+    """How well the numbers of a model are known: what would be freed, deviations and correlations.
+
+    ``names``: as :func:`scaling_service.model.parameters.free_named` frees them, sizes as shares of what
+    they are. ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal.
+    """
+
+    names: tuple[str, ...]
+    sds: tuple[float, ...]
+    correlations: tuple[float, ...]
+
+
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)
 class BodyModel:
     """A body model as one frozen value.
@@ -286,6 +299,9 @@ class BodyModel:
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
     bones: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()  # what the file that it was read from holds beside, or means otherwise
+    posterior: ParameterPosterior | None = (
+        None  # how well its numbers are known, where they were estimated so
+    )
 
     def __repr__(self) -> str:
         mass = sum(segment.mass for segment in self.segments)

@@ -7,13 +7,14 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.lengths import find_segment
 from scaling_service.model.body import (
     BodyModel,
     Coordinate,
@@ -30,6 +31,9 @@ from scaling_service.numerics.multibody.rigid import rotate_about
 
 _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _LETTERS = "xyz"
+UNBOUNDED = 10.0
+"""Bound of a number that a prior holds: as good as none, m or a share."""
+
 _UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
 
 
@@ -206,6 +210,90 @@ def free_marker(
         for parameter in chosen.values()
     )
     return _with(_map_model(model, lambda joint: joint, marker), *added)
+
+
+def free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
+    """Free a segment's joint centre in its parent: ``centre.<joint>.x`` and so on, m, without bounds."""
+    names = [f"centre.{joint}.{letter}" for letter in _LETTERS]
+    shifts = tuple(
+        Joint("translation", unit, Law((Term(1.0, parameter=name),)))
+        for unit, name in zip(_UNITS, names, strict=True)
+    )
+    segments = tuple(
+        replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
+    )
+    return _with_numbers(replace(model, segments=segments), names, "centre", joint)
+
+
+def free_skin(model: BodyModel, name: str, drivers: Iterable[str]) -> BodyModel:
+    """Let a marker slide with coordinates: ``skin.<marker>.<axis>.<coordinate>``, m per rad."""
+    drivers = tuple(drivers)
+
+    def slide(law: Law, letter: str) -> Law:
+        return law + Law(
+            tuple(Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
+        )
+
+    def change(marker: Marker) -> Marker:
+        if marker.name != name:
+            return marker
+        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, _LETTERS, strict=True))
+        return replace(marker, laws=(x, y, z))
+
+    names = [f"skin.{name}.{letter}.{driver}" for letter in _LETTERS for driver in drivers]
+    return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
+
+
+def _with_numbers(
+    model: BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
+) -> BodyModel:
+    added = (
+        Parameter(
+            name=name, value=0.0, unit="m", lower=-UNBOUNDED, upper=UNBOUNDED, group=group, target=target
+        )
+        for name in names
+    )
+    return replace(model, parameters=(*model.parameters, *added))
+
+
+def free_named(model: BodyModel, names: Sequence[str]) -> BodyModel:
+    """Free numbers by the names of their parameters: ``scale.femur_r``, ``marker.RLFE.x`` and so on.
+
+    Sizes start at one, all others at zero, without bounds; parameters come in the order of ``names``. What
+    the model does not have is left out.
+    """
+    freed, known = model, {m.name for m in model.markers}
+    joints = {s.joint_name for s in model.segments}
+    drivers: dict[str, list[str]] = {}
+    for name in names:
+        if name.startswith("skin."):
+            target, _, driver = name.removeprefix("skin.").partition(".x.")
+            if driver:
+                drivers.setdefault(target, []).append(driver)
+    done: set[str] = set()
+    for name in names:
+        kind, _, rest = name.partition(".")
+        whole = rest if kind == "scale" and rest in model.segment_names else rest.rpartition(".")[0]
+        if kind == "skin":
+            whole = next((marker for marker in drivers if rest.startswith(f"{marker}.")), "")
+        if f"{kind}.{whole}" in done:
+            continue
+        done.add(f"{kind}.{whole}")
+        if kind == "scale" and whole in model.segment_names:
+            freed = (
+                free_scale(freed, whole, UNBOUNDED)
+                if whole == rest
+                else free_scale_axes(freed, whole, "xz", UNBOUNDED)
+            )
+        elif kind == "axis" and whole in joints:
+            freed = free_axis(freed, whole, UNBOUNDED, UNBOUNDED)
+        elif kind == "centre" and (segment := find_segment(model, "femur", whole[-1])) is not None:
+            freed = free_centre(freed, segment, whole)
+        elif kind == "marker" and whole in known:
+            freed = free_marker(freed, whole, _LETTERS, UNBOUNDED)
+        elif kind == "skin" and whole in known:
+            freed = free_skin(freed, whole, [d for d in drivers[whole] if d in model.coordinate_names])
+    return freed
 
 
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:

@@ -26,6 +26,7 @@ from scaling_service.capabilities.motion.doubts import (
     find_jumps,
     find_outlying,
 )
+from scaling_service.capabilities.motion.everyday import follow_everyday
 from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
 from scaling_service.capabilities.motion.task import Task, guess_start
@@ -114,7 +115,8 @@ def inverse_kinematics(
 
     Notes
     -----
-    Lu & O'Connor 1999, J Biomech 32:129-134.
+    Lu & O'Connor 1999, J Biomech 32:129-134. Of a model with a posterior (``MAP``'s) the motion is the
+    likeliest one where the markers of a segment err together as far as skin wanders.
 
     Examples
     --------
@@ -125,7 +127,10 @@ def inverse_kinematics(
     ((278, 14), (278, 14, 3))
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
-    return make_motion(task, trial, solve_task(task, trial.times, start, progress))
+    solution = solve_task(task, trial.times, start, progress)
+    if model.posterior is not None and weights is None and loss is SQUARED:
+        solution = replace(solution, q=follow_everyday(model, trial, solution.q))
+    return make_motion(task, trial, solution)
 
 
 def solve_task(

@@ -22,6 +22,7 @@ from scaling_service.capabilities.motion.clinical_angles import (
     compute_clinical_angles,
     compute_clinical_rates,
 )
+from scaling_service.capabilities.motion.everyday import estimate_everyday_sd, follow_everyday
 from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
@@ -213,12 +214,18 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
+    everyday = model.posterior is not None and skin
+    if everyday:
+        solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     motion = make_motion(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
     fields = tuple(list_skin_fields(task)) if skin else ()
     names, rates = compute_clinical_rates(model) if angles else ((), None)
+    if everyday:
+        uncertainty = estimate_everyday_sd(model, trial, task, solution.q, known, rates)
+        return _gather(model, motion, uncertainty, names)
     posed = Posed(task, solution.q, ~known)
     learnt = learn_skin_sizes([posed.thin()], [fields]) if fields and not has_bone_knowledge(model) else {}
     fields = tuple(resize(field, task.markers, learnt) for field in fields)
@@ -228,6 +235,13 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
         bones = estimate_bones(Posed(task, solution.q, ~known | uncertainty.at_range_end), fields, rates)
         motion = make_motion(task, trial, replace(solution, q=bones.q))
         uncertainty = replace(uncertainty, sd=bones.sd, combined=bones.combined)
+    return _gather(model, motion, uncertainty, names)
+
+
+def _gather(
+    model: BodyModel, motion: Motion, uncertainty: CoordinateSd, names: Sequence[tuple[str, str]]
+) -> TrackedTrial:
+    """``names``: side and angle of what ``uncertainty`` has combined."""
     error = kinematic_error(motion, model)
     if uncertainty.combined is None:
         return TrackedTrial(motion, uncertainty, error)

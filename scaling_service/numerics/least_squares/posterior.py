@@ -8,7 +8,7 @@ of any covariance. Poses have no prior. The poses are eliminated frame by frame 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,13 @@ class PosteriorProblem:
     coordinates: NDArray[np.intp]  # the coordinates to estimate
     groups: tuple[ErrorGroup, ...]
     prior: GaussianPrior  # of the tree's parameters, in their order
+    # Value and precision of the coordinates beside the markers, each (n_frames, n_coordinates to estimate)
+    held: tuple[Array, Array] | None = None
+
+    def in_frames(self, rows: slice) -> PosteriorProblem:
+        """The same in some frames."""
+        held = None if self.held is None else (self.held[0][rows], self.held[1][rows])
+        return replace(self, measured=self.measured[rows], shares=self.shares[rows], held=held)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -178,22 +185,43 @@ def _compute_cost(
     gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
     gap = np.where(np.isfinite(gap), gap, 0.0)
     white = whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
+    cost = float((white**2).sum())
+    if problem.held is not None:
+        value, precision = problem.held
+        cost += float((precision * np.square(q[:, problem.coordinates] - value)).sum())
     prior = problem.prior
-    return white, float((white**2).sum() + p @ prior.precision @ p - 2.0 * prior.pull @ p)
+    if not prior.names:
+        return white, cost
+    return white, cost + float(p @ prior.precision @ p - 2.0 * prior.pull @ p)
 
 
-def _linearise(problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array, gap: Array) -> _Normal:
+def _linearise(
+    problem: PosteriorProblem,
+    whitening: _Whitening,
+    q: Array,
+    p: Array,
+    gap: Array,
+    *,
+    shared: bool = True,
+) -> _Normal:
+    """``shared``: whether parameters are among the variables."""
     tree, nq = problem.tree, len(problem.coordinates)
+    count = len(p) if shared else 0
     poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    variables = np.concatenate([problem.coordinates, tree.n_coordinates + np.arange(len(p))])
+    variables = np.concatenate([problem.coordinates, tree.n_coordinates + np.arange(count)])
     rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
     white = whitening.apply(poses.axes, tree.marker_link, rates)
-    own, shared = white[:, :nq], white[:, nq:]
-    flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(len(p), -1)
+    own, common = white[:, :nq], white[:, nq:]
+    flat = np.ascontiguousarray(common.transpose(1, 0, 2)).reshape(count, gap.size)
+    curvature, slope = own @ own.transpose(0, 2, 1), (own @ gap[:, :, None])[:, :, 0]
+    if problem.held is not None:
+        value, precision = problem.held
+        np.einsum("nii->ni", curvature)[...] += precision
+        slope += precision * (value - q[:, problem.coordinates])
     return _Normal(
-        own=own @ own.transpose(0, 2, 1),
-        cross=own @ shared.transpose(0, 2, 1),
-        slope=(own @ gap[:, :, None])[:, :, 0],
+        own=curvature,
+        cross=own @ common.transpose(0, 2, 1),
+        slope=slope,
         shared=flat @ flat.T,
         shared_slope=flat @ gap.ravel(),
     )
@@ -220,3 +248,83 @@ def _make_step(problem: PosteriorProblem, normal: _Normal, p: Array, damping: fl
     damped = curvature + damping * np.diag(np.diag(curvature))
     step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
     return solved[:, :, 0] - solved[:, :, 1:] @ step, step
+
+
+def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
+    """The mean of the poses (n_frames, n_coordinates) where the parameters are known.
+
+    Frames share nothing then, so each has its own damping. ``q0``: where to start.
+    """
+    q = q0.copy()
+    for rows in split_rows(len(q)):
+        q[rows] = _solve_block(problem.in_frames(rows), q[rows], p)
+    return q
+
+
+def propagate(problem: PosteriorProblem, q: Array, p: Array, covariance: Array) -> Array:
+    """Covariance of each frame's poses, (n_frames, n, n), from markers and from the parameters'.
+
+    ``q``, ``p``: the mean. ``covariance`` (n_parameters, n_parameters).
+    """
+    found = np.zeros((len(q), len(problem.coordinates), len(problem.coordinates)))
+    for rows in split_rows(len(q)):
+        part = problem.in_frames(rows)
+        whitening = _Whitening(part)
+        normal = _linearise(part, whitening, q[rows], p, _compute_cost(part, whitening, q[rows], p)[0])
+        own = _with_ridge(normal.own)
+        inverse = np.linalg.inv(own)
+        follow = inverse @ normal.cross
+        found[rows] = inverse + follow @ covariance @ follow.transpose(0, 2, 1)
+    return found
+
+
+_FRAMES = 256  # linearised together
+
+
+def split_rows(count: int) -> list[slice]:
+    """All frames in blocks."""
+    return [slice(start, min(start + _FRAMES, count)) for start in range(0, count, _FRAMES)]
+
+
+def _with_ridge(own: Array) -> Array:
+    own = own.copy()
+    diagonal = np.einsum("nii->ni", own)
+    diagonal += _RIDGE * diagonal.max(axis=1, keepdims=True, initial=0.0) + 1e-300
+    return own
+
+
+def _solve_block(problem: PosteriorProblem, q: Array, p: Array) -> Array:
+    whitening = _Whitening(problem)
+    nothing = replace(problem, prior=GaussianPrior(()))
+    damping = np.full(len(q), _FIRST)
+    gap, costs = _compute_frame_costs(problem, whitening, q, p)
+    for _ in range(_MAX_STEPS):
+        normal = _linearise(nothing, whitening, q, p, gap, shared=False)
+        own = _with_ridge(normal.own)
+        diagonal = np.einsum("nii->ni", own)
+        diagonal += damping[:, None] * diagonal
+        step = np.linalg.solve(own, normal.slope[:, :, None])[:, :, 0]
+        trial = q.copy()
+        trial[:, problem.coordinates] += step
+        trial_gap, trial_costs = _compute_frame_costs(problem, whitening, trial, p)
+        better = trial_costs <= costs
+        gained = float((costs - trial_costs)[better].sum())
+        q = np.where(better[:, None], trial, q)
+        gap = np.where(better[:, None], trial_gap, gap)
+        costs = np.where(better, trial_costs, costs)
+        damping = np.clip(damping * np.where(better, _EASE, _RAISE), _LEAST, _MOST)
+        if gained < _ENOUGH * max(len(q), 1) and (better | (damping >= 1.0)).all():
+            break
+    return q
+
+
+def _compute_frame_costs(
+    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array
+) -> tuple[Array, Array]:
+    """Whitened residuals and the cost of each frame."""
+    white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)
+    costs = np.square(white).sum(axis=1)
+    if problem.held is not None:
+        value, precision = problem.held
+        costs += (precision * np.square(q[:, problem.coordinates] - value)).sum(axis=1)
+    return white, costs

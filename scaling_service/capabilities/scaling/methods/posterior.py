@@ -10,10 +10,10 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.motion.everyday import pose_problem
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.scaling.methods.fitting import Progress
@@ -29,14 +29,17 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.lengths import find_segment
-from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Term, to_vector
+from scaling_service.model.body import BodyModel, ParameterPosterior, to_vector
 from scaling_service.model.parameters import (
+    UNBOUNDED,
     compose_tilts,
     fold,
     free_axis,
+    free_centre,
     free_marker,
     free_scale,
     free_scale_axes,
+    free_skin,
 )
 from scaling_service.model.people import People, read_people
 from scaling_service.model.results import Calibration, EstimatedCentre, EstimatedParameter, SegmentSize
@@ -44,18 +47,15 @@ from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.posterior import (
-    ErrorGroup,
     GaussianPrior,
     Posterior,
-    PosteriorProblem,
     solve_posterior,
 )
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import evaluate_local_positions, pose_markers
+from scaling_service.numerics.multibody.tree import pose_markers
 
-_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_WIDE = 10.0  # no bound: the prior holds what the recordings do not
+_DIGITS = 4  # of correlations that a model keeps
 _TELLING = 0.5  # of the prior's variance: below it the recordings have said more than people do
 
 
@@ -93,7 +93,7 @@ class JointPosterior:
         names = [m.name for m in start.model.markers if m.weight > 0.0]
         frames = _choose_frames(session, names, settings.n_frames, people)
         freed, prior = _free(start, frames.trial.shown_labels, session, people)
-        problem, task = _pose_problem(freed, prior, frames, people)
+        problem, task = pose_problem(freed, frames.trial, people, prior=prior, shares=frames.shares)
         q0 = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q
         found = solve_posterior(problem, q0, task.p, progress)
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
@@ -102,7 +102,7 @@ class JointPosterior:
         gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
         return Calibration(
             method="MAP",
-            model=fold(freed, values),
+            model=replace(fold(freed, values), posterior=_keep_posterior(prior, found)),
             generic=start.generic,
             scale_factors=_list_factors(start, values),
             axis_tilts=_list_tilts(start, values),
@@ -169,17 +169,17 @@ def _free(
     hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
     for segment in carrying:
         if segment == pelvis:
-            freed = free_scale_axes(freed, segment, "xz", _WIDE)
+            freed = free_scale_axes(freed, segment, "xz", UNBOUNDED)
         else:
-            freed = free_scale(freed, segment, _WIDE)
+            freed = free_scale(freed, segment, UNBOUNDED)
     for joint in knees:
-        freed = free_axis(freed, joint, _WIDE, _WIDE)
+        freed = free_axis(freed, joint, UNBOUNDED, UNBOUNDED)
     for side, femur in hips.items():
-        freed = _free_centre(freed, femur, f"hip_{side}")
+        freed = free_centre(freed, femur, f"hip_{side}")
     drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
     for marker in shown:
-        freed = free_marker(freed, marker.name, LETTERS, _WIDE)
-        freed = _free_skin(freed, marker.name, drivers[marker.segment])
+        freed = free_marker(freed, marker.name, LETTERS, UNBOUNDED)
+        freed = free_skin(freed, marker.name, drivers[marker.segment])
 
     prior = GaussianPrior([p.name for p in freed.parameters])
     expected = expect_dimensions(session.subject)
@@ -198,47 +198,6 @@ def _free(
             slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
             prior.add_values(slides, np.zeros(len(slides)), size.covariance(places))
     return freed, prior
-
-
-def _free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
-    """Free a segment's joint centre in its parent: ``centre.<joint>.x`` and so on, m."""
-    names = [f"centre.{joint}.{letter}" for letter in LETTERS]
-    shifts = tuple(
-        Joint("translation", unit, Law((Term(1.0, parameter=name),)))
-        for unit, name in zip(_UNITS, names, strict=True)
-    )
-    segments = tuple(
-        replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
-    )
-    return _with_numbers(replace(model, segments=segments), names, "centre", joint)
-
-
-def _free_skin(model: BodyModel, name: str, drivers: Mapping[str, float]) -> BodyModel:
-    """Let a marker slide with coordinates: ``skin.<marker>.<axis>.<coordinate>``, m per rad."""
-
-    def slide(law: Law, letter: str) -> Law:
-        return law + Law(
-            tuple(Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
-        )
-
-    def change(marker: Marker) -> Marker:
-        if marker.name != name:
-            return marker
-        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, LETTERS, strict=True))
-        return replace(marker, laws=(x, y, z))
-
-    names = [f"skin.{name}.{letter}.{driver}" for letter in LETTERS for driver in drivers]
-    return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
-
-
-def _with_numbers(
-    model: BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
-) -> BodyModel:
-    added = (
-        Parameter(name=name, value=0.0, unit="m", lower=-_WIDE, upper=_WIDE, group=group, target=target)
-        for name in names
-    )
-    return replace(model, parameters=(*model.parameters, *added))
 
 
 def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, float]:
@@ -262,29 +221,16 @@ def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, f
     return found
 
 
-def _pose_problem(
-    freed: BodyModel, prior: GaussianPrior, frames: _Frames, people: People
-) -> tuple[PosteriorProblem, Task]:
-    """The markers of the chosen frames; those of one segment err together as far as skin wanders."""
-    task = Task.of(freed, frames.trial)
-    places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
-    owners = [freed.marker(name).segment for name in task.markers]
-    groups = []
-    for segment in dict.fromkeys(owners):
-        rows = np.flatnonzero([owner == segment for owner in owners])
-        loose = people.skin(freed.bone_of(segment)).times(people.loose_share)
-        groups.append(
-            ErrorGroup(rows, loose.covariance(places[rows]) + people.noise**2 * np.eye(3 * len(rows)))
-        )
-    problem = PosteriorProblem(
-        tree=task.tree,
-        measured=task.measured,
-        shares=frames.shares,
-        coordinates=np.flatnonzero(task.free),
-        groups=tuple(groups),
-        prior=prior,
+def _keep_posterior(prior: GaussianPrior, found: Posterior) -> ParameterPosterior:
+    """The covariance as the model keeps it: sizes as shares of what they became."""
+    unit = np.array([v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)])
+    sds = np.sqrt(np.diag(found.covariance))
+    alike = found.covariance / np.outer(sds, sds)
+    return ParameterPosterior(
+        names=prior.names,
+        sds=tuple((sds / unit).tolist()),
+        correlations=tuple(alike[np.tril_indices(len(sds), -1)].round(_DIGITS).tolist()),
     )
-    return problem, task
 
 
 def _list_parameters(

@@ -1,0 +1,126 @@
+"""Motion of a model of which it is known how well its numbers are known: people as the yardstick.
+
+Markers of one segment err together as far as skin wanders (``reference_models/people.yaml``), and every
+deviation holds what the model's own numbers leave open. What a joint's range holds is held here, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from scaling_service.capabilities.motion.task import Task
+from scaling_service.capabilities.motion.uncertainty import CoordinateSd, Mask, find_lost
+from scaling_service.model.body import BodyModel, ParameterPosterior
+from scaling_service.model.parameters import free_named
+from scaling_service.model.people import People, read_people
+from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares.posterior import (
+    ErrorGroup,
+    GaussianPrior,
+    PosteriorProblem,
+    propagate,
+    solve_poses,
+    split_rows,
+)
+from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.tree import evaluate_local_positions
+
+
+def pose_problem(
+    freed: BodyModel, trial: Trial, people: People, *, prior: GaussianPrior, shares: Array
+) -> tuple[PosteriorProblem, Task]:
+    """The markers of some frames; those of one segment err together as far as skin wanders.
+
+    ``freed``: a model whose parameters are those of ``prior``. ``shares`` (n_frames,): how much of each frame
+    says something of its own.
+    """
+    task = Task.of(freed, trial)
+    places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
+    owners = [freed.marker(name).segment for name in task.markers]
+    groups = []
+    for segment in dict.fromkeys(owners):
+        rows = np.flatnonzero([owner == segment for owner in owners])
+        loose = people.skin(freed.bone_of(segment)).times(people.loose_share)
+        groups.append(
+            ErrorGroup(rows, loose.covariance(places[rows]) + people.noise**2 * np.eye(3 * len(rows)))
+        )
+    coordinates = np.flatnonzero(task.free)
+    ranges = task.ranges
+    held = ranges.weight[:, coordinates] > 0.0
+    precision = np.where(held, 1.0 / np.square(ranges.spread[coordinates]), 0.0)
+    value = np.broadcast_to(ranges.middle[coordinates], precision.shape)
+    problem = PosteriorProblem(
+        tree=task.tree,
+        measured=task.measured,
+        shares=shares,
+        coordinates=coordinates,
+        groups=tuple(groups),
+        prior=prior,
+        held=(value, precision) if held.any() else None,
+    )
+    return problem, task
+
+
+def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> Array:
+    """Covariance of some of the parameters, in their order, (n, n)."""
+    count = len(posterior.names)
+    alike = np.zeros((count, count))
+    alike[np.tril_indices(count, -1)] = posterior.correlations
+    alike += alike.T + np.eye(count)
+    sds = np.array(posterior.sds)
+    rows = [posterior.names.index(name) for name in names]
+    return np.asarray((alike * np.outer(sds, sds))[np.ix_(rows, rows)])
+
+
+def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task, tuple[str, ...]]:
+    assert model.posterior is not None
+    freed = free_named(model, model.posterior.names)
+    names = tuple(p.name for p in freed.parameters)
+    ones = np.ones(trial.n_frames)
+    problem, task = pose_problem(freed, trial, read_people(), prior=GaussianPrior(names), shares=ones)
+    return problem, task, names
+
+
+def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
+    """The likeliest coordinates where skin wanders as people's does, (n_frames, n_coordinates).
+
+    ``model``: with a posterior. ``q``: by plain least squares.
+    """
+    problem, task, _ = _free_again(model, trial)
+    return solve_poses(problem, q, task.p)
+
+
+def estimate_everyday_sd(
+    model: BodyModel,
+    trial: Trial,
+    task: Task,
+    q: Array,
+    known: Mask,
+    rates: Callable[[Array], Array] | None = None,
+) -> CoordinateSd:
+    """Deviations of coordinates from skin that wanders and from all numbers of a model with a posterior.
+
+    ``task``: of the model and the trial. ``q`` (n_frames, n_coordinates): their mean. ``known``: where the
+    markers determine a coordinate. ``rates``: see
+    :func:`scaling_service.capabilities.motion.uncertainty.estimate_coordinate_sd`.
+    """
+    assert model.posterior is not None
+    problem, freed, names = _free_again(model, trial)
+    free = problem.coordinates
+    covariance = propagate(problem, q, freed.p, unpack_covariance(model.posterior, names))
+    sd = np.zeros(q.shape)
+    sd[:, free] = np.sqrt(np.einsum("nii->ni", covariance))
+    sd[~known & task.free] = np.nan
+    noise = np.full(len(task.markers), np.nan)
+    for group in problem.groups:
+        noise[group.markers] = np.sqrt(np.diag(group.covariance).reshape(-1, 3).mean(axis=1))
+    combined = None
+    if rates is not None:
+        change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])
+        own = change[:, :, free]
+        combined = np.sqrt(np.einsum("nkf,nfg,nkg->nk", own, covariance, own, optimize=True))
+        combined = np.where(find_lost(change, ~known & task.free), np.nan, combined)
+    lower, upper = task.bounds
+    return CoordinateSd(sd, noise, ((q <= lower) | (q >= upper)) & task.free, combined)

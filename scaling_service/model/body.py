@@ -272,12 +272,14 @@ class ParameterPosterior:
     """How well the numbers of a model are known: what would be freed, deviations and correlations.
 
     ``names``: as :func:`scaling_service.model.parameters.free_named` frees them, sizes as shares of what
-    they are. ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal.
+    they are. ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal. ``skin``:
+    how much more than ordinary people's this person's skin moves.
     """
 
     names: tuple[str, ...]
     sds: tuple[float, ...]
     correlations: tuple[float, ...]
+    skin: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, repr=False, kw_only=True)

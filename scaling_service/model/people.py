@@ -7,7 +7,7 @@ SI and radians.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -92,6 +92,11 @@ class People:
         """Sizes over a segment of this name."""
         name = segment.lower()
         return next((size for names, size in self.skin_rows if name.startswith(names)), self.skin_other)
+
+    def with_skin(self, level: float) -> People:
+        """The same people with all of skin's movement larger or smaller."""
+        rows = tuple((names, size.times(level)) for names, size in self.skin_rows)
+        return replace(self, skin_rows=rows, skin_other=self.skin_other.times(level))
 
     def place_sd(self, landmark: str) -> Vector:
         """Standard deviation of a marker's place, m, along each axis of its segment.

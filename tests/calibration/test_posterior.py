@@ -8,14 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.builtin import load_builtin
+from scaling_service.model.document import from_document, to_document
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from tests.oracle.persons import RATE_HZ, Person, draw_person
+from tests.oracle.persons import RATE_HZ, Person, World, draw_person
 
 N_PERSONS = 12
 LENGTHS = {"femur_r": "femur_r", "femur_l": "femur_l", "shank_r": "tibia_r", "shank_l": "tibia_l"}
@@ -84,6 +86,41 @@ def test_stated_deviations_of_lengths_cover():
             (sd,) = (p.sd for p in done["MAP"].parameters if p.name == f"scale.{segment}")
             inside.append(abs(error) < 1.96 * 1e3 * sd * start)
     assert np.mean(inside) > 0.85
+
+
+def pooled_coverage(quantile: float) -> float:
+    """Share of frames and angles of walks, not fitted, that lie within a quantile of the stated deviation."""
+    inside = []
+    for person, done in people():
+        model = from_document(json.loads(json.dumps(to_document(done["MAP"].model))))
+        found = track(model, record(person).evaluation[0])
+        for name, true in person.angles["walk"].items():
+            k = found.motion.coordinates.index(name)
+            off = np.abs(found.motion.q[:, k] - true)
+            inside.append(np.mean(off <= quantile * found.uncertainty.sd[:, k]))
+    return float(np.mean(inside))
+
+
+@pytest.mark.parametrize(("quantile", "low", "high"), [(1.96, 0.88, 0.99), (0.6745, 0.40, 0.62)])
+def test_stated_deviations_of_angles_cover(quantile, low, high):
+    """Of a walk that was not fitted, by the model as it is read again from its file."""
+    assert low <= pooled_coverage(quantile) <= high
+
+
+@pytest.mark.parametrize("skin", [0.6, 1.8])
+def test_how_much_skin_moves_is_learnt(skin):
+    found = calibrate(record(draw_person(3, World(skin=skin))), "MAP").model.posterior
+    usual = calibrate(record(draw_person(3)), "MAP").model.posterior
+    assert found is not None
+    assert usual is not None
+    assert found.skin / usual.skin == pytest.approx(skin, rel=0.15)
+
+
+def test_where_skin_hardly_moves_bones_are_found():
+    person = draw_person(3, World(skin=0.02))
+    model = calibrate(record(person), "MAP").model
+    for name in ("femur_r", "femur_l"):
+        assert abs(measure_segment_lengths(model)[name] - person.lengths[name]) < 0.003
 
 
 def test_recordings_say_more_than_people_do():

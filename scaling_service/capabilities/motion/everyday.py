@@ -79,7 +79,8 @@ def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task,
     freed = free_named(model, model.posterior.names)
     names = tuple(p.name for p in freed.parameters)
     ones = np.ones(trial.n_frames)
-    problem, task = pose_problem(freed, trial, read_people(), prior=GaussianPrior(names), shares=ones)
+    people = read_people().with_skin(model.posterior.skin)
+    problem, task = pose_problem(freed, trial, people, prior=GaussianPrior(names), shares=ones)
     return problem, task, names
 
 

@@ -83,13 +83,16 @@ class Posterior:
     """Mean and covariance.
 
     ``q`` (n_frames, n_coordinates) and ``p`` (n_parameters,) are the mean, ``covariance`` is that of the
-    parameters. ``cost``: residuals and departure from the prior, each over its variance.
+    parameters. ``cost``: residuals and departure from the prior, each over its variance. ``misfit``:
+    residuals alone, and ``freedom`` what it is expected to be where errors are as large as assumed.
     """
 
     q: Array
     p: Array
     covariance: Array
     cost: float
+    misfit: float
+    freedom: float
     steps: int
     outcome: Outcome
 
@@ -174,7 +177,18 @@ def solve_posterior(
             progress(steps, cost)
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
     covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
-    return Posterior(q=q, p=p, covariance=covariance, cost=cost, steps=steps, outcome=outcome)
+    seen = 3.0 * find_seen(problem.measured).sum(axis=1)
+    told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
+    return Posterior(
+        q=q,
+        p=p,
+        covariance=covariance,
+        cost=cost,
+        misfit=_compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)[1],
+        freedom=float(problem.shares @ (seen - len(problem.coordinates))) - told,
+        steps=steps,
+        outcome=outcome,
+    )
 
 
 def _compute_cost(

@@ -55,6 +55,11 @@ from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
+_LEVELS = 3  # chosen: looks at how much this person's skin moves against ordinary people's
+_SAME_LEVEL = 0.05  # chosen: logarithm; deviations that differ by less are the same
+_LEVEL_FREEDOM = (
+    10.0  # chosen: as many residuals speak for ordinary skin; persons differ by a quarter to a half
+)
 _DIGITS = 4  # of correlations that a model keeps
 _TELLING = 0.5  # of the prior's variance: below it the recordings have said more than people do
 
@@ -92,23 +97,31 @@ class JointPosterior:
         clock, people = time.perf_counter(), read_people()
         names = [m.name for m in start.model.markers if m.weight > 0.0]
         frames = _choose_frames(session, names, settings.n_frames, people)
-        freed, prior = _free(start, frames.trial.shown_labels, session, people)
-        problem, task = pose_problem(freed, frames.trial, people, prior=prior, shares=frames.shares)
-        q0 = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q
-        found = solve_posterior(problem, q0, task.p, progress)
+        q, level, steps = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q, 1.0, 0
+        p: Array | None = None
+        for _ in range(_LEVELS):
+            own = people.with_skin(level)
+            freed, prior = _free(start, frames.trial.shown_labels, session, own)
+            problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=frames.shares)
+            found = solve_posterior(problem, q, task.p if p is None else p, progress)
+            q, p, steps = found.q, found.p, steps + found.steps
+            more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
+            if abs(np.log(more)) < _SAME_LEVEL:
+                break
+            level *= float(more)
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
         estimated = tuple(_list_parameters(freed, prior, found))
         gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
         return Calibration(
             method="MAP",
-            model=replace(fold(freed, values), posterior=_keep_posterior(prior, found)),
+            model=replace(fold(freed, values), posterior=_keep_posterior(prior, found, level)),
             generic=start.generic,
             scale_factors=_list_factors(start, values),
             axis_tilts=_list_tilts(start, values),
             parameters=estimated,
             cost=float(np.nansum(gaps**2)),
-            iterations=found.steps,
+            iterations=steps,
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *_list_warnings(found, estimated)),
             sizes=_list_sizes(start, values, sds),
@@ -221,7 +234,7 @@ def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, f
     return found
 
 
-def _keep_posterior(prior: GaussianPrior, found: Posterior) -> ParameterPosterior:
+def _keep_posterior(prior: GaussianPrior, found: Posterior, skin: float) -> ParameterPosterior:
     """The covariance as the model keeps it: sizes as shares of what they became."""
     unit = np.array([v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)])
     sds = np.sqrt(np.diag(found.covariance))
@@ -230,6 +243,7 @@ def _keep_posterior(prior: GaussianPrior, found: Posterior) -> ParameterPosterio
         names=prior.names,
         sds=tuple((sds / unit).tolist()),
         correlations=tuple(alike[np.tril_indices(len(sds), -1)].round(_DIGITS).tolist()),
+        skin=skin,
     )
 
 

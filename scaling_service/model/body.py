@@ -358,6 +358,16 @@ class BodyModel:
         """The coordinate of that name (KeyError if none)."""
         return _find_named(self.coordinates, name)
 
+    def with_held_markers(self) -> BodyModel:
+        """The same with markers that move on their segments where they are in the neutral pose."""
+        held = (
+            m
+            if all(law.is_constant for law in m.laws)
+            else replace(m, laws=Marker.at("", "", m.nominal).laws)
+            for m in self.markers
+        )
+        return replace(self, markers=tuple(held))
+
     def bone_of(self, segment: str) -> str:
         """The bone that a segment stands for: what the model says of it, else its own name."""
         return next((bone for bone, name in self.bones if name == segment), segment)

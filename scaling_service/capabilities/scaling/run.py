@@ -224,12 +224,16 @@ def _put_on_surfaces(scaling: Scaling, session: Session) -> Scaling:
 
 
 def render_scaled(calibration: Calibration, session: Session) -> str:
-    """The text of a scaled model's file for OpenSim (DependencyMissing: OpenSim is not installed)."""
+    """The text of a scaled model's file for OpenSim (DependencyMissing: OpenSim is not installed).
+
+    Markers that skin moves with joints stand there where they are in the neutral pose.
+    """
     subject, setup = session.subject, session.scale_setup
+    model = calibration.model.with_held_markers()
     if not subject.model.lower().endswith(".osim"):
-        return render_osim(calibration.model)
+        return render_osim(model)
     return render_osim(
-        calibration.model,
+        model,
         source=Path(subject.model),
         factors=calibration.scale_factors,
         axis_tilts=calibration.axis_tilts,

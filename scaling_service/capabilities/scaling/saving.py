@@ -133,6 +133,12 @@ def save(
     return document
 
 
+_HELD = (
+    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
+    "how well each number is known, is in model.json"
+)
+
+
 def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodResult:
     """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
@@ -147,6 +153,8 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         write_courses(folder, results.muscles.courses[calibration.method])
     try:
         replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
+        if calibration.model.posterior is not None:
+            warnings.append(_HELD)
     except (DependencyMissing, ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:

@@ -18,8 +18,13 @@ from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, compute_jacobian, place_tree_markers, pose_links
 
-_MAX_STEPS = 40
-_ENOUGH = 1e-3  # of the cost, in units of one chi-squared: no deviation shows less
+MOST_STEPS = 30
+"""Chosen: beyond it only directions move that nothing tells of."""
+
+_INNER = 2  # chosen: steps of the poses alone after one of all, which bends less then
+_ENOUGH = (
+    0.05  # of the cost, in units of one chi-squared: a step that moves nothing by a quarter of its deviation
+)
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
 _MOST = 1e6  # damping beyond which rounding decides
 _RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
@@ -149,21 +154,23 @@ def solve_posterior(
     q0: Array,
     p0: Array,
     progress: Callable[[int, float], None] | None = None,
+    most: int = MOST_STEPS,
 ) -> Posterior:
     """Mean and covariance of poses and parameters (Gauss-Newton with Levenberg's damping).
 
     ``q0`` (n_frames, n_coordinates), ``p0`` (n_parameters,): where to start; has no influence on what is
-    determined. ``progress``: called with the step's number and the cost.
+    determined. ``progress``: called with the step's number and the cost. ``most``: steps.
     """
     whitening, q, p = _Whitening(problem), q0.copy(), p0.copy()
     gap, cost = _compute_cost(problem, whitening, q, p)
     normal = _linearise(problem, whitening, q, p, gap)
     damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
-    while steps < _MAX_STEPS and outcome is Outcome.MAX_STEPS:
+    while steps < most and outcome is Outcome.MAX_STEPS:
         steps += 1
         step_q, step_p = _make_step(problem, normal, p, damping)
         trial_q, trial_p = q.copy(), p + step_p
         trial_q[:, problem.coordinates] += step_q
+        trial_q = _solve_block(problem, trial_q, trial_p, most=_INNER)
         trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
         if trial_cost > cost:
             damping *= _RAISE
@@ -307,12 +314,12 @@ def _with_ridge(own: Array) -> Array:
     return own
 
 
-def _solve_block(problem: PosteriorProblem, q: Array, p: Array) -> Array:
+def _solve_block(problem: PosteriorProblem, q: Array, p: Array, most: int = MOST_STEPS) -> Array:
     whitening = _Whitening(problem)
     nothing = replace(problem, prior=GaussianPrior(()))
     damping = np.full(len(q), _FIRST)
     gap, costs = _compute_frame_costs(problem, whitening, q, p)
-    for _ in range(_MAX_STEPS):
+    for _ in range(most):
         normal = _linearise(nothing, whitening, q, p, gap, shared=False)
         own = _with_ridge(normal.own)
         diagonal = np.einsum("nii->ni", own)

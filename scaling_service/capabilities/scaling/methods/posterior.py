@@ -42,11 +42,18 @@ from scaling_service.model.parameters import (
     free_skin,
 )
 from scaling_service.model.people import People, read_people
-from scaling_service.model.results import Calibration, EstimatedCentre, EstimatedParameter, SegmentSize
+from scaling_service.model.results import (
+    Calibration,
+    EstimatedCentre,
+    EstimatedParameter,
+    JointMove,
+    SegmentSize,
+)
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.posterior import (
+    MOST_STEPS,
     GaussianPrior,
     Posterior,
     solve_posterior,
@@ -56,7 +63,7 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 _LEVELS = 3  # chosen: looks at how much this person's skin moves against ordinary people's
-_SAME_LEVEL = 0.05  # chosen: logarithm; deviations that differ by less are the same
+_FIRST_STEPS = 6  # chosen: of all looks but the last; residuals are what they will be long before the end
 _LEVEL_FREEDOM = (
     10.0  # chosen: as many residuals speak for ordinary skin; persons differ by a quarter to a half
 )
@@ -99,16 +106,16 @@ class JointPosterior:
         frames = _choose_frames(session, names, settings.n_frames, people)
         q, level, steps = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q, 1.0, 0
         p: Array | None = None
-        for _ in range(_LEVELS):
+        for left in reversed(range(_LEVELS)):
             own = people.with_skin(level)
             freed, prior = _free(start, frames.trial.shown_labels, session, own)
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=frames.shares)
-            found = solve_posterior(problem, q, task.p if p is None else p, progress)
+            begin = task.p if p is None else p
+            found = solve_posterior(problem, q, begin, progress, _FIRST_STEPS if left else MOST_STEPS)
             q, p, steps = found.q, found.p, steps + found.steps
             more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
-            if abs(np.log(more)) < _SAME_LEVEL:
-                break
-            level *= float(more)
+            if left:
+                level *= float(more)
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
         estimated = tuple(_list_parameters(freed, prior, found))
@@ -119,6 +126,7 @@ class JointPosterior:
             generic=start.generic,
             scale_factors=_list_factors(start, values),
             axis_tilts=_list_tilts(start, values),
+            joint_moves=_list_moves(start, values),
             parameters=estimated,
             cost=float(np.nansum(gaps**2)),
             iterations=steps,
@@ -285,6 +293,17 @@ def _list_tilts(start: Calibration, values: Mapping[str, float]) -> dict[str, tu
         for joint in find_tiltable_knees(start.model)
     }
     return {**start.axis_tilts, **turned}
+
+
+def _list_moves(start: Calibration, values: Mapping[str, float]) -> dict[str, JointMove]:
+    """Hips as far as they moved beyond what sizes do."""
+    moved = dict(start.joint_moves)
+    for side in "rl":
+        femur, hip = find_segment(start.model, "femur", side), f"centre.hip_{side}"
+        if femur is not None and f"{hip}.x" in values:
+            shift = to_vector(values[f"{hip}.{letter}"] for letter in LETTERS)
+            moved[start.model.segment(femur).joint_name] = JointMove(shift=shift)
+    return moved
 
 
 def _list_sizes(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,31 @@ def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> 
     np.testing.assert_allclose(table.column("patella")[:2], [0.35, 0.85], rtol=1e-11)  # coupled: rad
     np.testing.assert_allclose(table.column("crank")[:2], np.degrees([0.35, 0.85]), rtol=1e-11)
     assert np.isnan(table.data[2, [1, 3, 4, 5]]).all()
+    held = read_sto(tmp_path / "squat_ik_opensim.mot")
+    assert held.columns == table.columns
+    np.testing.assert_array_equal(held.data, table.data[:2])
+
+
+def test_opensims_tools_read_what_is_never_shown_at_its_neutral_value(tmp_path: Path) -> None:
+    q, times = np.array([[0.5, 0.3], [1.5, 0.4]]), np.arange(2) / 100.0
+    motion = Motion(
+        trial="squat",
+        times=times,
+        coordinates=("knee", "lift"),
+        q=q,
+        markers=(),
+        residuals=np.zeros((2, 0, 3)),
+        estimated=("knee",),
+    )
+    write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
+    assert np.isnan(read_sto(tmp_path / "squat_ik.mot").column("lift")).all()
+    held = read_sto(tmp_path / "squat_ik_opensim.mot")
+    np.testing.assert_allclose(held.column("lift"), MODEL.coordinate("lift").default)
+    np.testing.assert_allclose(held.column("knee"), np.degrees(q[:, 0]), rtol=1e-11)
+    if find_spec("opensim") is not None:
+        import opensim
+
+        assert opensim.Storage(str(tmp_path / "squat_ik_opensim.mot")).getSize() == 2
 
 
 def test_a_law_that_needs_more_than_one_coordinate_is_refused() -> None:

@@ -30,17 +30,32 @@ from scaling_service.model.results import Array, Motion
 from scaling_service.recording.settings import ProcessingSettings
 
 CLINICAL = "_clinical.csv"
+HELD = "_opensim.mot"
+"""End of a motion's name whose numbers are whole: OpenSim's tools stop reading at a NaN."""
 
 
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
     A dependent coordinate of OpenSim's motion type "coupled" stays in radians where the file is in degrees.
-    Coordinates that markers do not show, in a frame or ever, are written as NaN.
+    Coordinates that markers do not show, in a frame or ever, are written as NaN. Where there are any, a
+    second file (``HELD``) has those that are never shown at their neutral value, and leaves out other frames
+    with one.
     """
     told = replace(motion, q=hide_unshown(motion, model, motion.q))
-    followed = [evaluate_law_at(coupler.law, _express_leading(coupler, told)) for coupler in model.couplers]
-    _write(path, motion, told.q, followed, model)
+    _write(path, told, told.q, _follow(told, model), model)
+    lost = np.isnan(told.q)
+    if lost.any():
+        never = lost.all(axis=0)
+        q = np.where(never, [c.default for c in model.coordinates], told.q)
+        rows = np.flatnonzero(~lost[:, ~never].any(axis=1))
+        held = replace(motion, times=motion.times[rows], q=q[rows], residuals=motion.residuals[rows])
+        _write(path.with_name(f"{path.stem}{HELD}"), held, held.q, _follow(held, model), model)
+
+
+def _follow(motion: Motion, model: BodyModel) -> list[Array]:
+    """Dependent coordinates, each (n_frames,)."""
+    return [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
 
 
 def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:

@@ -19,7 +19,7 @@ from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.saving import write_motion
+from scaling_service.capabilities.motion.saving import HELD, write_motion
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
@@ -133,6 +133,10 @@ def save(
     return document
 
 
+_NUMBERS_ONLY = (
+    "what markers do not show is nan in motions; for OpenSim's tools, which read numbers only, files that end "
+    f"in {HELD} hold it at its neutral value"
+)
 _HELD = (
     "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
     "how well each number is known, is in model.json"
@@ -147,6 +151,8 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
+    if any(folder.glob(f"*{HELD}")):
+        warnings.append(_NUMBERS_ONLY)
     gait = describe_clinical_gait(scaling, results)
     write_clinical(folder, gait)
     if results.muscles is not None:

@@ -103,9 +103,7 @@ def load(
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
-    of_bodies: tuple[str, ...] = ()
-    if subject.bones or subject.bone_bodies:
-        model, of_bodies = assign_bones(model, subject.bone_bodies)
+    model, of_bodies = assign_bones(model, subject.bone_bodies)
     labels.check_segments(subject, model)
     raw = read_recordings(subject, read)
     subject, of_sizes = with_stated_sizes(subject, raw)

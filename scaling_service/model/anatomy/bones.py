@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import get_args
 
 import numpy as np
@@ -12,13 +13,19 @@ from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.subject import BoneName
 from scaling_service.model.anatomy.lengths import find_segment, list_chain
 from scaling_service.model.body import GROUND, BodyModel, Segment
-from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames
+from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames, pose_neutral_markers
 from scaling_service.numerics.multibody.laws import Array
 
 BONES: tuple[str, ...] = get_args(BoneName)
 """Bones of the pelvis and the legs, by the names of OpenSim's bodies."""
 
-_MIRRORED_M = 0.1  # chosen: how far the tip of one leg may lie from the other's mirror image
+_ALIKE = 0.15  # chosen: share by which a stretch of one leg may be longer than the other's
+_APART = 0.8
+"""Chosen: most that two limbs of one pair lie apart, in lengths of their upper stretch. Hips lie 0.17 m apart
+over thighs of 0.43 m, shoulders 0.36 m over upper arms of 0.30 m (Winter 2009)."""
+_ACROSS = 0.85
+"""Chosen: most of a foot's direction that lies along the shank, as a cosine. Its farthest point lies 50 to 80
+deg off the shank; a hand's, or a trunk's, less than 20 off what it hangs on."""
 _LONG = 0.25  # chosen: least share of a leg that a long bone has; thigh and shank have 0.4, a foot 0.15
 _ONE_FOOT_M = 0.07  # chosen: the subtalar joint lies 20 to 45 mm from the ankle, the toes' 100 and more
 
@@ -79,45 +86,117 @@ def find_body(model: BodyModel, bone: str) -> str | None:
 def find_bones_by_tree(model: BodyModel) -> dict[str, str]:
     """Bones of the legs and the pelvis by how the model's joints hang on one another, whatever their names.
 
-    In the neutral pose the legs are the chain that reaches lowest and its mirror image; the pelvis is where
-    they part. In each, the first two stretches between joints that turn and are long are thigh and shank.
-    Empty where there are no two such stretches; of one leg alone the pelvis is where its root ends.
+    A leg has two long stretches between joints that turn, thigh and shank, and below them a foot that points
+    across. Two that are as long, and hang no further apart than hips do, are a pair; the pelvis is where they
+    part. Up is along the legs and forward along the feet, so that right is known whatever the model's axes
+    are. Empty where there are no such stretches; of one leg alone the pelvis is where its root ends.
     """
-    frames = pose_neutral_frames(model)
-    parents = {segment.parent for segment in model.segments}
-    tips = [segment.name for segment in model.segments if segment.name not in parents]
-    first = min(tips, key=lambda tip: frames[tip][1][1])
-    mirrored = frames[first][1] * (1.0, 1.0, -1.0)
-    apart = {tip: float(np.linalg.norm(frames[tip][1] - mirrored)) for tip in tips if tip != first}
-    legs = [first, *(tip for tip in sorted(apart, key=apart.__getitem__)[:1] if apart[tip] < _MIRRORED_M)]
-    chains = [[s.name for s in list_chain(model, GROUND, tip)] for tip in legs]
-    shared = [name for name in chains[0] if all(name in chain for chain in chains)] if len(chains) > 1 else []
-    found: dict[str, str] = {}
-    for chain in chains:
-        pelvis = shared[-1] if shared else chain[0]
-        leg = _list_leg_bones(model, chain[chain.index(pelvis) + 1 :])
-        if leg:
-            rotation, origin = frames[pelvis]
-            side = "r" if (frames[leg["femur"]][1] - origin) @ rotation[:, 2] > 0.0 else "l"
-            found |= {"pelvis": pelvis} | {f"{bone}_{side}": name for bone, name in leg.items()}
+    legs = _find_legs(model)
+    if not legs:
+        return {}
+    inside = [leg.hip for leg in legs] if len(legs) > 1 else [*_list_points(model, [legs[0].pelvis])]
+    middle, right = np.mean(inside, axis=0), _point_right(legs)
+    found = {"pelvis": legs[0].pelvis}
+    for leg in legs:
+        side = "r" if (leg.hip - middle) @ right > 0.0 else "l"
+        found |= {f"{bone}_{side}": name for bone, name in leg.bones.items()}
     return found
 
 
-def _list_leg_bones(model: BodyModel, chain: list[str]) -> dict[str, str]:
-    """Thigh, shank, talus and heel of a chain below the pelvis; empty where it is no leg."""
+def find_rightward(model: BodyModel) -> Array | None:
+    """To the right in the neutral pose by the model's legs and feet, (3,), of length 1; None without."""
+    legs = _find_legs(model)
+    return _point_right(legs) if legs else None
+
+
+def _find_legs(model: BodyModel) -> tuple[_Leg, ...]:
+    parents = {segment.parent for segment in model.segments}
+    tips = [segment.name for segment in model.segments if segment.name not in parents]
+    chains = [[segment.name for segment in list_chain(model, GROUND, tip)] for tip in tips]
+    pairs = [pair for one, other in combinations(chains, 2) if (pair := _pair_legs(model, one, other))]
+    alone = [(leg,) for chain in chains if (leg := _read_leg(model, chain[0], chain[1:]))]
+    return max(pairs or alone, key=lambda legs: legs[0].length, default=())
+
+
+def _point_right(legs: Sequence[_Leg]) -> Array:
+    right = np.cross(np.sum([leg.forward for leg in legs], axis=0), np.sum([leg.up for leg in legs], axis=0))
+    return np.asarray(right / np.linalg.norm(right))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Leg:
+    """A chain that may be a leg, in the neutral pose; places and directions in ground, (3,), m."""
+
+    pelvis: str  # what it hangs on
+    bones: Mapping[str, str]  # ``femur``, ``tibia``, ``talus``, ``calcn`` to segment
+    hip: Array
+    thigh: float  # m
+    shank: float  # m
+    up: Array  # from ankle to hip
+    forward: Array  # along the foot, across the shank
+
+    @property
+    def length(self) -> float:
+        """Of thigh and shank, m."""
+        return self.thigh + self.shank
+
+
+def _pair_legs(model: BodyModel, one: list[str], other: list[str]) -> tuple[_Leg, ...]:
+    """The legs that two chains from the root are; none where one is not as the other, or far from it."""
+    shared = [name for name in one if name in other]
+    if not shared:
+        return ()
+    legs = [_read_leg(model, shared[-1], chain[len(shared) :]) for chain in (one, other)]
+    if legs[0] is None or legs[1] is None:
+        return ()
+    first, second = legs[0], legs[1]
+    alike = all(
+        abs(np.log(a / b)) < _ALIKE for a, b in ((first.thigh, second.thigh), (first.shank, second.shank))
+    )
+    near = np.linalg.norm(first.hip - second.hip) < _APART * first.thigh
+    return (first, second) if alike and near else ()
+
+
+def _read_leg(model: BodyModel, pelvis: str, chain: list[str]) -> _Leg | None:
+    """Thigh, shank, talus and heel of a chain below the pelvis; None where it is no leg."""
     places = dict(_list_turning_places(model, chain))
     names, at = list(places), np.array(list(places.values())).reshape(-1, 3)
     gaps = np.linalg.norm(np.diff(at, axis=0), axis=1)
     long = [k for k, gap in enumerate(gaps) if gap > _LONG * gaps.sum()]
     if len(long) < 2:
-        return {}
+        return None
     thigh, shank = long[:2]
     foot = names[shank + 1 :]
     near = [n for n in foot if np.linalg.norm(places[n] - places[foot[0]]) < _ONE_FOOT_M]
-    return {"femur": names[thigh], "tibia": names[shank], "talus": foot[0], "calcn": near[-1]}
+    ankle, along = at[shank + 1], (at[shank] - at[shank + 1]) / gaps[shank]
+    points = np.array(list(_list_points(model, chain[chain.index(foot[0]) :]))) - ankle
+    farthest = points[int(np.argmax(np.linalg.norm(points, axis=1)))]
+    across = farthest - (farthest @ along) * along
+    if np.linalg.norm(across) <= np.sqrt(1.0 - _ACROSS**2) * np.linalg.norm(farthest):
+        return None
+    return _Leg(
+        pelvis=pelvis,
+        bones={"femur": names[thigh], "tibia": names[shank], "talus": foot[0], "calcn": near[-1]},
+        hip=at[thigh],
+        thigh=float(gaps[thigh]),
+        shank=float(gaps[shank]),
+        up=at[thigh] - ankle,
+        forward=across,
+    )
 
 
-def _list_turning_places(model: BodyModel, names: list[str]) -> Iterator[tuple[str, Array]]:
+def _list_points(model: BodyModel, segments: Sequence[str]) -> Iterator[Array]:
+    """Where segments turn and have their mass and markers in the neutral pose, (3,) m."""
+    frames, markers = pose_neutral_frames(model), pose_neutral_markers(model)
+    yield from dict(_list_turning_places(model, segments)).values()
+    for segment in map(model.segment, segments):
+        if segment.mass > 0.0:
+            rotation, origin = frames[segment.name]
+            yield origin + rotation @ np.array(segment.com)
+    yield from (markers[m.name] for m in model.markers if m.segment in segments)
+
+
+def _list_turning_places(model: BodyModel, names: Sequence[str]) -> Iterator[tuple[str, Array]]:
     """The segments of a chain that turn against their parents, and where, (3,) m, in the neutral pose."""
     frames, values = pose_neutral_frames(model), list_model_values(model)
     for segment in map(model.segment, names):

@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from scaling_service.model.anatomy.bones import find_rightward
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.anatomy.markers import SACRUM, find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
 from scaling_service.numerics.multibody.laws import Array
@@ -25,6 +25,10 @@ _AT: Mapping[str, tuple[str, str, tuple[float, float, float]]] = {
 """Landmark without side to its segment, the joint that it lies at, and where from it: forward, up the bone
 and to its own side, in lengths of the thigh. Means of the built-in body, gait2354, Rajagopal 2016, OpenCap's
 generic model and a manually scaled one of an MRI study."""
+
+_SACRUM = (-0.240, 0.250, 0.0)
+"""The same of one marker in place of both PSIS, from half-way between the hips: gait2354's, and the others'
+mean of both PSIS."""
 
 _SD: Mapping[str, Array] = {
     "hip": np.array([0.048, 0.031, 0.031]),
@@ -72,7 +76,8 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str]:
         for row, column in zip(*linear_sum_assignment(np.minimum(off, _MOST)), strict=True):
             if off[row, column] < _MOST:
                 found[free[row]] = list(places)[column]
-    return found
+    both = {"RPSIS", "LPSIS"} <= named | set(found.values())
+    return {name: landmark for name, landmark in found.items() if not both or landmark != SACRUM}
 
 
 def _list_places(model: BodyModel) -> Iterator[tuple[str, tuple[str, Array, Array]]]:
@@ -88,6 +93,10 @@ def _list_places(model: BodyModel) -> Iterator[tuple[str, tuple[str, Array, Arra
     else:
         return
     whole = [own["hip"] - own["knee"] for own in joints.values() if {"hip", "knee"} <= own.keys()]
+    if len(whole) == 2:
+        thigh, axes = float(np.linalg.norm(whole[0])), _make_axes(np.mean(whole, axis=0), right, level=True)
+        middle = (joints["r"]["hip"] + joints["l"]["hip"]) / 2.0
+        yield SACRUM, (pelvis, middle + thigh * axes @ np.array(_SACRUM), axes / (thigh * _SD["hip"]))
     for side, outwards in (("r", 1.0), ("l", -1.0)):
         own = joints[side]
         if not {"hip", "knee"} <= own.keys():

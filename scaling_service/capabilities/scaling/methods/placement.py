@@ -15,6 +15,7 @@ from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
 from scaling_service.model.compile import compile_model, list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.parameters import Tilt, fold, free_axis
+from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen, find_shown
@@ -101,7 +102,8 @@ def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, t
 
     Returns the model and the markers moved, none if the landmarks do not determine a pose.
     """
-    landmarks = [m.name for m in model.markers if find_canonical(m.name) not in _NO_PLACE]
+    places = find_landmarks_by_place(model)
+    landmarks = [m.name for m in model.markers if m.name in places or find_canonical(m.name) not in _NO_PLACE]
     tracking = {m.name: m.segment for m in model.markers if m.name not in landmarks and m.weight > 0.0}
     known = _list_seen(trial, landmarks)
     if len(known) < _FEWEST or not tracking:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -43,11 +44,17 @@ _MOST = 3.6
 density of 10 mm to an axis against an even one over the 9 dm3 of a thigh, its skin and what stands off it."""
 
 
-def find_landmarks_by_place(model: BodyModel) -> dict[str, str]:
-    """Markers whose names say nothing to the landmarks that they sit at, such as ``RLEP`` to ``RLFE``.
+_FARTHEST = 0.25
+"""Chosen, in lengths of the thigh: how far off its landmark's place a marker may lie that is called so. The
+farthest of nine models' is 0.11 off."""
 
-    Only landmarks that no name tells. Directions are those of the model's own joints, whatever its axes: up
-    along each bone, right from hip to hip. Empty for models without legs.
+
+def find_landmarks_by_place(model: BodyModel) -> dict[str, str | None]:
+    """Markers that sit at landmarks which their names do not say, such as ``RLEP`` to ``RLFE``.
+
+    Only landmarks that no name tells. None for a marker that is called like a landmark and lies elsewhere: it
+    is no landmark. Directions are those of the model's own joints, whatever its axes: up along each bone,
+    right from hip to hip, else across the foot. Empty for models without legs.
 
     Examples
     --------
@@ -58,62 +65,88 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str]:
     >>> find_landmarks_by_place(body.with_markers(tuple(other)))
     {'Q1': 'RLFE'}
     """
-    named = {find_canonical(m.name) for m in model.markers}
-    wanted = {name: where for name, where in _list_places(model) if name not in named}
-    at, found = pose_neutral_markers(model), {}
-    for segment in dict.fromkeys(segment for segment, _, _ in wanted.values()):
-        places = {name: (place, axes) for name, (own, place, axes) in wanted.items() if own == segment}
-        free = [
-            m.name
-            for m in model.markers
-            if m.segment == segment and m.weight > 0.0 and find_canonical(m.name) is None
-        ]
-        if not free:
+    places, at = _list_places(model), pose_neutral_markers(model)
+    named = {m.name: landmark for m in model.markers if (landmark := find_canonical(m.name)) is not None}
+    wrong = {
+        name
+        for name, landmark in named.items()
+        if landmark in places and np.linalg.norm(places[landmark].measure(at[name])) > _FARTHEST
+    }
+    known = {landmark for name, landmark in named.items() if name not in wrong}
+    found: dict[str, str | None] = dict.fromkeys(sorted(wrong))
+    for segment in dict.fromkeys(place.segment for place in places.values()):
+        wanted = [n for n, place in places.items() if place.segment == segment and n not in known]
+        own = [m.name for m in model.markers if m.segment == segment and m.weight > 0.0]
+        free = [name for name in own if name not in named or name in wrong]
+        if not free or not wanted:
             continue
-        off = np.array(
-            [[np.linalg.norm((at[name] - place) @ axes) for place, axes in places.values()] for name in free]
-        )
+        apart = np.array([[places[n].measure(at[name]) / places[n].sd for n in wanted] for name in free])
+        off = np.linalg.norm(apart, axis=2)
         for row, column in zip(*linear_sum_assignment(np.minimum(off, _MOST)), strict=True):
             if off[row, column] < _MOST:
-                found[free[row]] = list(places)[column]
-    both = {"RPSIS", "LPSIS"} <= named | set(found.values())
-    return {name: landmark for name, landmark in found.items() if not both or landmark != SACRUM}
+                found[free[row]] = wanted[column]
+    if {"RPSIS", "LPSIS"} <= known | set(found.values()):
+        return {name: landmark for name, landmark in found.items() if landmark != SACRUM}
+    return found
 
 
-def _list_places(model: BodyModel) -> Iterator[tuple[str, tuple[str, Array, Array]]]:
-    """Landmark to its segment, its place in the neutral pose, (3,) m, and axes in deviations, (3, 3), 1/m."""
-    joints = _find_joints(model)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Place:
+    """Where a model has a landmark in the neutral pose."""
+
+    segment: str
+    at: Array  # (3,), m, in ground
+    axes: Array  # (3, 3), forward, up and right as columns
+    thigh: float  # m
+    sd: Array  # (3,), along the axes, in lengths of the thigh
+
+    def measure(self, at: Array) -> Array:
+        """How far a point lies from it along its axes, (3,), in lengths of the thigh."""
+        return np.asarray((at - self.at) @ self.axes / self.thigh)
+
+
+def _list_places(model: BodyModel) -> dict[str, _Place]:
+    joints, found = _find_joints(model), {}
     pelvis = find_segment(model, "pelvis", "")
-    if pelvis is None or not any({"hip", "knee"} <= joints[side].keys() for side in "rl"):
-        return
-    if all("hip" in joints[side] for side in "rl"):
+    thighs = {s: own["hip"] - own["knee"] for s, own in joints.items() if {"hip", "knee"} <= own.keys()}
+    if pelvis is None or not thighs:
+        return {}
+    if len(thighs) == 2:
         right = joints["r"]["hip"] - joints["l"]["hip"]
     elif (by_foot := find_rightward(model)) is not None:
         right = by_foot
     else:
-        return
-    whole = [own["hip"] - own["knee"] for own in joints.values() if {"hip", "knee"} <= own.keys()]
-    if len(whole) == 2:
-        thigh, axes = float(np.linalg.norm(whole[0])), _make_axes(np.mean(whole, axis=0), right, level=True)
-        middle = (joints["r"]["hip"] + joints["l"]["hip"]) / 2.0
-        yield SACRUM, (pelvis, middle + thigh * axes @ np.array(_SACRUM), axes / (thigh * _SD["hip"]))
-    for side, outwards in (("r", 1.0), ("l", -1.0)):
-        own = joints[side]
-        if not {"hip", "knee"} <= own.keys():
-            continue
-        thigh = float(np.linalg.norm(own["hip"] - own["knee"]))
-        up = {"hip": np.mean(whole, axis=0), "knee": own["hip"] - own["knee"]}
+        return {}
+    level = _make_axes(np.mean([*thighs.values()], axis=0), right, level=True)
+    for side, along in thighs.items():
+        own, thigh = joints[side], float(np.linalg.norm(along))
+        axes = {"hip": level, "knee": _make_axes(along, right)}
         if "ankle" in own:
-            up["ankle"] = own["knee"] - own["ankle"]
+            axes["ankle"] = _make_axes(own["knee"] - own["ankle"], right)
+        outwards = np.array([1.0, 1.0, 1.0 if side == "r" else -1.0])
         for landmark, (role, joint, place) in _AT.items():
             segment = find_segment(model, role, "" if role == "pelvis" else side)
-            if joint in up and segment is not None:
-                axes = _make_axes(up[joint], right, level=joint == "hip")
-                where = own[joint] + thigh * axes @ (np.array(place) * (1.0, 1.0, outwards))
-                yield f"{side.upper()}{landmark}", (segment, where, axes / (thigh * _SD[joint]))
+            if joint in axes and segment is not None:
+                found[f"{side.upper()}{landmark}"] = _Place(
+                    segment=segment,
+                    at=own[joint] + thigh * axes[joint] @ (np.array(place) * outwards),
+                    axes=axes[joint],
+                    thigh=thigh,
+                    sd=_SD[joint],
+                )
+        if len(thighs) == 2:
+            middle = (joints["r"]["hip"] + joints["l"]["hip"]) / 2.0
+            found[SACRUM] = _Place(
+                segment=pelvis,
+                at=middle + thigh * level @ np.array(_SACRUM),
+                axes=level,
+                thigh=thigh,
+                sd=_SD["hip"],
+            )
+    return found
 
 
-def _make_axes(up: Array, right: Array, *, level: bool) -> Array:
+def _make_axes(up: Array, right: Array, *, level: bool = False) -> Array:
     """Forward, up and right as columns; what is ``level`` keeps right and turns up, else up is kept."""
     forward = np.cross(up, right)
     if level:

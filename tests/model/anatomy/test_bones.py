@@ -11,7 +11,7 @@ from scaling_service.capabilities.subject.loading import read_model
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.bones import BONES, assign_bones, find_body, find_bones_by_tree
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
-from scaling_service.model.body import GROUND, BodyModel
+from scaling_service.model.body import GROUND, BodyModel, Joint, Law
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import from_document, to_document
 
@@ -51,6 +51,44 @@ def test_joints_tell_the_bones_that_names_tell(shared_data, file: str) -> None:
             measure_segment_lengths(model)[name], abs=1e-12
         )
     assert from_document(to_document(reported)) == reported
+
+
+def bare(model: BodyModel, keep: frozenset[str]) -> BodyModel:
+    """Some of a model's segments, hanging on the first of them."""
+    kept = tuple(s for s in model.segments if s.name in keep)
+    first = replace(kept[0], parent=GROUND)
+    markers = tuple(m for m in model.markers if m.segment in keep)
+    return replace(model, segments=(first, *kept[1:]), markers=markers)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_sides_are_told_by_the_feet_whatever_the_axes(axis: tuple[float, float, float]) -> None:
+    model = load_builtin("full_body_35dof")
+    root = model.segments[0]
+    turn = Joint("rotation", axis, Law.constant(2.0))
+    turned = replace(model, segments=(replace(root, joints=(turn, *root.joints)), *model.segments[1:]))
+    blank, new = without_names(turned)
+    assert find_bones_by_tree(blank) == {
+        bone: new[name] for bone in BONES if (name := find_body(model, bone)) is not None
+    }
+
+
+def test_arms_are_no_legs() -> None:
+    model = load_builtin("full_body_35dof")
+    arms = frozenset(s.name for s in model.segments if find_body(model, s.name) is None) - {"pelvis"}
+    assert any(name.startswith("humerus") for name in arms)
+    upper = bare(model, arms)
+    assert find_bones_by_tree(upper) == {}
+    assert assign_bones(upper, {}) == (upper, ())
+
+
+def test_one_leg_is_told_by_its_foot() -> None:
+    model = load_builtin("lower_limb_feet_18dof")
+    own = frozenset(n for n in model.segment_names if not n.endswith("_r"))
+    blank, new = without_names(bare(model, own))
+    assert find_bones_by_tree(blank) == {
+        bone: new[name] for bone in BONES if (name := find_body(model, bone)) is not None and name in own
+    }
 
 
 def test_a_model_whose_names_say_everything_is_left_alone() -> None:

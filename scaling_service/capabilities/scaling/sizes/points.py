@@ -32,7 +32,10 @@ UNKNOWN_SIZES = BodySizes()
 """Nothing but markers."""
 
 _NOTHING: Points = MappingProxyType({})
-NO_PLACES: Mapping[str, str] = MappingProxyType({})
+Places = Mapping[str, str | None]
+"""Markers to the landmarks that they are by where the model has them; None: not what their name says."""
+
+NO_PLACES: Places = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -83,11 +86,11 @@ def find_person_points(
     sizes: BodySizes = UNKNOWN_SIZES,
     joints: FunctionalJoints | None = None,
     scale: float = 1.0,
-    places: Mapping[str, str] = NO_PLACES,
+    places: Places = NO_PLACES,
 ) -> PersonPoints:
     """Landmarks of a recording by canonical name, with the joint centres.
 
-    ``places``: labels to the landmarks that they are by where the model has them.
+    ``places``: labels to landmarks, where names do not tell them.
     ``standing``: only a standing trial gives the leg length that the fuller regressions use, where it was not
         measured.
     ``regression``: gives the hip centres that ``joints`` does not.
@@ -109,11 +112,12 @@ def find_person_points(
     )
 
 
-def read_landmarks(trial: Trial, places: Mapping[str, str] = NO_PLACES) -> dict[str, Array]:
+def read_landmarks(trial: Trial, places: Places = NO_PLACES) -> dict[str, Array]:
     """A recording's landmarks by canonical name; other labels by their own, in capitals, no prefix."""
     points: dict[str, Array] = {}
     for label in trial.labels:
-        points.setdefault(places.get(label) or _name(label), trial.position(label))
+        if (name := places.get(label, _name(label))) is not None:
+            points.setdefault(name, trial.position(label))
     return points
 
 
@@ -162,14 +166,14 @@ def measure_standing_legs(points: Points) -> dict[str, float]:
     return found
 
 
-def find_model_points(model: BodyModel, places: Mapping[str, str] = NO_PLACES) -> Points:
+def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
     """The same points on the model in its neutral pose, one frame."""
     points: dict[str, Array] = {}
     frames = pose_neutral_frames(model)
     for marker in model.markers:
         rotation, origin = frames[marker.segment]
-        name = places.get(marker.name) or _name(marker.name)
-        points.setdefault(name, (origin + rotation @ np.array(marker.nominal))[None])
+        if (name := places.get(marker.name, _name(marker.name))) is not None:
+            points.setdefault(name, (origin + rotation @ np.array(marker.nominal))[None])
     if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
     own = find_joint_centres(model)

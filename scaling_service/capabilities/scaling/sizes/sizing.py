@@ -21,6 +21,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import open_axes
 from scaling_service.capabilities.scaling.sizes.points import (
     NO_PLACES,
     PersonPoints,
+    Places,
     find_doubtful_joints,
     find_model_points,
     find_person_points,
@@ -34,6 +35,7 @@ from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
@@ -254,9 +256,11 @@ def size_segments(
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_write_notes(model, ratios, sizes, subject)]
-    if places:
-        told = list_few([f"{name} = {landmark}" for name, landmark in places.items()])
-        notes.append(f"MB: landmarks by where the model has its markers: {told}")
+    if placed := [f"{name} = {landmark}" for name, landmark in places.items() if landmark is not None]:
+        notes.append(f"MB: landmarks by where the model has its markers: {list_few(placed)}")
+    if misnamed := [name for name in places if find_canonical(name) not in (None, places[name])]:
+        elsewhere = "MB: named like landmarks that lie elsewhere on the model, not taken for them"
+        notes.append(f"{elsewhere}: {list_few(misnamed)}")
     if settings.scaling == "per-axis":
         factors, more = open_axes(factors, [person.points for person in people], ours)
         notes.extend(more)
@@ -317,9 +321,7 @@ def _measure_distance(one: Array, other: Array) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def estimate_body_sizes(
-    session: Session, prior: DimensionPrior, places: Mapping[str, str] = NO_PLACES
-) -> BodySizes:
+def estimate_body_sizes(session: Session, prior: DimensionPrior, places: Places = NO_PLACES) -> BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
     widths: dict[str, tuple[Size, float]] = {}

@@ -271,7 +271,7 @@ def _tie(
             said.append(
                 f"{axis.name} follows {name} by a quartic, off its law by up to {1e3 * off:.3g} {unit}"
             )
-    most = " and ".join(f"{off:.1g} {unit}" for unit, off in sorted(worst.items()))
+    most = " and ".join(f"{off:.3g} {unit}" for unit, off in sorted(worst.items()))
     in_all = (
         f"{len(said)} of these axes follow by a quartic, off their laws by up to {most}; the file lists each"
     )

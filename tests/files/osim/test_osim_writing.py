@@ -10,7 +10,7 @@ import pytest
 from scaling_service.capabilities.scaling.methods.osim_image_based import Registration, find_axis_in_parent
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.models import read_osim, write_osim
-from scaling_service.model.body import BodyModel, Joint, Law, Marker
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, Shape, Term
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.model.poses import list_model_values
@@ -234,3 +234,23 @@ def test_built_in_models(agrees, tmp_path, name):
         finite = replace(ours, lower=max(ours.lower, -10.0), upper=min(ours.upper, 10.0))
         assert theirs == finite  # OpenSim has no open ranges; unclamped ones do not bind
     assert [s.mass for s in written.segments] == [s.mass for s in model.segments]
+
+
+def test_functions_keep_all_their_digits(agrees, tmp_path):
+    """OpenSim writes their points with six: a knee that bends by a curve would be 2 um off at the foot."""
+    x = (-0.34906585, 0.523598776, 2.44346095)
+    start, slopes = 0.28939512, (-0.91234567, -1.03456789)
+    bend = Shape(x, ((slopes[0], start), (slopes[1], start + slopes[0] * (x[1] - x[0]))))
+    knee = (
+        Joint("translation", Y, Law.constant(-0.4)),
+        Joint("rotation", X, Law((Term(1.0, coordinate="knee", shape=bend),))),
+    )
+    shank = Segment(name="shank", parent="ground", joint_name="knee", joints=knee, mass=3.0)
+    model = BodyModel(
+        name="leg",
+        segments=(shank,),
+        coordinates=(Coordinate(name="knee", lower=-0.3, upper=2.4),),
+        markers=(Marker.at("toe", "shank", (0.2, -0.5, 0.0)),),
+    )
+    write_osim(tmp_path / "curved.osim", model)
+    agrees(tmp_path / "curved.osim", model)

@@ -271,8 +271,8 @@ class Expectation:
 class ParameterPosterior:
     """How well the numbers of a model are known: what would be freed, deviations and correlations.
 
-    ``names``: as :func:`scaling_service.model.parameters.free_named` frees them, sizes as shares of what
-    they are. ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal. ``skin``:
+    ``names``: of parameters, as ``model.parameters`` calls those it frees, sizes as shares of what they are.
+    ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal. ``skin``:
     how much more than ordinary people's this person's skin moves.
     """
 

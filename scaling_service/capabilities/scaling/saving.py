@@ -134,8 +134,8 @@ def save(
 
 
 _NUMBERS_ONLY = (
-    "what markers do not show is nan in motions; for OpenSim's tools, which read numbers only, files that end "
-    f"in {HELD} hold it at its neutral value"
+    "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
+    f"{HELD} hold it at its neutral value for them"
 )
 _HELD = (
     "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "

@@ -271,7 +271,7 @@ class Expectation:
 class ParameterPosterior:
     """How well the numbers of a model are known: what would be freed, deviations and correlations.
 
-    ``names``: of parameters, as ``model.parameters`` calls those it frees, sizes as shares of what they are.
+    ``names``: as ``model/freed.py`` has them, sizes as shares of what they are.
     ``sds``: in the parameters' units. ``correlations``: row by row below the diagonal. ``skin``:
     how much more than ordinary people's this person's skin moves.
     """
@@ -357,16 +357,6 @@ class BodyModel:
     def coordinate(self, name: str) -> Coordinate:
         """The coordinate of that name (KeyError if none)."""
         return _find_named(self.coordinates, name)
-
-    def with_held_markers(self) -> BodyModel:
-        """The same with markers that move on their segments where they are in the neutral pose."""
-        held = (
-            m
-            if all(law.is_constant for law in m.laws)
-            else replace(m, laws=Marker.at("", "", m.nominal).laws)
-            for m in self.markers
-        )
-        return replace(self, markers=tuple(held))
 
     def bone_of(self, segment: str) -> str:
         """The bone that a segment stands for: what the model says of it, else its own name."""

@@ -7,7 +7,7 @@ frames; :func:`fold` turns the parameters back into plain numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -29,11 +29,8 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-_LETTERS = "xyz"
-UNBOUNDED = 10.0
-"""Bound of a number that a prior holds: as good as none, m or a share."""
-
-_UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
+LETTERS = "xyz"
+UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
 
 
 def free_scale(
@@ -49,7 +46,7 @@ def free_scale(
     def resize(item: Joint) -> tuple[Joint, ...]:
         return (replace(item, law=_multiply_law(item.law, share)),)
 
-    return _resize_segment(model, segment, resize, dict.fromkeys(_LETTERS, share), relative_bound, prior_sd)
+    return _resize_segment(model, segment, resize, dict.fromkeys(LETTERS, share), relative_bound, prior_sd)
 
 
 def free_scale_axes(
@@ -64,12 +61,12 @@ def free_scale_axes(
     """
     names = {letter: f"scale.{segment}.{letter}" for letter in axes}
     mean = {name: 1.0 / len(names) for name in names.values()}
-    shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in _LETTERS}
+    shares = {letter: {names[letter]: 1.0} if letter in names else mean for letter in LETTERS}
 
     def resize(item: Joint) -> tuple[Joint, ...]:
         return tuple(
             replace(item, axis=item.axis if item.size_axis else unit, law=_multiply_law(law, shares[letter]))
-            for letter, unit, part in zip(_LETTERS, _UNITS, item.size_axis or item.axis, strict=True)
+            for letter, unit, part in zip(LETTERS, UNITS, item.size_axis or item.axis, strict=True)
             if part
             for law in (item.law if item.size_axis else item.law.scale(part),)
         )
@@ -92,7 +89,7 @@ def _resize_segment(
             return item
         x, y, z = (
             _multiply_law(law, shares[letter], constant_only=True)
-            for letter, law in zip(_LETTERS, item.laws, strict=True)
+            for letter, law in zip(LETTERS, item.laws, strict=True)
         )
         return replace(item, laws=(x, y, z))
 
@@ -191,7 +188,7 @@ def free_marker(
             return item
         x, y, z = (
             law + Law((Term(1.0, parameter=chosen[letter]),)) if letter in chosen else law
-            for letter, law in zip(_LETTERS, item.laws, strict=True)
+            for letter, law in zip(LETTERS, item.laws, strict=True)
         )
         return replace(item, laws=(x, y, z))
 
@@ -209,50 +206,6 @@ def free_marker(
         for parameter in chosen.values()
     )
     return _with(_map_model(model, lambda joint: joint, marker), *added)
-
-
-def free_centre(model: BodyModel, segment: str, joint: str) -> BodyModel:
-    """Free a segment's joint centre in its parent: ``centre.<joint>.x`` and so on, m, without bounds."""
-    names = [f"centre.{joint}.{letter}" for letter in _LETTERS]
-    shifts = tuple(
-        Joint("translation", unit, Law((Term(1.0, parameter=name),)))
-        for unit, name in zip(_UNITS, names, strict=True)
-    )
-    segments = tuple(
-        replace(s, joints=(*shifts, *s.joints)) if s.name == segment else s for s in model.segments
-    )
-    return _with_numbers(replace(model, segments=segments), names, "centre", joint)
-
-
-def free_skin(model: BodyModel, name: str, drivers: Iterable[str]) -> BodyModel:
-    """Let a marker slide with coordinates: ``skin.<marker>.<axis>.<coordinate>``, m per rad."""
-    drivers = tuple(drivers)
-
-    def slide(law: Law, letter: str) -> Law:
-        return law + Law(
-            tuple(Term(1.0, parameter=f"skin.{name}.{letter}.{d}", coordinate=d) for d in drivers)
-        )
-
-    def change(marker: Marker) -> Marker:
-        if marker.name != name:
-            return marker
-        x, y, z = (slide(law, letter) for law, letter in zip(marker.laws, _LETTERS, strict=True))
-        return replace(marker, laws=(x, y, z))
-
-    names = [f"skin.{name}.{letter}.{driver}" for letter in _LETTERS for driver in drivers]
-    return _with_numbers(model.with_markers(tuple(map(change, model.markers))), names, "skin", name)
-
-
-def _with_numbers(
-    model: BodyModel, names: Sequence[str], group: Literal["centre", "skin"], target: str
-) -> BodyModel:
-    added = (
-        Parameter(
-            name=name, value=0.0, unit="m", lower=-UNBOUNDED, upper=UNBOUNDED, group=group, target=target
-        )
-        for name in names
-    )
-    return replace(model, parameters=(*model.parameters, *added))
 
 
 def fold(model: BodyModel, values: Mapping[str, float] | None = None) -> BodyModel:

@@ -39,19 +39,21 @@ MODEL = BodyModel(
 )
 
 
-def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> None:
-    q = np.array([[0.5, 0.3], [1.5, 0.4], [np.nan, 0.5]])
-    times = np.arange(3) / 100.0
-    motion = Motion(
+def follow_squat(q: np.ndarray, estimated: tuple[str, ...]) -> Motion:
+    return Motion(
         trial="squat",
-        times=times,
+        times=np.arange(len(q)) / 100.0,
         coordinates=("knee", "lift"),
         q=q,
         markers=(),
-        residuals=np.zeros((3, 0, 3)),
-        estimated=("knee", "lift"),
+        residuals=np.zeros((len(q), 0, 3)),
+        estimated=estimated,
     )
-    write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
+
+
+def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> None:
+    q = np.array([[0.5, 0.3], [1.5, 0.4], [np.nan, 0.5]])
+    write_motion(tmp_path / "squat_ik.mot", follow_squat(q, ("knee", "lift")), MODEL)
     table = read_sto(tmp_path / "squat_ik.mot")
     assert table.columns == ("time", "knee", "lift", "knee_glide", "patella", "crank")
     assert table.in_degrees is True
@@ -67,17 +69,8 @@ def test_dependent_coordinates_are_written_in_their_own_unit(tmp_path: Path) -> 
 
 
 def test_opensims_tools_read_what_is_never_shown_at_its_neutral_value(tmp_path: Path) -> None:
-    q, times = np.array([[0.5, 0.3], [1.5, 0.4]]), np.arange(2) / 100.0
-    motion = Motion(
-        trial="squat",
-        times=times,
-        coordinates=("knee", "lift"),
-        q=q,
-        markers=(),
-        residuals=np.zeros((2, 0, 3)),
-        estimated=("knee",),
-    )
-    write_motion(tmp_path / "squat_ik.mot", motion, MODEL)
+    q = np.array([[0.5, 0.3], [1.5, 0.4]])
+    write_motion(tmp_path / "squat_ik.mot", follow_squat(q, ("knee",)), MODEL)
     assert np.isnan(read_sto(tmp_path / "squat_ik.mot").column("lift")).all()
     held = read_sto(tmp_path / "squat_ik_opensim.mot")
     np.testing.assert_allclose(held.column("lift"), MODEL.coordinate("lift").default)

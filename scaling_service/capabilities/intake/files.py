@@ -312,3 +312,11 @@ _READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
     | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
 )
 """Suffix to what tells more."""
+
+
+def merge_known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document; while it names no recordings, with what a subject file among the files says."""
+    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
+    if file is None or document.get("trials"):
+        return dict(document)
+    return {**file, **document, "subject": {**file["subject"], **document["subject"]}}

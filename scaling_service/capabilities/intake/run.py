@@ -31,6 +31,7 @@ from scaling_service.capabilities.intake.files import (
     make_axes_entry,
     make_problem,
     map_files,
+    merge_known,
 )
 from scaling_service.capabilities.intake.markers import (
     SURE,
@@ -230,7 +231,7 @@ class _Look:
         self, folder: Path, document: Mapping[str, Any], found: Sequence[InputFile], settings: Settings
     ) -> None:
         self.folder, self.found, self.settings = folder, found, settings
-        self.known = _read_known(found, document)
+        self.known = merge_known(found, document)
         self.roles = assign_roles(found, self.known)
         self.static = choose_static(self.roles)
         self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
@@ -393,11 +394,3 @@ class _Look:
             why = "somebody stands still in it, too, but one static trial is enough"
         why = "the document names it" if named else why
         return FileRole(name=item.name, kind=item.kind, role=role, named=named, why=why, problem=item.problem)
-
-
-def _read_known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
-    """The document; while it names no recordings, with what a subject file among the files says."""
-    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
-    if file is None or document.get("trials"):
-        return dict(document)
-    return {**file, **document, "subject": {**file["subject"], **document["subject"]}}

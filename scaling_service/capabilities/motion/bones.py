@@ -1,8 +1,8 @@
 """Where the bones are, from markers, from how skin moves over them and from what is known of their joints.
 
 Plain inverse kinematics takes every marker's error for its own. Here markers of a segment err together
-(:mod:`.skin`), and a model may hold expectations of its coordinates; the pose is the most probable one given
-all three (Gaussian, so generalised least squares in every frame).
+(:mod:`.uncertainty`), and a model may hold expectations of its coordinates; the pose is the most probable one
+given all three (Gaussian, so generalised least squares in every frame).
 """
 
 from __future__ import annotations

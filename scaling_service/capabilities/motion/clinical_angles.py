@@ -18,7 +18,7 @@ from scaling_service.model.anatomy.frames import (
 )
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
 from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.body import BodyModel, Marker, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.poses import evaluate_marker, list_model_values, place_markers, pose_neutral_frames
 from scaling_service.model.results import Array, Motion
@@ -126,8 +126,7 @@ def _is_landmark(label: str, landmark: str) -> bool:
 
 def _to_local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
     rotation, origin = frame
-    x, y, z = (float(v) for v in rotation.T @ (point - origin))
-    return x, y, z
+    return to_vector(rotation.T @ (point - origin))
 
 
 def _place_beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
@@ -358,8 +357,7 @@ def _find_axis_faced(rotation: Array | None) -> float:
     known = np.zeros(0) if rotation is None else rotation[np.isfinite(rotation)]
     if not len(known):
         return 0.0
-    mean = np.arctan2(np.sin(known).mean(), np.cos(known).mean())
-    return float(np.round(mean / (np.pi / 2.0)) * (np.pi / 2.0))
+    return float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
 
 
 def _drop_locked(angles: Mapping[str, Array]) -> dict[str, Array]:

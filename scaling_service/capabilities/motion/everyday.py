@@ -6,23 +6,14 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, Mask, find_lost
-from scaling_service.model.anatomy.lengths import find_segment
 from scaling_service.model.body import BodyModel, ParameterPosterior
-from scaling_service.model.parameters import (
-    UNBOUNDED,
-    free_axis,
-    free_centre,
-    free_marker,
-    free_scale,
-    free_scale_axes,
-    free_skin,
-)
+from scaling_service.model.freed import free_named
 from scaling_service.model.people import People, read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import (
@@ -52,9 +43,9 @@ def pose_problem(
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
         loose = people.skin(freed.bone_of(segment)).times(people.loose_share)
-        groups.append(
-            ErrorGroup(rows, loose.covariance(places[rows]) + people.noise**2 * np.eye(3 * len(rows)))
-        )
+        instrument = people.noise**2
+        covariance = loose.covariance(places[rows]) + instrument * np.eye(3 * len(rows))
+        groups.append(ErrorGroup(rows, covariance, instrument))
     coordinates = np.flatnonzero(task.free)
     ranges = task.ranges
     held = ranges.weight[:, coordinates] > 0.0
@@ -70,46 +61,6 @@ def pose_problem(
         held=(value, precision) if held.any() else None,
     )
     return problem, task
-
-
-def free_named(model: BodyModel, names: Sequence[str]) -> BodyModel:
-    """Free numbers by the names of their parameters: ``scale.femur_r``, ``marker.RLFE.x`` and so on.
-
-    Sizes start at one, all others at zero, without bounds; parameters come in the order of ``names``. What
-    the model does not have is left out.
-    """
-    freed, known = model, {m.name for m in model.markers}
-    joints = {s.joint_name for s in model.segments}
-    drivers: dict[str, list[str]] = {}
-    for name in names:
-        if name.startswith("skin."):
-            target, _, driver = name.removeprefix("skin.").partition(".x.")
-            if driver:
-                drivers.setdefault(target, []).append(driver)
-    done: set[str] = set()
-    for name in names:
-        kind, _, rest = name.partition(".")
-        whole = rest if kind == "scale" and rest in model.segment_names else rest.rpartition(".")[0]
-        if kind == "skin":
-            whole = next((marker for marker in drivers if rest.startswith(f"{marker}.")), "")
-        if f"{kind}.{whole}" in done:
-            continue
-        done.add(f"{kind}.{whole}")
-        if kind == "scale" and whole in model.segment_names:
-            freed = (
-                free_scale(freed, whole, UNBOUNDED)
-                if whole == rest
-                else free_scale_axes(freed, whole, "xz", UNBOUNDED)
-            )
-        elif kind == "axis" and whole in joints:
-            freed = free_axis(freed, whole, UNBOUNDED, UNBOUNDED)
-        elif kind == "centre" and (segment := find_segment(model, "femur", whole[-1])) is not None:
-            freed = free_centre(freed, segment, whole)
-        elif kind == "marker" and whole in known:
-            freed = free_marker(freed, whole, "xyz", UNBOUNDED)
-        elif kind == "skin" and whole in known:
-            freed = free_skin(freed, whole, [d for d in drivers[whole] if d in model.coordinate_names])
-    return freed
 
 
 def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> Array:

@@ -12,14 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.interpolate import CubicSpline
 
-from scaling_service.capabilities.motion.branches import cross_stretches, find_rotations, join_branches
+from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.doubts import (
-    CAMERA_M,
-    FASTEST,
-    SPEED,
     Solve,
     find_far,
     find_held,
@@ -29,47 +25,34 @@ from scaling_service.capabilities.motion.doubts import (
 from scaling_service.capabilities.motion.everyday import follow_everyday
 from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
+from scaling_service.capabilities.motion.solving import solve_from
+from scaling_service.capabilities.motion.steady import COARSE_S, hold_steady
 from scaling_service.capabilities.motion.task import Task, guess_start
-from scaling_service.capabilities.motion.uncertainty import compute_marker_rates, find_determined
+from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss, Problem, find_seen
+from scaling_service.numerics.least_squares.problem import SQUARED, Loss
 from scaling_service.numerics.multibody.closure import CLOSED
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
-    DEFAULT,
     MotionSolution,
     SweepSettings,
-    solve_motion,
 )
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
-from scaling_service.numerics.signals.filters import find_runs
 
-_COARSE_S = (
-    0.08  # chosen: human joints turn by less than 20 deg in this time in walking (knee, 400 deg/s: 32)
-)
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
 _ROUGH = SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
 _FINE = SweepSettings(close=True)
 _PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
 _RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
-_SHARES = (100.0, 10.0, *15 * (1.0,))  # chosen: of the pull to the neighbours, first strong, then as it is
-_DEARER = 1.25  # chosen: times its cost that a frame held steady may have; noise asks for a tenth of that
-_SURE = 5.0  # chosen: SDs of a camera's noise, along what it turns at will, that are no disagreement
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
-_STEADY = SweepSettings(max_steps=2, close=True)
-_LOOK = SweepSettings(max_steps=1)  # what a pose costs, but for one step
-_WHOLE_TURN = 2.0 * np.pi  # rad: nothing is less sure than that
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
 _GOOD = 25  # per cent of the frames, taken in order of their cost, whose worst is still a good frame
 _BETTER = 0.5  # chosen: a neighbour is worth starting from where it costs at most this share
-_OPEN = 1e-2  # m or rad; chosen: from so near a loop closes without a detour
-_LOOSE = Settings(relative_decrease=1e-3)
 _TINY = 1e-12  # m2: noise-free frames differ by more than any factor
 
 
@@ -195,119 +178,12 @@ def _find_limit(cost: Array) -> float:
     return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
 
 
-def hold_steady(task: Task, times: Array, found: MotionSolution) -> MotionSolution:
-    """What the markers hardly tell, held steady where a joint turns faster than people's joints do.
-
-    Where the first and the third of three rotations stand nearly in one line, or an arm is nearly straight,
-    a camera's noise turns coordinates against each other at will. Around such frames the motion is the most
-    likely one if angular velocities are normal, of standard deviation ``SPEED``, and markers are as good as
-    cameras: each frame is pulled to the mean of its neighbours, until it hardly moves. It stays as it was
-    where that is not likelier.
-    """
-    if not task.is_swept or len(times) < 3:
-        return found
-    jumps = np.asarray(find_jumps(task, times, found.q).any(axis=1))
-    step = float(np.median(np.diff(times)))
-    rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
-    if len(rows):
-        loose[rows] = _find_loose(task, rows, found.q[rows], FASTEST * step / 3.0)
-    if not loose.any():
-        return found
-    around = np.ones(2 * max(1, round(_COARSE_S / step)) + 1, dtype=bool)
-    near = ndimage.binary_propagation(loose, mask=ndimage.binary_dilation(jumps, around))
-    near[[0, -1]] = False
-    found = replace(found, q=cross_stretches(task.tree, found.q, find_runs(near), task.bounds))
-    moving = task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree))
-    weight = np.where(moving, (CAMERA_M / (SPEED * step)) ** 2, 0.0)
-    for doubted in (near, jumps):  # a start across the whole stretch, else across its jumps alone
-        rows, kept = np.flatnonzero(near), np.flatnonzero(~(doubted & near))
-        if not len(rows):
-            break
-        q = found.q.copy()
-        q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
-        for share in _SHARES:
-            # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
-            middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
-            q[rows] = solve_from(
-                task, rows, q[rows], settings=_STEADY, prior=(middle, 4.0 * share * weight)
-            ).q
-        cost = found.cost.copy()
-        cost[rows] = solve_from(task, rows, q[rows], settings=_LOOK).cost
-        likelier = near & _find_likelier(near, (found.cost, found.q), (cost, q), weight)
-        better = np.where(likelier[:, None], q, found.q)
-        found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
-        near &= ~likelier
-    return found
-
-
-def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> NDArray[np.bool_]:
-    """Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames."""
-    turning = np.flatnonzero(task.free & np.isin(np.arange(len(task.free)), find_rotations(task.tree)))
-    heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
-    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
-    ridge = (CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
-    variance = CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
-    own = np.isin(np.flatnonzero(task.free), turning)
-    return np.asarray((variance[:, own] > limit**2).any(axis=1))
-
-
-def _find_likelier(
-    near: NDArray[np.bool_], before: tuple[Array, Array], after: tuple[Array, Array], weight: Array
-) -> NDArray[np.bool_]:
-    """The frames of stretches in which cost and steps (each a pair of cost and coordinates) fall together.
-
-    No frame of such a stretch may be much farther from its markers than it was.
-    """
-    runs = ndimage.label(ndimage.binary_dilation(near, [True, True, False]))[0]  # with the step into them
-    whole, whole_after = (
-        np.bincount(runs, cost + np.append(np.square(np.diff(q, axis=0)) @ weight, 0.0))
-        for cost, q in (before, after)
-    )
-    dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * CAMERA_M) ** 2) > 0
-    return np.asarray(((whole_after < whole) & ~dear)[runs])
-
-
-def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
-    """Coordinates in some rows, linear in time between those that are kept."""
-    return np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1)
-
-
 def _choose_stride(times: Array) -> int:
     if len(times) < _SHORT:
         return 1
     step = float(np.median(np.diff(times)))
     regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
-    return max(1, round(_COARSE_S / step)) if regular else 1
-
-
-def solve_from(
-    task: Task,
-    rows: slice | NDArray[np.intp],
-    start: Array,
-    progress: Callable[[int], None] | None = None,
-    settings: SweepSettings = DEFAULT,
-    prior: tuple[Array, Array] | None = None,
-) -> MotionSolution:
-    """Some frames of a task from a start (n, n_coordinates), each to the minimum nearest to it.
-
-    ``prior``: values and weights of the coordinates beside the markers, in place of the joints' ranges.
-    """
-    prior = task.ranges.in_frames(rows).prior if prior is None else prior
-    if task.is_swept:
-        return solve_motion(
-            task.tree,
-            task.measured[rows],
-            task.weights,
-            start,
-            task.p,
-            free=task.free,
-            bounds=task.bounds,
-            prior=prior,
-            settings=settings,
-            progress=progress,
-        )
-    return _solve_densely(task, rows, start, prior)
+    return max(1, round(COARSE_S / step)) if regular else 1
 
 
 def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -315,46 +191,6 @@ def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
     kept = np.ones(len(converged), dtype=bool)
     kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
     return kept
-
-
-def _solve_densely(
-    task: Task, rows: slice | NDArray[np.intp], start: Array, prior: tuple[Array, Array] | None
-) -> MotionSolution:
-    """By the general estimator: coordinates that enter several links, closed loops, and robust losses.
-
-    Where a loop is open at the start, it first counts as one more marker: to close it at once would forget
-    the markers.
-    """
-    none, nothing = np.zeros(0), np.zeros(0, dtype=np.intp)
-    measured = task.measured[rows]
-    problem = Problem(
-        tree=task.tree,
-        measured=measured,
-        weights=task.weights,
-        coordinates=np.flatnonzero(task.free),
-        parameters=nothing,
-        scale=none,
-        lower=none,
-        upper=none,
-        prior_weight=none,
-        coordinate_bounds=task.bounds,
-        loss=task.loss,
-        coordinate_prior=prior
-        and (
-            np.broadcast_to(prior[0], start.shape),
-            np.broadcast_to(prior[1], start.shape),
-        ),
-        closure=task.closure,
-    )
-    if task.closure is not None and np.abs(task.closure.evaluate(start, task.p)).max(initial=0.0) > _OPEN:
-        start = solve_motion_alone(replace(problem, closed=False), start, task.p, _LOOSE).q
-    found = solve_motion_alone(problem, start, task.p, Settings(relative_decrease=1e-7))
-    gap = measured - np.moveaxis(
-        place_tree_markers(task.tree, pose_links(task.tree, np.ascontiguousarray(found.q.T), task.p)), -1, 0
-    )
-    cost = np.nansum(task.weights[:, None] * gap**2, axis=(1, 2))
-    steps = np.full(len(measured), found.steps)
-    return MotionSolution(found.q, cost, steps, np.ones(len(measured), dtype=bool))
 
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:

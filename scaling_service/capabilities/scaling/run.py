@@ -38,6 +38,7 @@ from scaling_service.files.osim.models import render_osim
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
+from scaling_service.model.freed import hold_markers
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
@@ -229,7 +230,7 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
     Markers that skin moves with joints stand there where they are in the neutral pose.
     """
     subject, setup = session.subject, session.scale_setup
-    model = calibration.model.with_held_markers()
+    model = hold_markers(calibration.model)
     if not subject.model.lower().endswith(".osim"):
         return render_osim(model)
     return render_osim(

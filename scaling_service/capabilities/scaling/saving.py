@@ -62,6 +62,14 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
+_NUMBERS_ONLY = (
+    "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
+    f"{HELD} hold it at its neutral value for them"
+)
+_HELD = (
+    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
+    "how well each number is known, is in model.json"
+)
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
 
@@ -131,16 +139,6 @@ def save(
             page = report_page(results, document, evidence, verdict)
             (scratch / REPORT).write_text(page.html(), encoding="utf-8")
     return document
-
-
-_NUMBERS_ONLY = (
-    "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
-    f"{HELD} hold it at its neutral value for them"
-)
-_HELD = (
-    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
-    "how well each number is known, is in model.json"
-)
 
 
 def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodResult:

@@ -48,6 +48,11 @@ from scaling_service.recording.repeated import choose_repeated
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
+_TURNED = (
+    "the model stands along its {axis} axis, and motions are written with y up: lengths are its own, but in "
+    "other programs these motions lie down; `scaling-service ik` on the written model follows in its own axes"
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Loaded:
@@ -122,6 +127,7 @@ def load(
         vertical=vertical,
     )
     axes = stand_along(axes, vertical) if standing else axes
+    of_vertical = () if standing or vertical == 1 else (_TURNED.format(axis="xyz"[vertical]),)
     clusters = labels.sort_by_segment(model, subject)
     ready: dict[Path, Trial] = {}
     for path, (trial, _) in named.items():
@@ -142,6 +148,7 @@ def load(
         scale_setup=setup,
         warnings=(
             *model.notes,
+            *of_vertical,
             *of_sizes,
             *of_tracking,
             *of_freedoms,

@@ -13,9 +13,10 @@ import numpy as np
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
 from scaling_service.files.osim.constraints import list_ends
+from scaling_service.files.osim.digits import restore_digits
 from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
 from scaling_service.files.osim.functions import make_function
-from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, merge_shapes, plan_joints
+from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
     list_items,
@@ -25,7 +26,6 @@ from scaling_service.files.osim.library import (
     shorten_message,
 )
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
-from scaling_service.model.compile import evaluate_shape
 from scaling_service.model.parameters import tilt_rotation
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
@@ -52,7 +52,7 @@ def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
     try:
         osim.finalizeConnections()
         osim.printToXML(_WRITTEN)
-        written.write_text(_restore_digits(written.read_text(encoding="utf-8"), model), encoding="utf-8")
+        written.write_text(restore_digits(written.read_text(encoding="utf-8"), model), encoding="utf-8")
     except RuntimeError as error:
         raise ModelRefused(
             f"OpenSim cannot write the model ({shorten_message(error)})", remedy="Check the model in OpenSim"
@@ -64,34 +64,6 @@ def _write_and_check(osim: Any, model: BodyModel) -> BodyModel:
             f"OpenSim does not read back what it wrote: {error.problem}",
             remedy="Check names, masses and inertias of the model",
         ) from error
-
-
-_POINTS = re.compile(r"<x>([^<]*)</x>(\s*)<y>([^<]*)</y>")
-
-
-def _restore_digits(text: str, model: BodyModel) -> str:
-    """A file with the points of its splines as the model has them: OpenSim writes them with six digits.
-
-    A turn of 2.4 rad is then off by 5e-6 rad, and a foot by 2 um.
-    """
-    known: dict[tuple[str, ...], Array] = {}
-    for law in (*(j.law for _, j in model.joints()), *(c.law for c in model.couplers)):
-        shapes = [term.shape for term in law.terms if term.shape is not None]
-        if shapes and len(law.coordinates) == 1:
-            shapes.append(merge_shapes(law))
-        for shape in shapes:
-            x = np.array(shape.breaks)
-            points = np.array([x, evaluate_shape(shape, x)])
-            known.setdefault(tuple(f"{value:g}" for value in points.ravel() + 0.0), points)
-
-    def restore(found: re.Match[str]) -> str:
-        written = tuple(f"{float(value) + 0.0:g}" for value in f"{found[1]} {found[3]}".split())
-        if written not in known:
-            return found[0]
-        x, y = (" ".join(map(repr, row)) for row in known[written].tolist())
-        return f"<x>{x}</x>{found[2]}<y>{y}</y>"
-
-    return _POINTS.sub(restore, text)
 
 
 def _amend_model(model: BodyModel, request: Mapping[str, Any]) -> Any:

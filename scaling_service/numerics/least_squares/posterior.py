@@ -1,8 +1,9 @@
 """The Gaussian posterior of a kinematic problem: poses of all frames, and what the frames share.
 
 ``y = h(q, p) + e`` with errors that markers of one link share, and a Gaussian prior of the shared parameters,
-of any covariance. Poses have no prior. The poses are eliminated frame by frame (an arrowhead, as in
-:mod:`.border`), so the curvature that is left is the inverse covariance of the parameters.
+of any covariance. Poses have none but where a joint's range holds what markers hardly show. They are
+eliminated frame by frame (an arrowhead, as in :mod:`.border`), so the curvature that is left is the inverse
+covariance of the parameters.
 """
 
 from __future__ import annotations
@@ -22,9 +23,10 @@ MOST_STEPS = 30
 """Chosen: beyond it only directions move that nothing tells of."""
 
 _INNER = 2  # chosen: steps of the poses alone after one of all, which bends less then
-_ENOUGH = (
-    0.05  # of the cost, in units of one chi-squared: a step that moves nothing by a quarter of its deviation
-)
+_FRAMES = 256  # linearised together
+_ENOUGH = 0.05
+"""Decrease of the cost, in units of one chi-squared, that ends the search: a step so small moves nothing by a
+quarter of its deviation."""
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
 _MOST = 1e6  # damping beyond which rounding decides
 _RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
@@ -58,10 +60,14 @@ class GaussianPrior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorGroup:
-    """Markers of one link and the covariance of their errors in the link's frame."""
+    """Markers of one link and the covariance of their errors in the link's frame.
+
+    ``instrument``: variance of each number, m2, that is the cameras' and not the skin's; part of the whole.
+    """
 
     markers: NDArray[np.intp]  # (m,): numbers of the tree's markers
     covariance: Array  # (3 m, 3 m), m2: marker by marker, x, y, z
+    instrument: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -89,7 +95,8 @@ class Posterior:
 
     ``q`` (n_frames, n_coordinates) and ``p`` (n_parameters,) are the mean, ``covariance`` is that of the
     parameters. ``cost``: residuals and departure from the prior, each over its variance. ``misfit``:
-    residuals alone, and ``freedom`` what it is expected to be where errors are as large as assumed.
+    residuals alone, each as far as errors beside the instrument's rule it, and ``freedom`` what that is
+    expected to be where errors are as large as assumed.
     """
 
     q: Array
@@ -148,6 +155,25 @@ class _Whitening:
         result *= self._root[:, None, None]
         return result
 
+    def weigh_misfit(self, white: Array) -> tuple[float, float, float]:
+        """Squares of whitened residuals as far as the groups' own errors rule them, beside the instrument's.
+
+        The slope of the likelihood by the size of these errors has such weights: of a direction with the own
+        variance s beside the instrument's n, s / (s + n). Returns the sum; the sum of the weights, which is
+        what it is expected to be; and the number of residuals, each counted as its frame is.
+        """
+        misfit = weights = count = 0.0
+        for group, of_frame, roots in self._parts:
+            own = white[:, (3 * group.markers[:, None] + np.arange(3)).ravel()]
+            misfit += float(np.square(own).sum())
+            for pattern, root in enumerate(roots):
+                rows = of_frame == pattern
+                misfit -= group.instrument * float(np.square(own[rows] @ root).sum())
+                shown, share = float((np.diag(root) > 0.0).sum()), float(np.square(self._root[rows]).sum())
+                weights += share * (shown - group.instrument * float(np.square(root).sum()))
+                count += share * shown
+        return misfit, weights, count
+
 
 def solve_posterior(
     problem: PosteriorProblem,
@@ -170,7 +196,7 @@ def solve_posterior(
         step_q, step_p = _make_step(problem, normal, p, damping)
         trial_q, trial_p = q.copy(), p + step_p
         trial_q[:, problem.coordinates] += step_q
-        trial_q = _solve_block(problem, trial_q, trial_p, most=_INNER)
+        trial_q = _solve_block(problem, whitening, trial_q, trial_p, _INNER)
         trial_gap, trial_cost = _compute_cost(problem, whitening, trial_q, trial_p)
         if trial_cost > cost:
             damping *= _RAISE
@@ -184,15 +210,17 @@ def solve_posterior(
             progress(steps, cost)
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
     covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
-    seen = 3.0 * find_seen(problem.measured).sum(axis=1)
     told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
+    told += float(problem.shares.sum()) * len(problem.coordinates)
+    white, _ = _compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)
+    misfit, weights, count = whitening.weigh_misfit(white)
     return Posterior(
         q=q,
         p=p,
         covariance=covariance,
         cost=cost,
-        misfit=_compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)[1],
-        freedom=float(problem.shares @ (seen - len(problem.coordinates))) - told,
+        misfit=misfit,
+        freedom=weights * max(1.0 - told / max(count, 1.0), 0.0),
         steps=steps,
         outcome=outcome,
     )
@@ -278,7 +306,8 @@ def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
     """
     q = q0.copy()
     for rows in split_rows(len(q)):
-        q[rows] = _solve_block(problem.in_frames(rows), q[rows], p)
+        part = problem.in_frames(rows)
+        q[rows] = _solve_block(part, _Whitening(part), q[rows], p)
     return q
 
 
@@ -299,9 +328,6 @@ def propagate(problem: PosteriorProblem, q: Array, p: Array, covariance: Array) 
     return found
 
 
-_FRAMES = 256  # linearised together
-
-
 def split_rows(count: int) -> list[slice]:
     """All frames in blocks."""
     return [slice(start, min(start + _FRAMES, count)) for start in range(0, count, _FRAMES)]
@@ -314,8 +340,10 @@ def _with_ridge(own: Array) -> Array:
     return own
 
 
-def _solve_block(problem: PosteriorProblem, q: Array, p: Array, most: int = MOST_STEPS) -> Array:
-    whitening = _Whitening(problem)
+def _solve_block(
+    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array, most: int = MOST_STEPS
+) -> Array:
+    """The poses of frames that are linearised together, each with a damping of its own."""
     nothing = replace(problem, prior=GaussianPrior(()))
     damping = np.full(len(q), _FIRST)
     gap, costs = _compute_frame_costs(problem, whitening, q, p)

@@ -7,13 +7,11 @@ Several headings and statures are tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import (
@@ -28,16 +26,17 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.numerics.multibody.tree import pose_links, pose_markers
-from scaling_service.recording.identity.landmarks import MORE, STATURE_M, read_body
+from scaling_service.recording.identity.landmarks import STATURE_M, read_body
+from scaling_service.recording.identity.starts import (
+    FEWEST,
+    FIRST_M,
+    Start,
+    assign,
+    measure_misfit,
+    place_rigidly,
+)
 
-_HEADINGS = np.radians(np.arange(0.0, 360.0, 45.0))
-_COARSE_M = (0.15, 0.12, 0.10, 0.08)  # chosen: half of how far label and landmark may be apart, by round
-_FINE_M = (0.08, 0.06, 0.05, 0.04, 0.04, 0.04)
-_UNPLACED_M = 0.08  # chosen: a label at no landmark costs as much as one so far from it
-_TOPS = (1.05, 1.22, 1.75, 1.92)
-"""Stature over the height of all markers: the highest is on the head, a shoulder or an iliac crest, or they
-go from spines to malleoli (Winter 2009: .82, .57 and .57 less .05 of stature)."""
-_STATURES_M = (0.95, 2.15)  # of people who walk: ANSUR II and children from three years on
+_FINE_M = (FIRST_M, 0.06, 0.05, 0.04, 0.04, 0.04)
 _TRIED = 9  # of headings and statures, bent and sized
 _BENT = np.radians(20.0)  # SD of joint angles in standing, beside a marker's 30 mm (chosen)
 _PLACED_M = 0.03
@@ -61,24 +60,6 @@ hips or before the chest. Chosen; each start finds what lies within 30 deg of it
 _ENDS = (("LFE", "MFE"), ("LM", "MM"))
 _WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
 _MIRROR = np.array([1.0, 1.0, -1.0])
-_RARE_M = 0.04  # chosen: the landmarks that only some laboratories mark count as so much farther away
-_ANKLES = 0.045  # of stature: malleoli above the floor, where feet have no markers (ANSUR II)
-_FEWEST = 6  # labels with which a body can be placed
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Start:
-    """An upright body at one heading: its places (n_landmarks, 3), and how badly it suits (m2)."""
-
-    stature: float
-    heading: float
-    origin: Array
-    cost: float
-
-    def resembles(self, other: _Start) -> bool:
-        level = abs(self.origin[1] - other.origin[1]) < _ANKLES * self.stature / 2.0
-        turned = np.cos(self.heading - other.heading) < 0.5
-        return bool(level and not turned and abs(self.stature / other.stature - 1.0) < 0.08)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -90,7 +71,7 @@ class StandingBody:
     it faces, rad about Y from X. ``misfit`` m2: squared distances of all labels, those at no landmark as far.
     """
 
-    start: _Start
+    start: Start
     stature: float
     taken: Mapping[int, str]
     places: Mapping[str, Array]
@@ -109,11 +90,11 @@ def propose_standing_bodies(
     ``known``: labels whose landmarks are certain. Empty where there are too few points.
     """
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
-    if len(seen) < _FEWEST:
+    if len(seen) < FEWEST:
         return []
     at, fixed = points[seen], _renumber(seen, known)
-    tried: list[_Start] = []
-    for start in sorted(_place_rigidly(at, stature, fixed), key=lambda start: start.cost):
+    tried: list[Start] = []
+    for start in sorted(place_rigidly(at, stature, fixed), key=lambda start: start.cost):
         if len(tried) < _TRIED and not any(start.resembles(other) for other in tried):
             tried.append(start)
     bodies = sorted((_bend(at, start, fixed) for start in tried), key=lambda body: body.misfit)
@@ -138,74 +119,9 @@ def _with_numbers_of(seen: NDArray[np.intp], body: StandingBody) -> StandingBody
     return replace(body, taken={int(seen[k]): name for k, name in body.taken.items()})
 
 
-def _place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -> Iterator[_Start]:
-    """The upright body at every heading, each moved and turned over the points nearest to it."""
-    body = read_body()
-    names = list(body.marker_names)
-    rise = float(np.ptp(at[:, 1]))
-    tree = compile_model(body, names)
-    upright = pose_markers(tree, repeat_default_pose(body, 1), list_parameter_values(body))[0]
-    low, high = _STATURES_M
-    guesses = [top * rise for top in _TOPS if low < top * rise < high]
-    for height in guesses if stature is None else [stature]:
-        sized = height / STATURE_M * upright
-        for heading, sunk in product(_HEADINGS, (0.0, _ANKLES * height)):
-            turn = rotate_about((0.0, 1.0, 0.0), float(heading))
-            middle = np.array([np.median(at[:, 0]), at[:, 1].min() - sunk, np.median(at[:, 2])])
-            base = sized @ turn.T
-            shift = middle - [base[:, 0].mean(), base[:, 1].min(), base[:, 2].mean()]
-            angle, places = float(heading), base + shift
-            for reach in _COARSE_M:
-                pairs = _assign(at, places, names, 2.0 * reach, fixed)
-                if len(pairs) < _FEWEST:
-                    break
-                rows, columns = map(list, zip(*pairs, strict=True))
-                model, seen = places[columns], at[rows]
-                a, b = model - model.mean(axis=0), seen - seen.mean(axis=0)
-                more = np.arctan2(
-                    (a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum(), (a[:, ::2] * b[:, ::2]).sum()
-                )
-                rotation = rotate_about((0.0, 1.0, 0.0), float(more))
-                places = (places - model.mean(axis=0)) @ rotation.T + seen.mean(axis=0)
-                angle += float(more)
-            turn = rotate_about((0.0, 1.0, 0.0), angle)
-            yield _Start(
-                stature=float(height),
-                heading=angle,
-                origin=places[0] - turn @ sized[0],
-                cost=_measure_misfit(at, places, _assign(at, places, names, 2.0 * _FINE_M[0], fixed)),
-            )
-
-
-def _assign(
-    at: Array, places: Array, names: list[str], reach: float, fixed: Mapping[int, str]
-) -> list[tuple[int, int]]:
-    """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``."""
-    squared = np.nan_to_num(((at[:, None] - places[None]) ** 2).sum(axis=2), nan=np.inf)
-    squared = squared + np.array([_RARE_M**2 if name[1:] in MORE else 0.0 for name in names])
-    alone = reach**2
-    for row, name in fixed.items():
-        column = names.index(name)
-        squared[row], squared[:, column] = np.inf, np.inf
-        squared[row, column] = 0.0
-    costs = np.hstack([np.minimum(squared, 1e3), np.full((len(at), len(at)), alone)])
-    rows, columns = linear_sum_assignment(costs)
-    return [
-        (int(r), int(c))
-        for r, c in zip(rows, columns, strict=True)
-        if c < len(names) and squared[r, c] < alone
-    ]
-
-
-def _measure_misfit(at: Array, places: Array, pairs: list[tuple[int, int]]) -> float:
-    """Squared distances of the pairs, and as much for every label without one as one that is far, m2."""
-    gaps = sum(min(float(((at[r] - places[c]) ** 2).sum()), _UNPLACED_M**2) for r, c in pairs)
-    return gaps + _UNPLACED_M**2 * (len(at) - len(pairs))
-
-
 def _bend(
     at: Array,
-    start: _Start,
+    start: Start,
     fixed: Mapping[int, str],
     *,
     adapt: bool = False,
@@ -241,7 +157,7 @@ def _bend(
         q,
         list_parameter_values(body),
     )[0]
-    pairs = _assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
+    pairs = assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
     for reach in _FINE_M:
         model = _move_markers(scale_model(body, {n: tuple(f) for n, f in factors.items()}), shifts)
         used = [names[column] for _, column in pairs]
@@ -257,11 +173,11 @@ def _bend(
         ).q
         tree = compile_model(model, names)
         places = pose_markers(tree, q, list_parameter_values(model))[0]
-        pairs = _assign(at, places, names, 2.0 * reach, fixed)
+        pairs = assign(at, places, names, 2.0 * reach, fixed)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
         if adrift:
             far = np.where([[name in adrift] for name in names], np.inf, places)
-            pairs = _assign(at, far, names, 2.0 * reach, fixed)
+            pairs = assign(at, far, names, 2.0 * reach, fixed)
         pairs = _pair_the_back(at, _reconcile(model, q, at, pairs, names, fixed), names, places)
         _resize(factors, at, places, names, pairs)
         if adapt:
@@ -275,7 +191,7 @@ def _bend(
         segments=segments,
         ends=_list_ends(model, q),
         heading=start.heading + float(q[0, index["pelvis_rotation"]] - wanted[0, index["pelvis_rotation"]]),
-        misfit=_measure_misfit(at, places, pairs),
+        misfit=measure_misfit(at, places, pairs),
     )
 
 

@@ -18,12 +18,12 @@ from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model.parameters import LETTERS
 from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
 from scaling_service.numerics.least_squares.posterior import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 
-LETTERS = "xyz"
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
 _LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm
 _UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.motion.inverse_kinematics import solve_from, solve_task
+from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
+from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical

@@ -19,7 +19,6 @@ from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.scaling.methods.fitting import Progress
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
 from scaling_service.capabilities.scaling.methods.people_prior import (
-    LETTERS,
     expect_hips,
     expect_places,
     expect_sizes,
@@ -29,18 +28,9 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.lengths import find_segment
-from scaling_service.model.body import BodyModel, ParameterPosterior, to_vector
-from scaling_service.model.parameters import (
-    UNBOUNDED,
-    compose_tilts,
-    fold,
-    free_axis,
-    free_centre,
-    free_marker,
-    free_scale,
-    free_scale_axes,
-    free_skin,
-)
+from scaling_service.model.body import BodyModel, Marker, ParameterPosterior, to_vector
+from scaling_service.model.freed import free_named
+from scaling_service.model.parameters import LETTERS, compose_tilts, fold
 from scaling_service.model.people import People, read_people
 from scaling_service.model.results import (
     Calibration,
@@ -62,8 +52,8 @@ from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
-_LEVELS = 3  # chosen: looks at how much this person's skin moves against ordinary people's
-_FIRST_STEPS = 6  # chosen: of all looks but the last; residuals are what they will be long before the end
+_LEVELS = 4  # chosen: looks at how much this person's skin moves against ordinary people's
+_FIRST_STEPS = 3  # chosen: of all looks but the last; residuals are what they will be long before the end
 _LEVEL_FREEDOM = (
     10.0  # chosen: as many residuals speak for ordinary skin; persons differ by a quarter to a half
 )
@@ -182,25 +172,14 @@ def _free(
     start: Calibration, seen: frozenset[str] | set[str] | Sequence[str], session: Session, people: People
 ) -> tuple[BodyModel, GaussianPrior]:
     """The start's model with everything freed, and what is known of each number."""
-    model = freed = start.model
+    model = start.model
     shown = [m for m in model.markers if m.name in seen and m.weight > 0.0]
     carrying = list(dict.fromkeys(m.segment for m in shown))
     pelvis, knees = find_segment(model, "pelvis", ""), find_tiltable_knees(model)
     femurs = {side: find_segment(model, "femur", side) for side in "rl"}
     hips = {s: f for s, f in femurs.items() if f in carrying and model.segment(f).parent == pelvis}
-    for segment in carrying:
-        if segment == pelvis:
-            freed = free_scale_axes(freed, segment, "xz", UNBOUNDED)
-        else:
-            freed = free_scale(freed, segment, UNBOUNDED)
-    for joint in knees:
-        freed = free_axis(freed, joint, UNBOUNDED, UNBOUNDED)
-    for side, femur in hips.items():
-        freed = free_centre(freed, femur, f"hip_{side}")
     drivers = {segment: _list_drivers(model, segment, people) for segment in carrying}
-    for marker in shown:
-        freed = free_marker(freed, marker.name, LETTERS, UNBOUNDED)
-        freed = free_skin(freed, marker.name, drivers[marker.segment])
+    freed = free_named(model, list(_list_names(shown, carrying, pelvis, knees, tuple(hips), drivers)))
 
     prior = GaussianPrior([p.name for p in freed.parameters])
     expected = expect_dimensions(session.subject)
@@ -219,6 +198,25 @@ def _free(
             slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
             prior.add_values(slides, np.zeros(len(slides)), size.covariance(places))
     return freed, prior
+
+
+def _list_names(
+    shown: Sequence[Marker],
+    carrying: Sequence[str],
+    pelvis: str | None,
+    knees: Sequence[str],
+    hips: Sequence[str],
+    drivers: Mapping[str, Mapping[str, float]],
+) -> Iterator[str]:
+    """The parameters; ``hips``: sides. ``drivers``: segment to the coordinates with which its skin slides."""
+    for segment in carrying:
+        yield from (f"scale.{segment}.{a}" for a in "xz") if segment == pelvis else (f"scale.{segment}",)
+    yield from (f"axis.{joint}.{letter}" for joint in knees for letter in "xy")
+    yield from (f"centre.hip_{side}.{letter}" for side in hips for letter in LETTERS)
+    for marker in shown:
+        yield from (f"marker.{marker.name}.{letter}" for letter in LETTERS)
+        own = drivers[marker.segment]
+        yield from (f"skin.{marker.name}.{letter}.{driver}" for letter in LETTERS for driver in own)
 
 
 def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, float]:

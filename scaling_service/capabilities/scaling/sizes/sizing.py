@@ -71,6 +71,14 @@ BONE_SD_M = 0.002
 """Standard deviation of a length between centres on a bone's surface. Chosen: a voxel or two of MRI, from
 many of which a centre is fitted."""
 
+PALPATION_M = 0.010
+"""Standard deviation of a marker's place on a segment: Della Croce 2005, within examiners 6 to 21 mm."""
+
+_SHORTEST_M = 0.03  # chosen: nearer markers measure their own placing
+
+
+_SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
+
 NO_BONES: Mapping[str, float] = MappingProxyType({})
 
 _MIDLINE = frozenset({"inter_hip", "trunk", "head_length"})
@@ -184,15 +192,6 @@ def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[
             above = parents[above]
         found.setdefault(segment.name, found.get(above) or next(iter(sizes.values())))
     return {name: found[name] for name in model.segment_names}
-
-
-PALPATION_M = 0.010
-"""Standard deviation of a marker's place on a segment: Della Croce 2005, within examiners 6 to 21 mm."""
-
-_SHORTEST_M = 0.03  # chosen: nearer markers measure their own placing
-
-
-_SMALLEST = 0.2  # chosen: a newborn is 0.29 of an adult's stature; beyond this a unit or a label is wrong
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -6,7 +6,7 @@ SI and radians.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -30,10 +30,11 @@ class SkinSize:
     turn: float
     single: float
 
-    def covariance(self, places: Array) -> Array:
+    def covariance(self, places: Array, besides: Array | float = 0.0) -> Array:
         """Of the displacements of markers on one segment.
 
-        ``places`` (m, 3): in the segment's frame, m. Returns (3 m, 3 m), m2: marker by marker, x, y, z.
+        ``places`` (m, 3): in the segment's frame, m. ``besides`` (m,): what a marker moves by itself beyond
+        ``single``, m, as skin does over the end of a bone. Returns (3 m, 3 m), m2: marker by marker, x, y, z.
 
         Examples
         --------
@@ -48,7 +49,8 @@ class SkinSize:
         by_turn = turning.transpose(2, 0, 1).reshape(-1, 3)
         alike = np.tile(np.eye(3), (len(places), 1))
         together = self.shift**2 * alike @ alike.T + self.turn**2 * by_turn @ by_turn.T
-        return np.asarray(together + self.single**2 * np.eye(3 * len(places)))
+        alone = np.broadcast_to(self.single**2 + np.square(besides), len(places))
+        return np.asarray(together + np.diag(np.repeat(alone, 3)))
 
     def times(self, factor: float) -> SkinSize:
         """The same, larger or smaller."""
@@ -82,6 +84,11 @@ class People:
     opposite: tuple[Opposite, ...]
     skin_rows: tuple[tuple[tuple[str, ...], SkinSize], ...]
     skin_other: SkinSize
+    skin_at_joints: Mapping[str, float]  # m
+    image_hip: float  # m
+    image_centre: float  # m
+    image_axis_sd: float  # rad
+    image_marker: float  # m
     reach_mediolateral: float  # rad
     reach_other: float  # rad
     loose_share: float
@@ -96,7 +103,25 @@ class People:
     def with_skin(self, level: float) -> People:
         """The same people with all of skin's movement larger or smaller."""
         rows = tuple((names, size.times(level)) for names, size in self.skin_rows)
-        return replace(self, skin_rows=rows, skin_other=self.skin_other.times(level))
+        return replace(
+            self,
+            skin_rows=rows,
+            skin_other=self.skin_other.times(level),
+            skin_at_joints={name: level * size for name, size in self.skin_at_joints.items()},
+        )
+
+    def skin_covariance(
+        self, segment: str, landmarks: Sequence[str | None], places: Array, share: float = 1.0
+    ) -> Array:
+        """Of the displacements of one segment's markers, (3 m, 3 m), m2: marker by marker, x, y, z.
+
+        ``landmarks``: what each marker marks, with its side; None: no landmark. ``places`` (m, 3): in
+        the segment's frame, m. ``share``: of the sizes.
+        """
+        size = self.skin(segment)
+        at_joints = [self.skin_at_joints.get((name or "")[1:], 0.0) for name in landmarks]
+        besides = share * np.sqrt(np.maximum(np.square(at_joints) - size.single**2, 0.0))
+        return size.times(share).covariance(places, np.where(at_joints, besides, 0.0))
 
     def place_sd(self, landmark: str) -> Vector:
         """Standard deviation of a marker's place, m, along each axis of its segment.
@@ -116,7 +141,7 @@ def read_people() -> People:
     0.006
     """
     table: Mapping[str, Any] = read_reference(find_reference_folder() / "people.yaml")
-    hip, spines, skin = table["hip"], table["skin_over_spines"], table["skin"]
+    hip, spines, skin, image = (table[name] for name in ("hip", "skin_over_spines", "skin", "image"))
     return People(
         hip_regressions=tuple(hip["regressions"]),
         hip_sd=_metres(hip["sd_mm"]),
@@ -132,6 +157,11 @@ def read_people() -> People:
         ),
         skin_rows=tuple((tuple(row["names"]), _read_skin(row)) for row in skin["segments"]),
         skin_other=_read_skin(skin["other"]),
+        skin_at_joints={name: round(1e-3 * size, 9) for name, size in skin["at_joints"]["single_mm"].items()},
+        image_hip=1e-3 * float(image["hip_mm"]),
+        image_centre=1e-3 * float(image["centre_mm"]),
+        image_axis_sd=float(np.radians(image["axis_deg"])),
+        image_marker=1e-3 * float(image["marker_mm"]),
         reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
         reach_other=float(np.radians(skin["reach_deg"]["other"])),
         loose_share=float(skin["loose_share"]),

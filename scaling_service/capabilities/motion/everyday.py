@@ -12,6 +12,7 @@ import numpy as np
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, Mask, find_lost
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, ParameterPosterior
 from scaling_service.model.freed import free_named
 from scaling_service.model.people import People, read_people
@@ -42,9 +43,11 @@ def pose_problem(
     groups = []
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
-        loose = people.skin(freed.bone_of(segment)).times(people.loose_share)
+        landmarks = [find_canonical(task.markers[k]) for k in rows]
         instrument = people.noise**2
-        covariance = loose.covariance(places[rows]) + instrument * np.eye(3 * len(rows))
+        covariance = people.skin_covariance(
+            freed.bone_of(segment), landmarks, places[rows], people.loose_share
+        ) + instrument * np.eye(3 * len(rows))
         groups.append(ErrorGroup(rows, covariance, instrument))
     coordinates = np.flatnonzero(task.free)
     ranges = task.ranges

@@ -17,7 +17,13 @@ from numpy.typing import NDArray
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.tree import Tree, compute_jacobian, place_tree_markers, pose_links
+from scaling_service.numerics.multibody.tree import (
+    Poses,
+    Tree,
+    compute_jacobian,
+    place_tree_markers,
+    pose_links,
+)
 
 MOST_STEPS = 30
 """Chosen: beyond it only directions move that nothing tells of."""
@@ -121,12 +127,16 @@ class _Normal:
 
 
 class _Whitening:
-    """Roots of the inverse covariances, for each pattern of markers that some frame shows."""
+    """Roots of the inverse covariances, for each pattern of markers that some frame shows.
+
+    Whitened numbers stand group by group, as the roots mix what one group holds and nothing else.
+    """
 
     def __init__(self, problem: PosteriorProblem) -> None:
         seen = find_seen(problem.measured)
-        self._seen, self._root = seen, np.sqrt(problem.shares)
-        self._parts: list[tuple[ErrorGroup, NDArray[np.intp], Array]] = []
+        self._root = np.sqrt(problem.shares)
+        self.parts: list[_Part] = []
+        start = 0
         for group in problem.groups:
             patterns, of_frame = np.unique(seen[:, group.markers], axis=0, return_inverse=True)
             roots = np.zeros((len(patterns), *group.covariance.shape))
@@ -135,25 +145,35 @@ class _Whitening:
                 if len(rows):
                     lower = np.linalg.cholesky(group.covariance[np.ix_(rows, rows)])
                     root[np.ix_(rows, rows)] = np.linalg.inv(lower)
-            self._parts.append((group, of_frame.ravel(), roots))
+            columns = slice(start, start + 3 * len(group.markers))
+            self.parts.append(_Part(group, of_frame.ravel(), roots, columns))
+            start = columns.stop
+        self._count = start
 
     def apply(self, axes: Array, link: NDArray[np.intp], vectors: Array) -> Array:
-        """Vectors of markers in the room, (k, n_markers, 3, n), as independent numbers, (n, k, 3 n_markers).
+        """Vectors of markers in the room, (k, n_markers, 3, n), as independent numbers, (n, k, n_numbers).
 
         ``axes`` (n_links, 3, 3, n): rows are the links' axes. ``link``: of each marker.
         """
         count, n = len(vectors), vectors.shape[-1]
-        result = np.zeros((n, count, vectors.shape[1] * 3))
-        for group, of_frame, roots in self._parts:
-            rotation = axes[link[group.markers[0]]]
-            local = np.einsum("jan,vman->nvmj", rotation, vectors[:, group.markers], optimize=True)
-            columns = (3 * group.markers[:, None] + np.arange(3)).ravel()
+        result = np.empty((n, count, self._count))
+        for part in self.parts:
+            rotation = axes[link[part.group.markers[0]]]
+            local = np.einsum("jan,vman->nvmj", rotation, vectors[:, part.group.markers], optimize=True)
             flat = local.reshape(n, count, -1)
-            for pattern, root in enumerate(roots):
-                rows = np.flatnonzero(of_frame == pattern)
-                result[np.ix_(rows, np.arange(count), columns)] = flat[rows] @ root.T
+            for pattern, root in enumerate(part.roots):
+                rows = np.flatnonzero(part.of_frame == pattern)
+                result[rows, :, part.columns] = flat[rows] @ root.T
         result *= self._root[:, None, None]
         return result
+
+    def apply_along(self, part: _Part, gains: Array, rates: Array) -> Array:
+        """Vectors along directions that stay in the link's frame, as independent numbers of the part.
+
+        ``gains`` (k, 3 m): the directions. ``rates`` (k, n): how far. Returns (n, k, 3 m).
+        """
+        turned = np.einsum("pij,kj->pki", part.roots, gains)
+        return np.asarray(turned[part.of_frame] * (rates.T * self._root[:, None])[:, :, None])
 
     def weigh_misfit(self, white: Array) -> tuple[float, float, float]:
         """Squares of whitened residuals as far as the groups' own errors rule them, beside the instrument's.
@@ -163,16 +183,26 @@ class _Whitening:
         what it is expected to be; and the number of residuals, each counted as its frame is.
         """
         misfit = weights = count = 0.0
-        for group, of_frame, roots in self._parts:
-            own = white[:, (3 * group.markers[:, None] + np.arange(3)).ravel()]
+        for part in self.parts:
+            own, instrument = white[:, part.columns], part.group.instrument
             misfit += float(np.square(own).sum())
-            for pattern, root in enumerate(roots):
-                rows = of_frame == pattern
-                misfit -= group.instrument * float(np.square(own[rows] @ root).sum())
+            for pattern, root in enumerate(part.roots):
+                rows = part.of_frame == pattern
+                misfit -= instrument * float(np.square(own[rows] @ root).sum())
                 shown, share = float((np.diag(root) > 0.0).sum()), float(np.square(self._root[rows]).sum())
-                weights += share * (shown - group.instrument * float(np.square(root).sum()))
+                weights += share * (shown - instrument * float(np.square(root).sum()))
                 count += share * shown
         return misfit, weights, count
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """One group in a whitening: the root of each pattern, the pattern of each frame, its numbers' columns."""
+
+    group: ErrorGroup
+    of_frame: NDArray[np.intp]
+    roots: Array
+    columns: slice
 
 
 def solve_posterior(
@@ -253,27 +283,66 @@ def _linearise(
     *,
     shared: bool = True,
 ) -> _Normal:
-    """``shared``: whether parameters are among the variables."""
-    tree, nq = problem.tree, len(problem.coordinates)
-    count = len(p) if shared else 0
+    """``shared``: whether parameters are among the variables.
+
+    A parameter of one marker alone meets no other group's residuals: their products are left out.
+    """
+    tree, nq, n = problem.tree, len(problem.coordinates), len(q)
     poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    variables = np.concatenate([problem.coordinates, tree.n_coordinates + np.arange(count)])
+    count = len(p) if shared else 0
+    alone = tree.marker_parameters if shared else {}
+    common = np.array([k for k in range(count) if k not in alone], dtype=np.intp)
+    variables = np.concatenate([problem.coordinates, tree.n_coordinates + common])
     rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
     white = whitening.apply(poses.axes, tree.marker_link, rates)
-    own, common = white[:, :nq], white[:, nq:]
-    flat = np.ascontiguousarray(common.transpose(1, 0, 2)).reshape(count, gap.size)
+    own, wide = white[:, :nq], white[:, nq:]
     curvature, slope = own @ own.transpose(0, 2, 1), (own @ gap[:, :, None])[:, :, 0]
+    cross, together, pull = np.zeros((n, nq, count)), np.zeros((count, count)), np.zeros(count)
+    if shared:
+        flat = _flatten(wide)
+        cross[:, :, common] = own @ wide.transpose(0, 2, 1)
+        together[np.ix_(common, common)] = flat @ flat.T
+        pull[common] = flat @ gap.ravel()
+    for part in whitening.parts:
+        names = np.array(
+            [k for k, (marker, _) in alone.items() if marker in part.group.markers], dtype=np.intp
+        )
+        if len(names):
+            narrow = whitening.apply_along(part, *_find_directions(tree, poses, names, part.group))
+            flat = _flatten(narrow)
+            cross[:, :, names] = own[:, :, part.columns] @ narrow.transpose(0, 2, 1)
+            together[np.ix_(names, names)] = flat @ flat.T
+            beside = flat @ _flatten(wide[:, :, part.columns]).T
+            together[np.ix_(names, common)], together[np.ix_(common, names)] = beside, beside.T
+            pull[names] = flat @ gap[:, part.columns].ravel()
     if problem.held is not None:
         value, precision = problem.held
         np.einsum("nii->ni", curvature)[...] += precision
         slope += precision * (value - q[:, problem.coordinates])
-    return _Normal(
-        own=curvature,
-        cross=own @ common.transpose(0, 2, 1),
-        slope=slope,
-        shared=flat @ flat.T,
-        shared_slope=flat @ gap.ravel(),
-    )
+    return _Normal(own=curvature, cross=cross, slope=slope, shared=together, shared_slope=pull)
+
+
+def _flatten(white: Array) -> Array:
+    """Numbers by frame (n, k, m) in one row each, (k, n m)."""
+    n, count, m = white.shape
+    return np.ascontiguousarray(white.transpose(1, 0, 2)).reshape(count, n * m)
+
+
+def _find_directions(
+    tree: Tree, poses: Poses, parameters: NDArray[np.intp], group: ErrorGroup
+) -> tuple[Array, Array]:
+    """The direction along which each parameter moves its one marker in the link, and how far per unit.
+
+    Returns (k, 3 m) and (k, n).
+    """
+    gains = np.zeros((len(parameters), len(group.markers), 3))
+    rates = np.empty((len(parameters), poses.frames.shape[-1]))
+    row = {int(marker): k for k, marker in enumerate(group.markers)}
+    for k, parameter in enumerate(parameters):
+        marker, term = tree.marker_parameters[int(parameter)]
+        gains[k, row[marker]] = term.gain
+        rates[k] = poses.values.by_parameter(term)
+    return gains.reshape(len(parameters), -1), rates
 
 
 def _eliminate(

@@ -83,6 +83,18 @@ class Tree:
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
 
     @cached_property
+    def marker_parameters(self) -> dict[int, tuple[int, TermArrays]]:
+        """Parameters that enter one term of one marker and nothing else: the marker and the term."""
+        found: dict[int, tuple[int, TermArrays]] = {}
+        taken = [e.term.parameter for entries in self.entries_of_link for e in entries]
+        for marker, terms in self.terms_of_marker.items():
+            for term in terms:
+                if term.parameter in found:
+                    taken.append(term.parameter)
+                found[term.parameter] = (marker, term)
+        return {k: at for k, at in found.items() if k not in (NONE, *taken)}
+
+    @cached_property
     def entries_of_link(self) -> tuple[tuple[Entry, ...], ...]:
         """For every link the varying terms of its moves, in their order."""
         return tuple(tuple(e for e in self.plan.entries if e.link == k) for k in range(len(self.links)))

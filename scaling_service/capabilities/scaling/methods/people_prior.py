@@ -7,7 +7,7 @@ landmarks. A relation between several numbers, such as a hip and the pelvis's wi
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -21,11 +21,13 @@ from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.parameters import LETTERS
 from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
+from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.least_squares.posterior import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
 _LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm
+_SAME = 1e-3  # relative SD of a dimension's only segment about it: next to nothing
 _UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
 _MODEL_HIP_M = 0.008  # chosen: SD of a scaled model's hip, along each axis, where nothing marks the pelvis
 _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
@@ -34,16 +36,87 @@ Spines = Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imaged:
+    """What of a model's numbers images gave, as its image-based scaling has them."""
+
+    pelvis: bool = False
+    hips: frozenset[str] = frozenset()  # sides
+    knees: frozenset[str] = frozenset()  # joints whose axis the image shows
+    lengths: Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
+    segments: frozenset[str] = frozenset()  # that lie in the image
+    markers: frozenset[str] = frozenset()
+
+    def tells(self, model: BodyModel, name: str) -> bool:
+        """Whether images gave this parameter's value (``scale.femur_r``, ``axis.knee_r.x`` …)."""
+        group, target, *_ = name.split(".")
+        if group == "scale":
+            sized = {"inter_hip": "pelvis"} | {
+                f"{length}_{side}": f"{role}_{side}"
+                for length, role in (("femur", "femur"), ("shank", "tibia"))
+                for side in "rl"
+            }
+            parts = [sized[length].partition("_") for length in self.lengths]
+            return target in [find_segment(model, role, side) for role, _, side in parts]
+        if group == "centre":
+            return target.removeprefix("hip_") in self.hips
+        return target in (self.knees if group == "axis" else self.markers)
+
+
+NOTHING_IMAGED = Imaged()
+
+
+def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
+    """What images gave a model; ``start`` is its image-based scaling where there is ``evidence``."""
+    if evidence is None:
+        return NOTHING_IMAGED
+    model, lying = start.model, frozenset(start.image_poses)
+    parts = {side: tuple(find_segment(model, role, side) for role in ("femur", "tibia")) for side in "rl"}
+    pelvis = find_segment(model, "pelvis", "") in lying
+    own = {segment for segment, whose in start.bone_sized.items() if whose == "own"}
+    lengths = {
+        name: length
+        for name, length in measure_segment_lengths(model).items()
+        if (name == "inter_hip" and pelvis and {"hip_r", "hip_l"} <= evidence.centres.keys())
+        or (name[:-2] in ("femur", "shank") and parts[name[-1]][name.startswith("shank")] in own)
+    }
+    return Imaged(
+        pelvis=pelvis,
+        hips=frozenset(side for side in "rl" if pelvis and f"hip_{side}" in evidence.centres),
+        knees=frozenset(
+            model.segment(shank).joint_name
+            for femur, shank in parts.values()
+            if femur in lying and shank is not None
+        ),
+        lengths=lengths,
+        segments=lying,
+        markers=frozenset(name for name, (segment, _) in evidence.markers.items() if segment in lying),
+    )
+
+
+def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, float]]:
+    """Dimensions that images show and their standard deviations, m."""
+    hip, other = people.image_hip, people.image_centre
+    sds = {"inter_hip": np.hypot(hip, hip), "femur": np.hypot(hip, other), "shank": np.hypot(other, other)}
+    return {
+        name: (length, float(sds[name if name in sds else name[:-2]]))
+        for name, length in imaged.lengths.items()
+    }
+
+
 def expect_sizes(
     prior: GaussianPrior,
     start: Calibration,
     carrying: Sequence[str],
     pelvis: str | None,
     expected: DimensionPrior,
+    imaged: Imaged,
+    people: People,
 ) -> None:
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
-    ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one.
+    ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one, who has
+    such bones where some were imaged.
     """
     lengths = dict(measure_segment_lengths(start.model))
     spines = find_spines(start.model)
@@ -51,7 +124,10 @@ def expect_sizes(
         lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
     wanted: dict[str, str | None] = {}
     for segment in carrying:
-        if segment == pelvis:
+        if segment == pelvis and imaged.pelvis:
+            apart = people.image_centre / (0.5 * lengths["inter_hip"])
+            prior.add_values([f"scale.{segment}.{a}" for a in "xz"], np.ones(2), apart**2 * np.eye(2))
+        elif segment == pelvis:
             wanted |= {f"scale.{segment}.z": "pelvis_width", f"scale.{segment}.x": "pelvis_depth"}
         else:
             wanted[f"scale.{segment}"] = find_dimension(start.model.bone_of(segment))
@@ -59,7 +135,9 @@ def expect_sizes(
     if known:
         rows = [expected.names.index(dimension) for dimension in known.values()]
         mean = np.exp(expected.mean[rows] - np.log([lengths[dimension] for dimension in known.values()]))
-        relative = expected.covariance[np.ix_(rows, rows)] + _LIKE**2 * np.eye(len(rows))
+        twice = [list(known.values()).count(dimension) > 1 for dimension in known.values()]
+        unlike = np.where(twice, _LIKE, _SAME)
+        relative = expected.covariance[np.ix_(rows, rows)] + np.diag(unlike**2)
         prior.add_values(list(known), mean, relative * np.outer(mean, mean))
     for name in wanted.keys() - known.keys():
         size = start.sizes.get(name.split(".")[1])
@@ -137,12 +215,19 @@ def expect_hips(
     pelvis: str,
     sides: tuple[str, ...],
     people: People,
+    imaged: Imaged,
 ) -> None:
-    """Hips where regressions on the bony pelvis put them, sizes of pelvis and legs being unknown themselves.
+    """Hips where the image shows them, else where regressions on the bony pelvis put them.
 
-    The regressions are linear in pelvic width and depth and in leg length, hence in the sizes; skin over the
-    spines is as thick on both sides. ``sides``: those with a hip that is free.
+    The regressions are linear in pelvic width and depth and in leg length, hence in the sizes, which are
+    unknown themselves; skin over the spines is as thick on both sides. ``sides``: those with a hip that is
+    free.
     """
+    if imaged.pelvis:
+        for side in sides:
+            apart = people.image_hip if side in imaged.hips else _MODEL_HIP_M
+            prior.add_values([f"centre.hip_{side}.{a}" for a in LETTERS], np.zeros(3), apart**2 * np.eye(3))
+        return
     names = [f"centre.hip_{side}.{letter}" for side in sides for letter in LETTERS]
     signs = np.concatenate([[1.0, 1.0, 1.0 if side == "r" else -1.0] for side in sides])
     spines = find_spines(model)
@@ -174,20 +259,28 @@ def expect_hips(
 
 
 def expect_places(
-    prior: GaussianPrior, shown: Sequence[Marker], people: People, expected: DimensionPrior
+    prior: GaussianPrior, shown: Sequence[Marker], people: People, expected: DimensionPrior, imaged: Imaged
 ) -> None:
-    """Landmarks where an examiner feels them, other markers anywhere about where standing shows them."""
+    """Markers where the image shows them; else landmarks where an examiner feels them, others anywhere.
+
+    On bones that were imaged, markers that were not stand where standing shows them, not where the generic
+    model has them, so that their distance is the person's already.
+    """
     landmarks = {name: m for m in shown if (name := find_canonical(m.name)) is not None and m.anatomical}
     done: set[str] = set()
     for row in people.opposite:
         for side in "RL":
             ends = {
-                k: landmarks[f"{side}{end}"] for k, end in enumerate(row.ends) if f"{side}{end}" in landmarks
+                k: marker
+                for k, end in enumerate(row.ends)
+                if (marker := landmarks.get(f"{side}{end}")) is not None
+                and marker.segment not in imaged.segments
             }
             if ends:
                 _expect_opposite(prior, row, ends, f"{row.width}_{side.lower()}", people, expected)
                 done |= {m.name for m in ends.values()}
     places = {m.name: people.place_sd(_drop_side(name)) for name, m in landmarks.items()}
+    places |= dict.fromkeys(imaged.markers, (people.image_marker,) * 3)
     for marker in shown:
         if marker.name not in done:
             sd = places.get(marker.name, (_UNKNOWN_M,) * 3)

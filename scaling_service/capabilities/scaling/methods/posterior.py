@@ -17,17 +17,22 @@ from scaling_service.capabilities.motion.everyday import pose_problem
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.scaling.methods.fitting import Progress
+from scaling_service.capabilities.scaling.methods.image_based import EB
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
 from scaling_service.capabilities.scaling.methods.people_prior import (
+    Imaged,
     expect_hips,
     expect_places,
     expect_sizes,
+    find_imaged,
+    measure_imaged,
 )
 from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.lengths import find_segment
+from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker, ParameterPosterior, to_vector
 from scaling_service.model.freed import free_named
 from scaling_service.model.parameters import LETTERS, compose_tilts, fold
@@ -92,13 +97,16 @@ class JointPosterior:
         """
         assert start is not None
         clock, people = time.perf_counter(), read_people()
+        if session.images is not None:
+            start = EB.calibrate(session, start, settings, None)
+        imaged = find_imaged(start, session.images)
         names = [m.name for m in start.model.markers if m.weight > 0.0]
         frames = _choose_frames(session, names, settings.n_frames, people)
         q, level, steps = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q, 1.0, 0
         p: Array | None = None
         for left in reversed(range(_LEVELS)):
             own = people.with_skin(level)
-            freed, prior = _free(start, frames.trial.shown_labels, session, own)
+            freed, prior = _free(start, frames.trial.shown_labels, session, own, imaged)
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=frames.shares)
             begin = task.p if p is None else p
             found = solve_posterior(problem, q, begin, progress, _FIRST_STEPS if left else MOST_STEPS)
@@ -108,7 +116,7 @@ class JointPosterior:
                 level *= float(more)
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
-        estimated = tuple(_list_parameters(freed, prior, found))
+        estimated = tuple(_list_parameters(freed, prior, found, imaged))
         gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
         return Calibration(
             method="MAP",
@@ -169,7 +177,11 @@ def _choose_frames(session: Session, names: Sequence[str], count: int, people: P
 
 
 def _free(
-    start: Calibration, seen: frozenset[str] | set[str] | Sequence[str], session: Session, people: People
+    start: Calibration,
+    seen: frozenset[str] | set[str] | Sequence[str],
+    session: Session,
+    people: People,
+    imaged: Imaged,
 ) -> tuple[BodyModel, GaussianPrior]:
     """The start's model with everything freed, and what is known of each number."""
     model = start.model
@@ -182,21 +194,24 @@ def _free(
     freed = free_named(model, list(_list_names(shown, carrying, pelvis, knees, tuple(hips), drivers)))
 
     prior = GaussianPrior([p.name for p in freed.parameters])
-    expected = expect_dimensions(session.subject)
-    expect_sizes(prior, start, carrying, pelvis, expected)
+    expected = expect_dimensions(session.subject).condition(measure_imaged(imaged, people))
+    expect_sizes(prior, start, carrying, pelvis, expected, imaged, people)
     if pelvis in carrying and hips:
-        expect_hips(prior, model, pelvis, tuple(hips), people)
+        expect_hips(prior, model, pelvis, tuple(hips), people, imaged)
     for joint in knees:
         turns = [f"axis.{joint}.x", f"axis.{joint}.y"]
-        prior.add_values(turns, np.zeros(2), people.knee_axis_sd**2 * np.eye(2))
-    expect_places(prior, shown, people, expected)
+        sd = people.image_axis_sd if joint in imaged.knees else people.knee_axis_sd
+        prior.add_values(turns, np.zeros(2), sd**2 * np.eye(2))
+    expect_places(prior, shown, people, expected, imaged)
     for segment, own in drivers.items():
         markers = [m for m in shown if m.segment == segment]
         places = np.array([m.nominal for m in markers])
+        landmarks = [find_canonical(m.name) for m in markers]
         for driver, reach in own.items():
-            size = people.skin(model.bone_of(segment)).times(1.0 / (reach * np.sqrt(len(own))))
             slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
-            prior.add_values(slides, np.zeros(len(slides)), size.covariance(places))
+            share = 1.0 / (reach * np.sqrt(len(own)))
+            covariance = people.skin_covariance(model.bone_of(segment), landmarks, places, share)
+            prior.add_values(slides, np.zeros(len(slides)), covariance)
     return freed, prior
 
 
@@ -254,9 +269,9 @@ def _keep_posterior(prior: GaussianPrior, found: Posterior, skin: float) -> Para
 
 
 def _list_parameters(
-    freed: BodyModel, prior: GaussianPrior, found: Posterior
+    freed: BodyModel, prior: GaussianPrior, found: Posterior, imaged: Imaged
 ) -> Iterator[EstimatedParameter]:
-    """All but skin, of which there are hundreds."""
+    """All but skin, of which there are hundreds. What images tell is determined as what movements do."""
     before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
     after = np.sqrt(np.diag(found.covariance))
     for k, parameter in enumerate(freed.parameters):
@@ -267,7 +282,8 @@ def _list_parameters(
                 unit=parameter.unit,
                 sd=float(after[k]),
                 at_bound=False,
-                identifiable=bool(after[k] ** 2 < _TELLING * before[k] ** 2),
+                identifiable=imaged.tells(freed, parameter.name)
+                or bool(after[k] ** 2 < _TELLING * before[k] ** 2),
                 group=parameter.group,
                 target=parameter.target,
             )

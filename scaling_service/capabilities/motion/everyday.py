@@ -53,7 +53,7 @@ def pose_problem(
     ranges = task.ranges
     held = ranges.weight[:, coordinates] > 0.0
     precision = np.where(held, 1.0 / np.square(ranges.spread[coordinates]), 0.0)
-    value = np.broadcast_to(ranges.middle[coordinates], precision.shape)
+    within = (precision[:, :, None] * np.eye(len(coordinates)), precision * ranges.middle[coordinates])
     problem = PosteriorProblem(
         tree=task.tree,
         measured=task.measured,
@@ -61,7 +61,7 @@ def pose_problem(
         coordinates=coordinates,
         groups=tuple(groups),
         prior=prior,
-        held=(value, precision) if held.any() else None,
+        held=within if held.any() else None,
     )
     return problem, task
 

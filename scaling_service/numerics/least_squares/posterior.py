@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.numerics.multibody.laws import NONE, Array
 from scaling_service.numerics.multibody.tree import (
     Poses,
     Tree,
@@ -30,6 +30,7 @@ MOST_STEPS = 30
 
 _INNER = 2  # chosen: steps of the poses alone after one of all, which bends less then
 _FRAMES = 256  # linearised together
+_AT_ONCE = 16  # frames of which all slopes meet all others
 _ENOUGH = 0.05
 """Decrease of the cost, in units of one chi-squared, that ends the search: a step so small moves nothing by a
 quarter of its deviation."""
@@ -86,13 +87,19 @@ class PosteriorProblem:
     coordinates: NDArray[np.intp]  # the coordinates to estimate
     groups: tuple[ErrorGroup, ...]
     prior: GaussianPrior  # of the tree's parameters, in their order
-    # Value and precision of the coordinates beside the markers, each (n_frames, n_coordinates to estimate)
+    # What is known of each frame's coordinates beside the markers, in information form: precision (n_frames,
+    # n, n) and that times the mean (n_frames, n), of the coordinates to estimate
     held: tuple[Array, Array] | None = None
+    # As ``held``: what parameters that were integrated over add to the cost, which is no information
+    integrated: tuple[Array, Array] | None = None
 
     def in_frames(self, rows: slice) -> PosteriorProblem:
         """The same in some frames."""
-        held = None if self.held is None else (self.held[0][rows], self.held[1][rows])
-        return replace(self, measured=self.measured[rows], shares=self.shares[rows], held=held)
+        held, integrated = (
+            None if part is None else (part[0][rows], part[1][rows]) for part in (self.held, self.integrated)
+        )
+        measured, shares = self.measured[rows], self.shares[rows]
+        return replace(self, measured=measured, shares=shares, held=held, integrated=integrated)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -238,6 +245,8 @@ def solve_posterior(
         normal = _linearise(problem, whitening, q, p, trial_gap)
         if progress is not None:
             progress(steps, cost)
+    problem = replace(problem, integrated=None)
+    normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
     curvature, _, _ = _eliminate(problem, normal, p, 0.0)
     covariance: Array = np.asarray(np.linalg.inv(curvature), dtype=float)
     told = len(p) - float(np.einsum("ij,ji->", covariance, problem.prior.precision))
@@ -265,9 +274,7 @@ def _compute_cost(
     gap = np.where(np.isfinite(gap), gap, 0.0)
     white = whitening.apply(poses.axes, problem.tree.marker_link, gap[None])[:, 0]
     cost = float((white**2).sum())
-    if problem.held is not None:
-        value, precision = problem.held
-        cost += float((precision * np.square(q[:, problem.coordinates] - value)).sum())
+    cost += float(_compute_held_costs(problem, q).sum())
     prior = problem.prior
     if not prior.names:
         return white, cost
@@ -315,10 +322,9 @@ def _linearise(
             beside = flat @ _flatten(wide[:, :, part.columns]).T
             together[np.ix_(names, common)], together[np.ix_(common, names)] = beside, beside.T
             pull[names] = flat @ gap[:, part.columns].ravel()
-    if problem.held is not None:
-        value, precision = problem.held
-        np.einsum("nii->ni", curvature)[...] += precision
-        slope += precision * (value - q[:, problem.coordinates])
+    for precision, pull_of_q in _list_held(problem):
+        curvature += precision
+        slope += pull_of_q - (precision @ q[:, problem.coordinates, None])[:, :, 0]
     return _Normal(own=curvature, cross=cross, slope=slope, shared=together, shared_slope=pull)
 
 
@@ -366,6 +372,59 @@ def _make_step(problem: PosteriorProblem, normal: _Normal, p: Array, damping: fl
     damped = curvature + damping * np.diag(np.diag(curvature))
     step: Array = np.asarray(np.linalg.solve(damped, slope), dtype=float)
     return solved[:, :, 0] - solved[:, :, 1:] @ step, step
+
+
+def integrate_over(
+    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
+) -> PosteriorProblem:
+    """The problem with what the likelihood's integral over some parameters adds to its cost.
+
+    The mode of poses and parameters together is not where the poses are likeliest by themselves: markers that
+    slide with an angle, by slopes that are not known, allow larger angles at no cost, the more of
+    them there are. The likelihood of the rest, integrated over places and slopes (Laplace), holds half
+    the logarithm of the determinant of their curvature G. With their covariance V, given the rest, that is
+    trace(V G) / 2, where G, the poses eliminated, is quadratic in the angles which drive the slopes.
+
+    ``latent``: parameters of one marker each, constant or in proportion to one coordinate. ``q``, ``p``: the
+    mode.
+    """
+    tree, nq = problem.tree, len(problem.coordinates)
+    column = {int(c): k for k, c in enumerate(problem.coordinates)}
+    drives = np.zeros((len(latent), nq + 1))
+    for k, parameter in enumerate(latent):
+        factor = tree.marker_parameters[int(parameter)][1].factor
+        if factor == NONE:
+            drives[k, nq] = 1.0
+        elif tree.factors[factor].coordinate in column:
+            drives[k, column[tree.factors[factor].coordinate]] = 1.0
+    whitening = _Whitening(problem)
+    normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
+    covariance = np.linalg.inv(_eliminate(problem, normal, p, 0.0)[0][np.ix_(latent, latent)])
+    found = np.zeros((len(q), nq + 1, nq + 1))
+    for start in range(0, len(q), _AT_ONCE):
+        rows = slice(start, start + _AT_ONCE)
+        own, unit = _whiten_unit_slopes(problem.in_frames(rows), q[rows], p, latent)
+        crossed = own @ unit.transpose(0, 2, 1)
+        curvature = unit @ unit.transpose(0, 2, 1)
+        curvature -= crossed.transpose(0, 2, 1) @ np.linalg.solve(_with_ridge(normal.own[rows]), crossed)
+        found[rows] = drives.T @ (covariance * curvature) @ drives
+    return replace(problem, integrated=(found[:, :nq, :nq], -found[:, :nq, nq]))
+
+
+def _whiten_unit_slopes(
+    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Whitened slopes by the coordinates, (n, nq, m), and by latent parameters per unit of their driver."""
+    tree, whitening = problem.tree, _Whitening(problem)
+    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), problem.coordinates)
+    own = whitening.apply(poses.axes, tree.marker_link, rates)
+    unit = np.zeros((len(q), len(latent), own.shape[2]))
+    for part in whitening.parts:
+        rows = np.flatnonzero([tree.marker_parameters[int(k)][0] in part.group.markers for k in latent])
+        gains, _ = _find_directions(tree, poses, latent[rows], part.group)
+        unit[:, rows, part.columns] = whitening.apply_along(part, gains, np.ones((len(rows), len(q))))
+    return own, unit
 
 
 def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
@@ -441,8 +500,16 @@ def _compute_frame_costs(
 ) -> tuple[Array, Array]:
     """Whitened residuals and the cost of each frame."""
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)
-    costs = np.square(white).sum(axis=1)
-    if problem.held is not None:
-        value, precision = problem.held
-        costs += (precision * np.square(q[:, problem.coordinates] - value)).sum(axis=1)
-    return white, costs
+    return white, np.square(white).sum(axis=1) + _compute_held_costs(problem, q)
+
+
+def _compute_held_costs(problem: PosteriorProblem, q: Array) -> Array:
+    """What rules each frame's coordinates beside the markers, (n,), but for a constant."""
+    costs, own = np.zeros(len(q)), q[:, problem.coordinates]
+    for precision, pull in _list_held(problem):
+        costs += np.einsum("nij,ni,nj->n", precision, own, own) - 2.0 * (pull * own).sum(axis=1)
+    return costs
+
+
+def _list_held(problem: PosteriorProblem) -> list[tuple[Array, Array]]:
+    return [part for part in (problem.held, problem.integrated) if part is not None]

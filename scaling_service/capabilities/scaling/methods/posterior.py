@@ -51,6 +51,7 @@ from scaling_service.numerics.least_squares.posterior import (
     MOST_STEPS,
     GaussianPrior,
     Posterior,
+    integrate_over,
     solve_posterior,
 )
 from scaling_service.numerics.least_squares.problem import find_seen
@@ -108,6 +109,9 @@ class JointPosterior:
             own = people.with_skin(level)
             freed, prior = _free(start, frames.trial.shown_labels, session, own, imaged)
             problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=frames.shares)
+            if p is not None:
+                latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
+                problem = integrate_over(problem, q, p, latent)
             begin = task.p if p is None else p
             found = solve_posterior(problem, q, begin, progress, _FIRST_STEPS if left else MOST_STEPS)
             q, p, steps = found.q, found.p, steps + found.steps

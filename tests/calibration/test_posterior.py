@@ -111,7 +111,7 @@ def test_stated_deviations_of_angles_cover(quantile, low, high):
 def test_how_much_skin_moves_is_learnt(skin):
     """Where cameras are as noisy as the estimate takes them to be; less noise is taken for less skin."""
     levels = [
-        calibrate(record(draw_person(3, World(skin=size, noise_m=0.001))), "MAP").model.posterior.skin
+        calibrate(record(draw_person(3, World(skin=size, noise_m=0.0005))), "MAP").model.posterior.skin
         for size in (skin, 1.0)
     ]
     assert levels[0] / levels[1] == pytest.approx(skin, rel=0.15)

@@ -169,7 +169,6 @@ class MethodWord(Part):
     meaning: str = Field(description="What is fitted, in plain words.")
     starts_from: str | None = Field(description="The method that gives the first guess.")
     needs_images: bool
-    usual: bool = Field(description="Whether it is computed where no methods are named.")
 
 
 class GaitAngleWord(Part):

@@ -265,11 +265,18 @@ def _list_carriers(model: BodyModel, wanted: set[str]) -> list[Segment]:
 
 
 def _list_marker_terms(row: int, marker: Marker, index: _Index) -> list[MarkerTerm]:
-    return [
-        MarkerTerm(row, term)
-        for axis, law in zip(np.eye(3), marker.laws, strict=True)
-        for term in index.terms(law, axis)[1]
-    ]
+    """Terms along different axes that follow one factor with known gains are one term."""
+    known: dict[int, TermArrays] = {}
+    free: list[TermArrays] = []
+    for axis, law in zip(np.eye(3), marker.laws, strict=True):
+        for term in index.terms(law, axis)[1]:
+            if term.parameter != NONE:
+                free.append(term)
+            elif (same := known.get(term.factor)) is not None:
+                known[term.factor] = replace(same, gain=same.gain + term.gain)
+            else:
+                known[term.factor] = term
+    return [MarkerTerm(row, term) for term in (*known.values(), *free)]
 
 
 def _list_moves(joints: Sequence[Joint], index: _Index) -> tuple[Move, ...]:

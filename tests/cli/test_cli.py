@@ -12,7 +12,7 @@ import pytest
 
 from scaling_service.capabilities.scaling import run as tasks
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.methods.table import METHODS, list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.cli import main
 from tests.jobs.laboratory import document, laboratory, write_subject
 
@@ -34,9 +34,7 @@ def test_compare_prints_a_table_and_what_it_wrote(
     assert main(["compare", str(subject_file), "--out", str(tmp_path / "out")]) == 0
     shown = capsys.readouterr()
     written = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
-    assert list(written["methods"]) == [
-        name for name in list_usual_methods() if not METHODS[name].needs_images
-    ]
+    assert list(written["methods"]) == [name for name in METHODS if not METHODS[name].needs_images]
     for method, result in written["methods"].items():
         assert method in shown.out
         assert f"{result['kinematic_error_mm']['walk']['mean']:.1f} ±" in shown.out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scaling_service.capabilities.scaling.methods.table import list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run_demo
 from scaling_service.capabilities.shared.settings import Settings
@@ -44,7 +44,7 @@ def test_lengths_are_near_the_truth(demonstration: tuple[Results, TruthDocument]
 def test_images_lie_nearer_to_the_truth_than_markers(demonstration: tuple[Results, TruthDocument]) -> None:
     results, truth = demonstration
     assert results.session.images is not None
-    assert set(results.scalings) == set(list_usual_methods())
+    assert set(results.scalings) == set(METHODS)
     markers, images = truth.errors["MB"], truth.errors["EB"]
     assert images["lengths_mm"] < min(5.0, markers["lengths_mm"])
     # In space, skin movement adds to what the image has wrong.

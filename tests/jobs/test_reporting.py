@@ -167,13 +167,13 @@ def test_gait_cycles_are_averaged(demo: tuple[Results, TruthDocument]) -> None:
 def test_one_method_without_images(results: Results) -> None:
     one = replace(results, scalings={"MB": results.scalings["MB"]})
     root = page_of(one)
-    assert "only method computed" in root.all("div", "callout")[0].text
+    assert "compute MAP to know" in root.all("div", "callout")[0].text
     assert root.all("figure", "scene")
 
 
 def test_without_evaluation_trials(results: Results) -> None:
     root = page_of(without(results, evaluation=True))
-    assert "No trial was held out" in root.all("div", "callout")[0].text
+    assert "on fitted trials" in tables(root)["How far to trust MAP"][1][2]
     (caption,) = [f.all("figcaption")[0].text for f in root.all("figure", "scene")]
     assert "used to fit" in caption
     assert "Held out" not in shown(root)

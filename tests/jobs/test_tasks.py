@@ -9,7 +9,7 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
-from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate, list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, calibrate
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.capabilities.shared.settings import Settings
@@ -26,7 +26,7 @@ def mass(model: BodyModel) -> float:
 
 
 def test_all_methods_in_order_and_every_movement(results: Results) -> None:
-    assert list(results.scalings) == [name for name in list_usual_methods() if not METHODS[name].needs_images]
+    assert list(results.scalings) == [name for name in METHODS if not METHODS[name].needs_images]
     for scaling in results.scalings.values():
         assert list(scaling.errors) == list(scaling.motions) == ["hips", "walk"]
 

@@ -20,7 +20,7 @@ from scaling_service.capabilities.cohort.document import RECORD
 from scaling_service.capabilities.cohort.executors import report_stage
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods, list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
@@ -91,7 +91,7 @@ def select_possible_methods(
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
     imaged = bool(subject.bones) and subject.model in BUILTIN_NAMES
     left_out = {}
-    wanted = methods or list_usual_methods()
+    wanted = methods or tuple(METHODS)
     for name in wanted:
         if METHODS[name].needs_images and not imaged:
             left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"

@@ -28,7 +28,7 @@ from scaling_service.capabilities.cohort.outcomes import (
 from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
-from scaling_service.capabilities.scaling.methods.table import check_methods, list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
@@ -278,7 +278,7 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
-    statistics = compute_cohort_statistics(summaries, methods or list_usual_methods(), seed=settings.seed)
+    statistics = compute_cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
     document = CohortDocument(
         code_version=code_version(),
         cohort=cohort,

@@ -103,9 +103,9 @@ class Start:
 def scale_model(
     loaded: Loaded, method: str | None, settings: Settings, *, progress: Progress | None = None
 ) -> Start:
-    """Scale the model by a method; unless given, the optimised one from images where there are some."""
+    """Scale the model by a method; by the joint posterior unless another is given."""
     session = loaded.session
-    chosen = method or ("EB_am" if session.images is not None else "MB_am")
+    chosen = method or "MAP"
     if chosen == AS_IT_IS:
         return Start(
             method=chosen, model=session.model, calibration=None, motions={}, warnings=session.warnings

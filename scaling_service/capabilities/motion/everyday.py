@@ -92,7 +92,9 @@ def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
 
     ``model``: with a posterior. ``q``: by plain least squares.
     """
-    problem, task, _ = _free_again(model, trial)
+    assert model.posterior is not None
+    people, ones = read_people().with_skin(model.posterior.skin), np.ones(trial.n_frames)
+    problem, task = pose_problem(model, trial, people, prior=GaussianPrior(()), shares=ones)
     return solve_poses(problem, q, task.p)
 
 

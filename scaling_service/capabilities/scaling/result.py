@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,6 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import (
     Geometry,
     estimate_usual_lengths,
-    list_joint_angles,
 )
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.methods.table import METHODS
@@ -50,6 +49,8 @@ class Scaling:
         Of the same trials, m.
     geometry : Geometry
         Segment lengths, joint centres and marker shifts in m, knee axes in rad.
+    angle_sds : mapping of str to mapping
+        Of a method with a posterior: trial to joint angle to its standard deviation, RMS over frames, rad.
     inverse_kinematics_s : float
         Wall time of all motions, s.
     osim : str, optional
@@ -71,6 +72,7 @@ class Scaling:
     motions: Mapping[str, Motion]
     errors: Mapping[str, KinematicError]
     geometry: Geometry
+    angle_sds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
     attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
@@ -111,7 +113,7 @@ class Results:
     True
     >>> results
     Results of MB for subject 'example'
-    MB was the only method computed: nothing here confirms it.
+    MB is one estimate of several: compute MAP to know how far to trust it.
     >>> results.held_out
     ('gait_1', 'gait_2')
     """
@@ -198,7 +200,6 @@ def gather_evidence(results: Results) -> Evidence:
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
         estimate_usual_lengths(session.subject.height_m, sorted(names)),
-        find_angles_apart(results.scalings, results.held_out or fitted),
     )
 
 
@@ -206,61 +207,31 @@ def _gather_method_evidence(
     scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
 ) -> MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
-    method, parameters = METHODS[calibration.method], calibration.parameters
+    posterior, parameters = calibration.model.posterior, calibration.parameters
     return MethodEvidence(
         method=calibration.method,
-        start=method.needs,
-        from_images=method.needs_images,
-        fits_lengths=method.fits_lengths,
+        from_images=METHODS[calibration.method].needs_images,
+        skin=None if posterior is None else posterior.skin,
         fitted=average_errors(scaling.errors, fitted),
         held_out=average_errors(scaling.errors, held_out),
-        parameters=len(parameters),
-        undetermined=sum(not p.identifiable for p in parameters),
-        at_bounds=sum(p.at_bound for p in parameters),
         lengths=shape.lengths,
-        hip_centres={
-            name: at for name, (_, at) in shape.joint_centres.items() if name.partition("_")[0] == "hip"
-        },
-        knee_axes=shape.knee_axes,
         length_sds={
             size.dimension: size.sd * shape.lengths[size.dimension]
             for size in calibration.sizes.values()
             if size.dimension in shape.lengths
         },
-        inferred=tuple(name for name, size in calibration.sizes.items() if not size.own),
+        centre_sds={name: math.hypot(*centre.sd) for name, centre in calibration.centres.items()},
+        angle_sds=_average_sds(scaling.angle_sds, held_out or fitted),
+        by_people=()
+        if posterior is None
+        else tuple(p.name for p in parameters if p.group in ("length", "centre") and not p.identifiable),
     )
 
 
-def find_angles_apart(
-    scalings: Mapping[str, Scaling], trials: Sequence[str]
-) -> dict[tuple[str, str], tuple[str, float]]:
-    """For every two methods the joint angle in which they differ most, and its RMS difference, rad.
-
-    Over the frames of ``trials`` in which both methods know the angle.
-    """
-    found = {}
-    for first, second in combinations(scalings, 2):
-        gaps = _compute_gaps(scalings[first], scalings[second], trials)
-        if gaps:
-            worst = max(gaps, key=lambda name: gaps[name])
-            found[first, second] = (worst, gaps[worst])
-    return found
-
-
-def _compute_gaps(first: Scaling, second: Scaling, trials: Sequence[str]) -> dict[str, float]:
-    """Joint angle to the RMS difference of two methods, rad."""
-    both = [
-        (first.motions[t], second.motions[t]) for t in trials if t in first.motions and t in second.motions
-    ]
-    gaps = {}
-    for name in list_joint_angles(first.calibration.model):
-        squares = [
-            (a.column(name) - b.column(name)) ** 2
-            for a, b in both
-            if name in a.estimated and name in b.estimated
-        ]
-        known = np.concatenate(squares) if squares else np.empty(0)
-        known = known[np.isfinite(known)]
-        if known.size:
-            gaps[name] = float(np.sqrt(known.mean()))
-    return gaps
+def _average_sds(sds: Mapping[str, Mapping[str, float]], trials: Sequence[str]) -> dict[str, float]:
+    """Joint angle to its root mean square deviation over trials, rad."""
+    known: dict[str, list[float]] = {}
+    for trial in trials:
+        for name, sd in sds.get(trial, {}).items():
+            known.setdefault(name, []).append(sd)
+    return {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in known.items()}

@@ -9,20 +9,23 @@ from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
+from scaling_service.capabilities.motion.run import TrackedTrial, track
 from scaling_service.capabilities.scaling.comparison.geometry import (
     compute_angle_errors,
     compute_centre_errors,
     compute_length_errors,
     list_doubts,
+    list_joint_angles,
     measure_geometry,
 )
 from scaling_service.capabilities.scaling.methods.table import (
     METHODS,
     calibrate,
     check_methods,
-    list_usual_methods,
 )
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
@@ -247,8 +250,7 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    usual = {name: METHODS[name] for name in list_usual_methods()}
-    imaged = {n: m for n, m in usual.items() if session.images is not None or not m.needs_images}
+    imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()
     left_out = [name for name, method in imaged.items() if method.needs_movements]
@@ -268,17 +270,35 @@ def _report_steps(part: Progress, method: str) -> Callable[[int, float], None]:
 def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Scaling:
     clock = time.perf_counter()
     motions: dict[str, Motion] = {}
+    angle_sds: dict[str, dict[str, float]] = {}
     trials = session.dynamic
     for k, trial in enumerate(trials):
         part(f"{calibration.method}: following {trial.name}", _FITTING + (1.0 - _FITTING) * k / len(trials))
-        motions[trial.name] = inverse_kinematics(calibration.model, trial)
+        if calibration.model.posterior is None:
+            motions[trial.name] = inverse_kinematics(calibration.model, trial)
+            continue
+        tracked = track(calibration.model, trial)
+        motions[trial.name] = tracked.motion
+        angle_sds[trial.name] = _average_frames(calibration.model, tracked)
     return Scaling(
         calibration=calibration,
         motions=motions,
         errors={name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
         geometry=measure_geometry(calibration),
+        angle_sds=angle_sds,
         inverse_kinematics_s=time.perf_counter() - clock,
     )
+
+
+def _average_frames(model: BodyModel, tracked: TrackedTrial) -> dict[str, float]:
+    """Joint angle to its root mean square deviation over the frames that determine it, rad."""
+    found = {}
+    for name in list_joint_angles(model):
+        sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
+        known = sd[np.isfinite(sd) & (sd > 0.0)]
+        if len(known):
+            found[name] = float(np.sqrt(np.mean(known**2)))
+    return found
 
 
 def with_mass(calibration: Calibration, session: Session) -> Calibration:

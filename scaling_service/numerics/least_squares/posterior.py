@@ -485,12 +485,12 @@ def _solve_block(
         trial[:, problem.coordinates] += step
         trial_gap, trial_costs = _compute_frame_costs(problem, whitening, trial, p)
         better = trial_costs <= costs
-        gained = float((costs - trial_costs)[better].sum())
+        settled = (np.abs(costs - trial_costs) < _ENOUGH) | (damping >= 1.0)
         q = np.where(better[:, None], trial, q)
         gap = np.where(better[:, None], trial_gap, gap)
         costs = np.where(better, trial_costs, costs)
         damping = np.clip(damping * np.where(better, _EASE, _RAISE), _LEAST, _MOST)
-        if gained < _ENOUGH * max(len(q), 1) and (better | (damping >= 1.0)).all():
+        if settled.all():
             break
     return q
 

@@ -14,7 +14,7 @@ from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.text import describe_effect
 from scaling_service.capabilities.scaling.clinical_gait import read_schwartz2008
-from scaling_service.capabilities.scaling.methods.table import METHODS, list_usual_methods
+from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents.service import (
     CoordinateWord,
     ExampleList,
@@ -113,7 +113,6 @@ def list_vocabulary() -> Vocabulary:
                 meaning=m.title,
                 starts_from=m.needs,
                 needs_images=m.needs_images,
-                usual=name in list_usual_methods(),
             )
             for name, m in METHODS.items()
         ],

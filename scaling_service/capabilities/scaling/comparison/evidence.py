@@ -11,12 +11,9 @@ import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.documents.results import TrustNote
-from scaling_service.model.body import Vector
-
-Speaks = Literal["for", "against", "neither"]
 
 Strength = Literal["decided", "leaning", "undecided"]
-"""Whether the evidence settles which method to use, favours one without a check, or leaves it open."""
+"""Whether recordings and images say more of the person than people in general do, less, or contradict it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,34 +35,27 @@ class Following:
 class MethodEvidence:
     """What is known of one method's model.
 
-    ``start``: the method whose model was the first guess.
-    ``from_images``: whether its lengths and joint centres come from images.
-    ``fits_lengths``: whether segment lengths were among the fitted numbers.
+    ``from_images``: whether its lengths and joint centres come from images alone.
+    ``skin``: how much its markers move over its bones against what skin does in ordinary people; None for
+        a method that does not estimate it.
     ``fitted``, ``held_out``: on the trials that it may have been fitted to, and on those that it was not.
-    ``parameters``, ``undetermined``, ``at_bounds``: how many numbers were fitted, how many of them the
-        recordings do not determine, and how many stopped at a bound.
     ``lengths``: ``femur_r`` … to m.
-    ``hip_centres``: ``hip_r``, ``hip_l`` to the position in the pelvis, m.
-    ``knee_axes``: ``r``, ``l`` to the turns of the axis about x and y of the thigh, rad.
-    ``length_sds``: ``femur_r`` … to the standard deviation of its estimate, m, where distances and
-        anthropometry gave it.
-    ``inferred``: segments of which nothing was measured.
+    ``length_sds``, ``centre_sds``: ``femur_r`` …, ``hip_r`` … to standard deviations, m, where they are
+        known; a centre's in space.
+    ``angle_sds``: joint angle to its standard deviation, rad, over the trials judged on.
+    ``by_people``: sizes, centres and axes of which people in general say more than images and recordings.
     """
 
     method: str
-    start: str | None = None
     from_images: bool = False
-    fits_lengths: bool = False
+    skin: float | None = None
     fitted: Following | None = None
     held_out: Following | None = None
-    parameters: int = 0
-    undetermined: int = 0
-    at_bounds: int = 0
     lengths: Mapping[str, float] = field(default_factory=dict)
-    hip_centres: Mapping[str, Vector] = field(default_factory=dict)
-    knee_axes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     length_sds: Mapping[str, float] = field(default_factory=dict)
-    inferred: tuple[str, ...] = ()
+    centre_sds: Mapping[str, float] = field(default_factory=dict)
+    angle_sds: Mapping[str, float] = field(default_factory=dict)
+    by_people: tuple[str, ...] = ()
 
     @property
     def judged_on(self) -> Following | None:
@@ -81,21 +71,11 @@ class Evidence:
     ``imaged``: joint centres that images show: ``hip_r``, ``knee_r``, ``ankle_r`` and the left ones.
     ``usual_lengths``: ``femur_r`` … to what is usual for the person's height, m; empty where the height is
         not known.
-    ``angles_apart``: two methods (in the order of ``methods``) to the joint angle in which they differ most
-        and the root mean square of that difference, rad; on held-out trials where there are any.
     """
 
     methods: tuple[MethodEvidence, ...]
     imaged: frozenset[str] = frozenset()
     usual_lengths: Mapping[str, float] = field(default_factory=dict)
-    angles_apart: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
-
-    def method(self, name: str) -> MethodEvidence:
-        """The method of that name (KeyError if none)."""
-        for method in self.methods:
-            if method.method == name:
-                return method
-        raise KeyError(name)
 
     @property
     def reference(self) -> MethodEvidence | None:
@@ -113,55 +93,11 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gate:
-    """A limit that a usable model keeps: necessary, not sufficient."""
-
-    method: str
-    quantity: Literal["rms", "max"]
-    value: float
-    limit: float
-    held_out: bool
-
-    @property
-    def passed(self) -> bool:
-        """Whether the value stays below the limit."""
-        return self.value < self.limit
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one rule says of one method."""
-
-    rule: str
-    method: str
-    speaks: Speaks
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class ImageAgreement:
-    """A model against the image: differences over what was imaged.
-
-    ``lengths``: length to model minus image, m.
-    ``hips``: hip to the distance between the centres in the pelvis, m.
-    """
-
-    lengths: Mapping[str, float]
-    hips: Mapping[str, float]
-
-    @property
-    def worst(self) -> float:
-        """The largest size of any of them, m; NaN if nothing could be compared."""
-        return max((abs(v) for v in (*self.lengths.values(), *self.hips.values())), default=float("nan"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """Which method to use for a person, why, and how far to trust it.
 
-    ``method``: the one to use, or the one to lean to where the evidence does not decide.
+    ``method``: the one to use, or what comes nearest to it where it was not computed.
     ``why``: plain sentences.
-    ``findings``: what every rule says of every method.
     """
 
     method: str
@@ -169,8 +105,6 @@ class Verdict:
     headline: str
     why: tuple[str, ...]
     trust: tuple[TrustNote, ...]
-    gates: tuple[Gate, ...]
-    findings: tuple[Finding, ...]
 
 
 def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:

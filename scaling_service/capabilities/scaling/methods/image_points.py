@@ -25,7 +25,7 @@ _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
     """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
     skin = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
-    for points in (skin, evidence.landmarks):
+    for points in (evidence.landmarks, skin):
         if all(name in points for name in _PELVIS):
             return build_pelvis_frame(*(points[name] for name in _PELVIS))
     return None

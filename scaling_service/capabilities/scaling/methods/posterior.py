@@ -27,7 +27,7 @@ from scaling_service.capabilities.scaling.methods.people_prior import (
     find_imaged,
     measure_imaged,
 )
-from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
+from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
@@ -134,7 +134,9 @@ class JointPosterior:
             iterations=steps,
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *_list_warnings(found, estimated)),
+            image_poses=start.image_poses,
             sizes=_list_sizes(start, values, sds),
+            bone_sized=start.bone_sized,
             centres=_list_centres(freed, sds),
         )
 
@@ -320,7 +322,11 @@ def _list_moves(start: Calibration, values: Mapping[str, float]) -> dict[str, Jo
         femur, hip = find_segment(start.model, "femur", side), f"centre.hip_{side}"
         if femur is not None and f"{hip}.x" in values:
             shift = to_vector(values[f"{hip}.{letter}"] for letter in LETTERS)
-            moved[start.model.segment(femur).joint_name] = JointMove(shift=shift)
+            joint = start.model.segment(femur).joint_name
+            before = moved.get(joint, JointMove())
+            grown = [values.get(f"scale.{start.model.segment(femur).parent}.{a}", 1.0) for a in "xz"]
+            along = np.array([grown[0], (grown[0] + grown[1]) / 2.0, grown[1]])
+            moved[joint] = replace(before, shift=to_vector(along * before.shift + shift))
     return moved
 
 
@@ -328,11 +334,16 @@ def _list_sizes(
     start: Calibration, values: Mapping[str, float], sds: Mapping[str, float]
 ) -> dict[str, SegmentSize]:
     """Of segments with one free factor; the shares of evidence are the start's no more."""
-    return {
-        segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
-        for segment, size in start.sizes.items()
-        if (name := f"scale.{segment}") in values
-    }
+    found = {}
+    for segment in start.model.segment_names:
+        name, dimension = f"scale.{segment}", find_dimension(start.model.bone_of(segment))
+        if name in values and (segment in start.sizes or dimension is not None):
+            alone = SegmentSize(
+                dimension=dimension or segment, factor=1.0, sd=0.0, measured=1.0, others=0.0
+            )  # a bone's
+            size = start.sizes.get(segment, alone)
+            found[segment] = replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
+    return found
 
 
 def _list_centres(freed: BodyModel, sds: Mapping[str, float]) -> dict[str, EstimatedCentre]:

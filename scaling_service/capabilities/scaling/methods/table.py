@@ -69,16 +69,6 @@ METHODS: Mapping[str, Method] = _with_others(
 )
 
 
-ON_REQUEST = frozenset({"MAP"})
-"""Methods that a comparison takes only where asked for. MAP: on children with the conventional marker
-set its femora are 2 to 5 % longer than the laboratory's, MB's 1 to 4 %."""
-
-
-def list_usual_methods() -> tuple[str, ...]:
-    """What a comparison takes where nothing else is asked for."""
-    return tuple(name for name in METHODS if name not in ON_REQUEST)
-
-
 def check_methods(methods: Iterable[str]) -> None:
     """Refuse a method that there is not (SubjectInvalid)."""
     for method in methods:

@@ -11,8 +11,7 @@ from scaling_service.capabilities.scaling.comparison.curves import (
     make_error_curves,
     make_gait_curves,
 )
-from scaling_service.capabilities.scaling.comparison.evidence import Evidence, Gate, Strength, Verdict
-from scaling_service.capabilities.scaling.comparison.verdict import RULES_IN_WORDS
+from scaling_service.capabilities.scaling.comparison.evidence import Evidence, Strength, Verdict
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
 from scaling_service.capabilities.scaling.report.angles import build_angles_section, build_clinical_section
@@ -48,7 +47,6 @@ from scaling_service.report.blocks import (
 from scaling_service.report.figures import Figure, draw_lines, make_chart
 from scaling_service.report.methods import (
     format_signed,
-    list_method_columns,
     make_method_legend,
     number,
     spell_name,
@@ -140,7 +138,6 @@ def _draw_curve(found: MuscleComparison, each: MuscleDifference) -> Figure:
 
 
 _TONES: dict[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
-_SPEAKS: dict[str, Tone] = {"for": "good", "against": "poor", "neither": "unknown"}
 _HOW_TO_READ = (
     "Black dots are the measured markers. Each model stands where it follows them best; rings are its "
     "markers, dots its joint centres, dashed lines its knee axes. Drag to turn. Floor lines are 25 cm apart; "
@@ -201,7 +198,7 @@ def _in_space(results: Results, trial: Trial | None, verdict: Verdict) -> Iterat
 
 
 def _build_verdict(verdict: Verdict, truth: TruthDocument | None) -> Iterator[Block]:
-    """Which method to use for this person, why, and how far to trust it; the quality gates and the rules."""
+    """Which method to use for this person, why, and how far to trust it."""
     yield Callout(verdict.headline, [Bullets(verdict.why)], _TONES[verdict.strength])
     yield Table(
         caption=f"How far to trust {verdict.method}",
@@ -214,34 +211,6 @@ def _build_verdict(verdict: Verdict, truth: TruthDocument | None) -> Iterator[Bl
     )
     if truth is not None:
         yield from _build_truth(verdict.method, truth)
-    if verdict.gates:
-        yield _tabulate_gates(verdict.gates)
-    if verdict.findings:
-        rows = [
-            Row(f.method, [f.rule, Cell(f.speaks, tone=_SPEAKS[f.speaks]), f.text]) for f in verdict.findings
-        ]
-        table = Table(
-            caption="Findings", columns=["method", "rule", "speaks", "what was found"], rows=rows, words=True
-        )
-        yield Details("What each rule says of each method", [table])
-    yield Details("The rules", [Bullets(RULES_IN_WORDS, numbered=True)])
-
-
-def _tabulate_gates(gates: tuple[Gate, ...]) -> Table:
-    rows: dict[tuple[str, float], list[Cell]] = {}
-    for gate in gates:
-        cell = Cell(
-            f"{1e3 * gate.value:.1f} {'passes' if gate.passed else 'fails'}",
-            tone="good" if gate.passed else "poor",
-        )
-        rows.setdefault(("RMS" if gate.quantity == "rms" else "largest", 1e3 * gate.limit), []).append(cell)
-    where = "held-out trials" if all(gate.held_out for gate in gates) else "the trials that were fitted"
-    return Table(
-        caption=f"Quality gates: marker error on {where}, mm",
-        columns=["", *list_method_columns(list(dict.fromkeys(gate.method for gate in gates)))],
-        rows=[Row(f"{title}, below {limit:.0f}", cells) for (title, limit), cells in rows.items()],
-        note="Limits of OpenSim's best practices. Necessary, not sufficient: a wrong model can pass them.",
-    )
 
 
 def _build_truth(chosen: str, truth: TruthDocument) -> Iterator[Block]:

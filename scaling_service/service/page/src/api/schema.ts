@@ -901,7 +901,6 @@ export interface MethodWord {
   meaning: string;
   starts_from: string | null;
   needs_images: boolean;
-  usual: boolean;
 }
 
 export interface ModelWord {

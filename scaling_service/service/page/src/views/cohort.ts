@@ -27,7 +27,7 @@ interface Picked {
 
 export const cohort: View = async ({ main, signal }) => {
   const [subjects, known, jobs] = await Promise.all([listSubjects(signal), vocabulary(), listJobs({ kind: "batch", limit: "20" }, signal)]);
-  const picked: Picked = { subjects: new Set(), methods: new Set(known.methods.filter(({ usual }) => usual).map(({ name }) => name)), groups: {} };
+  const picked: Picked = { subjects: new Set(), methods: new Set(known.methods.map(({ name }) => name)), groups: {} };
   const list = h("div");
   const status = h("p", { class: "quiet", role: "status" });
   const failed = h("div");
@@ -90,16 +90,16 @@ function starting(picked: Picked, methods: readonly MethodWord[]): HTMLElement[]
       if (picked.subjects.size === 0) throw new Problem({ problem: "Nobody is chosen", remedy: "Tick the subjects of the cohort" });
       const subjects = [...picked.subjects];
       const groups = Object.fromEntries(subjects.flatMap((id) => (picked.groups[id] === undefined ? [] : [[id, picked.groups[id]]])));
-      const all = methods.every(({ name, usual }) => picked.methods.has(name) === usual);
+      const all = methods.every(({ name }) => picked.methods.has(name));
       const wanted = methods.map(({ name }) => name).filter((name) => picked.methods.has(name));
       const request = { subjects, groups, ...(all ? {} : { methods: wanted }) };
       location.hash = toJob((await ask("batches", request)).id);
     });
-  const boxes = methods.map(({ name, usual }) =>
-    box(h("span", null, chipOf(styleOf(name).colour), ` ${name}`), usual, (wanted) => void (wanted ? picked.methods.add(name) : picked.methods.delete(name))));
+  const boxes = methods.map(({ name }) =>
+    box(h("span", null, chipOf(styleOf(name).colour), ` ${name}`), true, (wanted) => void (wanted ? picked.methods.add(name) : picked.methods.delete(name))));
   return [
     group("Methods", ...boxes),
-    h("p", { class: "note" }, "With the usual methods, each subject takes those that its recordings allow."),
+    h("p", { class: "note" }, "With all methods, each subject takes those that its recordings allow."),
     h("div", { class: "actions" }, h("button", { class: "main", onclick: start }, "Compare the cohort")),
     failed,
   ];

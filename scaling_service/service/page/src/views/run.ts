@@ -77,12 +77,12 @@ function needs(subject: SubjectDetail, readiness: Readiness | undefined): HTMLEl
 type Begin = (job: JobDocument, follow: boolean) => void;
 
 function comparing(subject: SubjectDetail, methods: MethodWord[], chosen: Chosen, begin: Begin, readiness: Readiness | undefined): HTMLElement {
-  const picked = new Set(methods.filter(({ usual }) => usual).map(({ name }) => name));
+  const picked = new Set(methods.map(({ name }) => name));
   const failed = h("div");
   let muscles = false;
-  const boxes = methods.map(({ name, meaning, usual }) => {
+  const boxes = methods.map(({ name, meaning }) => {
     const label = h("span", { class: "method" }, chipOf(styleOf(name).colour), h("b", null, name), ` ${meaning}`);
-    return box(label, usual, (checked) => void (checked ? picked.add(name) : picked.delete(name)));
+    return box(label, true, (checked) => void (checked ? picked.add(name) : picked.delete(name)));
   });
   const start = (): void =>
     void guarded(failed, async () => {

@@ -31,6 +31,9 @@ class JointCentre(Part):
 
     frame: str
     xyz: tuple[float, float, float]
+    sd_mm: tuple[float, float, float] | None = Field(
+        default=None, description="Standard deviation along each axis; null where it is not known."
+    )
 
 
 class LengthEstimate(Part):
@@ -40,15 +43,6 @@ class LengthEstimate(Part):
     measured: float = Field(description="Share of the segment's own distances.")
     others: float = Field(description="Share of other segments' distances.")
     expected: float = Field(description="Share of what persons of this stature, mass and sex are like.")
-
-
-class PersonCentre(Part):
-    """How a joint centre of the person was found in a recording."""
-
-    source: str
-    sd_mm: tuple[float, float, float] = Field(
-        description="Standard deviation along x (forward), y (up), z (to the right) of the pelvis."
-    )
 
 
 class KneeAxis(Part):
@@ -145,9 +139,6 @@ class MethodResult(Part):
         description="What sized each segment: its own bone, the other leg's, markers or persons alike.",
     )
     joint_centres_mm: dict[str, JointCentre]
-    person_centres: dict[str, PersonCentre] = Field(
-        default={}, description="`hip_r` and on: where lengths were measured from."
-    )
     knee_axis_deg: dict[str, KneeAxis]
     marker_shift_mm: dict[str, float]
     scale_factors: dict[str, tuple[float, float, float]]

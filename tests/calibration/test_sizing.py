@@ -140,8 +140,20 @@ def test_a_lateral_marker_and_half_the_width_give_the_middle_of_both() -> None:
     found, full = scale_linearly(without(session, MEDIAL), SETTINGS), scale_linearly(session, SETTINGS)
     for segment in ("femur_r", "tibia_l"):
         assert found.scale_factors[segment][0] == pytest.approx(full.scale_factors[segment][0], rel=2e-3)
-    assert "half its width" in found.centres["knee_r"].source
-    assert "middle" in full.centres["knee_r"].source
+    taken, usual = (size_segments(s, SETTINGS).centres for s in (without(session, MEDIAL), session))
+    assert "half its width" in taken["knee_r"].source
+    assert "middle" in usual["knee_r"].source
+
+
+def test_a_hip_states_how_far_the_model_s_is_from_the_person_s():
+    """One uniform factor scales a pelvis, so its hip is not the regression's: the deviation holds the gap."""
+    known, other = person(47), SETTINGS.model_copy(update={"hip_regression": "hara2016"})
+    regression = size_segments(known.session, other).centres
+    stated = scale_linearly(known.session, other).centres
+    assert set(stated) == {"hip_r", "hip_l"}
+    for name, centre in stated.items():
+        assert np.all(np.array(centre.sd) >= np.array(regression[name].sd))
+        assert np.any(np.array(centre.sd) > 1.02 * np.array(regression[name].sd))
 
 
 def without(session: Session, landmarks: set[str], *, static: bool = True) -> Session:

@@ -218,7 +218,7 @@ def test_an_unknown_method_is_refused_before_any_work():
 
 def test_methods_are_possible_with_what_there_is(tmp_path):
     bare = Subject(id="S", model="lower_limb_14dof")
-    assert select_possible_methods(bare)[0] == ("MB",)
+    assert select_possible_methods(bare)[0] == ("MB", "MAP")
     assert select_possible_methods(bare)[1]["EB_am"] == "no bones"
     moved = replace(bare, calibration=(tmp_path / "hips.trc",))
     assert select_possible_methods(moved, ["MB_am", "EB"]) == (("MB_am",), {"EB": "no bones"})

@@ -80,7 +80,7 @@ def test_methods_that_the_recordings_do_not_allow_are_left_out(tmp_path: Path) -
     laboratory(tmp_path)
     file = write_subject(tmp_path, document(trials={"static": "standing.trc", "evaluation": ["walk.trc"]}))
     results = compare(file)
-    assert list(results.scalings) == ["MB"]
+    assert list(results.scalings) == ["MB", "MAP"]
     assert any("MB_am" in warning for warning in results.warnings)
     with pytest.raises(InputError) as caught:
         scale(file, "MB_am")

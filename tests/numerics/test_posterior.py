@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment
+from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Marker, Segment, to_vector
 from scaling_service.model.compile import compile_model
+from scaling_service.model.freed import free_named
 from scaling_service.model.parameters import free_marker
 from scaling_service.model.people import SkinSize
 from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.posterior import (
-    ErrorGroup,
-    GaussianPrior,
-    PosteriorProblem,
-    solve_posterior,
-)
+from scaling_service.numerics.least_squares.posterior import integrate_over, solve_posterior
+from scaling_service.numerics.least_squares.whitening import ErrorGroup, GaussianPrior, PosteriorProblem
 from scaling_service.numerics.multibody.rigid import rotate_about
+from scaling_service.numerics.multibody.tree import pose_markers
 
 
 def test_prior_of_sums_is_that_of_the_closed_form():
@@ -101,3 +101,55 @@ def test_skin_does_not_depend_on_the_axes_of_the_link():
     R = rotate_about((0.6, 0.0, 0.8), 1.1)
     turned = np.kron(np.eye(3), R) @ size.covariance(places) @ np.kron(np.eye(3), R).T
     np.testing.assert_allclose(size.covariance(places @ R.T), turned, atol=1e-15)
+
+
+def swinging() -> BodyModel:
+    """A block that slides and turns, with markers that slide with its turn by unknown slopes."""
+    axes = dict(zip("xyz", np.eye(3).tolist(), strict=True))
+    rails = tuple(Joint("translation", to_vector(axis), Law.of(name)) for name, axis in axes.items())
+    hinge = Joint("rotation", (0.0, 0.0, 1.0), Law.of("turn"))
+    block = Segment(name="block", parent="ground", joint_name="rail", joints=(*rails, hinge), mass=1.0)
+    places = {"A": (0.1, 0.0, 0.0), "B": (0.0, 0.2, 0.0), "C": (0.05, 0.1, 0.3)}
+    markers = tuple(Marker.at(name, "block", at) for name, at in places.items())
+    coordinates = (
+        *(Coordinate(name=name, lower=-9.0, upper=9.0, kind="translation") for name in axes),
+        Coordinate(name="turn", lower=-3.0, upper=3.0),
+    )
+    model = BodyModel(name="block", segments=(block,), coordinates=coordinates, markers=markers)
+    names = [f"{kind}.{marker}.{axis}" for kind in ("marker", "skin") for marker in "ABC" for axis in "xyz"]
+    return free_named(model, [f"{name}.turn" if name.startswith("skin") else name for name in names])
+
+
+def test_integral_over_places_and_slopes_has_the_slope_of_the_determinant():
+    """Half of log det of the curvature: its derivative with each frame's turn, by differences."""
+    model, rng = swinging(), np.random.default_rng(3)
+    tree = compile_model(model)
+    q = np.column_stack([rng.normal(size=(6, 3)), rng.normal(0.2, 0.4, size=6)])
+    prior = GaussianPrior([p.name for p in model.parameters])
+    prior.add_values(prior.names, np.zeros(18), np.diag(np.repeat([0.01, 0.02], 9) ** 2))
+    covariance = SkinSize(shift=0.003, turn=0.02, single=0.002).covariance(
+        np.array([m.nominal for m in model.markers])
+    )
+    problem = PosteriorProblem(
+        tree=tree,
+        measured=pose_markers(tree, q, np.zeros(18)),
+        shares=np.array([1.0, 0.5, 1.0, 0.2, 1.0, 1.0]),
+        coordinates=np.arange(4),
+        groups=(ErrorGroup(np.arange(3), covariance),),
+        prior=prior,
+    )
+
+    def log_determinant(at: np.ndarray) -> float:
+        still = replace(problem, measured=pose_markers(tree, at, np.zeros(18)))
+        return -np.linalg.slogdet(solve_posterior(still, at, np.zeros(18), most=0).covariance)[1]
+
+    precision, pull = integrate_over(problem, q, np.zeros(18), np.arange(18)).integrated
+    ours = 2.0 * (np.einsum("nij,nj->ni", precision, q) - pull)
+    step = 1e-5
+    for frame in range(6):
+        moved = [q.copy(), q.copy()]
+        moved[0][frame, 3] -= step
+        moved[1][frame, 3] += step
+        slope = (log_determinant(moved[1]) - log_determinant(moved[0])) / (2.0 * step)
+        assert ours[frame, 3] == pytest.approx(slope, rel=1e-4)
+    np.testing.assert_allclose(ours[:, :3], 0.0, atol=1e-12)

@@ -191,7 +191,8 @@ def prepare(
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
     sound, exchanged = _without_exchanges(loaded)
-    start = scale_model(sound, chosen.start, settings, progress=progress)
+    fewest = "EB_am" if session.images is not None else "MB_am"  # a posterior takes up what is looked for
+    start = scale_model(sound, chosen.start or fewest, settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)

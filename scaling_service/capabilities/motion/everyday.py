@@ -17,14 +17,8 @@ from scaling_service.model.body import BodyModel, ParameterPosterior
 from scaling_service.model.freed import free_named
 from scaling_service.model.people import People, read_people
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.posterior import (
-    ErrorGroup,
-    GaussianPrior,
-    PosteriorProblem,
-    propagate,
-    solve_poses,
-    split_rows,
-)
+from scaling_service.numerics.least_squares.posterior import propagate, solve_poses, split_rows
+from scaling_service.numerics.least_squares.whitening import ErrorGroup, GaussianPrior, PosteriorProblem
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import evaluate_local_positions
 

@@ -45,7 +45,6 @@ from scaling_service.documents.results import (
     KneeAxis,
     LengthEstimate,
     MethodResult,
-    PersonCentre,
     Provenance,
     ScalingDocument,
     SegmentSource,
@@ -251,12 +250,12 @@ def make_method_document(
         length_estimates=_list_length_estimates(calibration, shape.lengths),
         segment_sources=_list_segment_sources(calibration),
         joint_centres_mm={
-            name: JointCentre(frame=frame, xyz=_to_mm3(at))
+            name: JointCentre(
+                frame=frame,
+                xyz=_to_mm3(at),
+                sd_mm=_to_mm3(calibration.centres[name].sd) if name in calibration.centres else None,
+            )
             for name, (frame, at) in shape.joint_centres.items()
-        },
-        person_centres={
-            name: PersonCentre(source=centre.source, sd_mm=_to_mm3(centre.sd))
-            for name, centre in calibration.centres.items()
         },
         knee_axis_deg={
             side: KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scaling_service.documents.results import Provenance
     from scaling_service.report.blocks import Cell, Table
 
-_WIDTH = 120  # columns where the output is no terminal (chosen: five methods and the truth fit)
+_WIDTH = 150  # columns where the output is no terminal (chosen: six methods and the truth fit)
 
 
 @contextmanager

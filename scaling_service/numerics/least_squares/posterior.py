@@ -8,14 +8,19 @@ covariance of the parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.least_squares.estimator import Outcome
-from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.whitening import (
+    ErrorGroup,
+    GaussianPrior,
+    PosteriorProblem,
+    Whitening,
+)
 from scaling_service.numerics.multibody.laws import NONE, Array
 from scaling_service.numerics.multibody.tree import (
     Poses,
@@ -37,69 +42,6 @@ quarter of its deviation."""
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
 _MOST = 1e6  # damping beyond which rounding decides
 _RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
-
-
-class GaussianPrior:
-    """What is known of some numbers, gathered piece by piece in information form."""
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = tuple(names)
-        self._place = {name: k for k, name in enumerate(self.names)}
-        self.precision = np.zeros((len(self.names),) * 2)
-        self.pull = np.zeros(len(self.names))
-
-    def add(self, rows: Sequence[Mapping[str, float]], mean: Array, covariance: Array) -> None:
-        """Linear combinations of the numbers, each a mapping of name to weight, are Gaussian.
-
-        ``mean``: (k,). ``covariance`` (k, k): positive definite.
-        """
-        used = list(dict.fromkeys(name for row in rows for name in row))
-        at = [self._place[name] for name in used]
-        weights = np.array([[row.get(name, 0.0) for name in used] for row in rows])
-        informed = np.linalg.solve(covariance, np.column_stack([weights, mean]))
-        self.precision[np.ix_(at, at)] += weights.T @ informed[:, :-1]
-        self.pull[at] += weights.T @ informed[:, -1]
-
-    def add_values(self, names: Sequence[str], mean: Array, covariance: Array) -> None:
-        """The numbers themselves, (k,), are Gaussian."""
-        self.add([{name: 1.0} for name in names], mean, covariance)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ErrorGroup:
-    """Markers of one link and the covariance of their errors in the link's frame.
-
-    ``instrument``: variance of each number, m2, that is the cameras' and not the skin's; part of the whole.
-    """
-
-    markers: NDArray[np.intp]  # (m,): numbers of the tree's markers
-    covariance: Array  # (3 m, 3 m), m2: marker by marker, x, y, z
-    instrument: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PosteriorProblem:
-    """Markers of some frames, how they err, and what is known of the shared parameters."""
-
-    tree: Tree
-    measured: Array  # (n_frames, n_markers, 3), m: NaN where a marker was not seen
-    shares: Array  # (n_frames,): how much of a frame says something of its own, 0 to 1
-    coordinates: NDArray[np.intp]  # the coordinates to estimate
-    groups: tuple[ErrorGroup, ...]
-    prior: GaussianPrior  # of the tree's parameters, in their order
-    # What is known of each frame's coordinates beside the markers, in information form: precision (n_frames,
-    # n, n) and that times the mean (n_frames, n), of the coordinates to estimate
-    held: tuple[Array, Array] | None = None
-    # As ``held``: what parameters that were integrated over add to the cost, which is no information
-    integrated: tuple[Array, Array] | None = None
-
-    def in_frames(self, rows: slice) -> PosteriorProblem:
-        """The same in some frames."""
-        held, integrated = (
-            None if part is None else (part[0][rows], part[1][rows]) for part in (self.held, self.integrated)
-        )
-        measured, shares = self.measured[rows], self.shares[rows]
-        return replace(self, measured=measured, shares=shares, held=held, integrated=integrated)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -133,85 +75,6 @@ class _Normal:
     shared_slope: Array  # (np,)
 
 
-class _Whitening:
-    """Roots of the inverse covariances, for each pattern of markers that some frame shows.
-
-    Whitened numbers stand group by group, as the roots mix what one group holds and nothing else.
-    """
-
-    def __init__(self, problem: PosteriorProblem) -> None:
-        seen = find_seen(problem.measured)
-        self._root = np.sqrt(problem.shares)
-        self.parts: list[_Part] = []
-        start = 0
-        for group in problem.groups:
-            patterns, of_frame = np.unique(seen[:, group.markers], axis=0, return_inverse=True)
-            roots = np.zeros((len(patterns), *group.covariance.shape))
-            for root, pattern in zip(roots, patterns, strict=True):
-                rows = np.flatnonzero(np.repeat(pattern, 3))
-                if len(rows):
-                    lower = np.linalg.cholesky(group.covariance[np.ix_(rows, rows)])
-                    root[np.ix_(rows, rows)] = np.linalg.inv(lower)
-            columns = slice(start, start + 3 * len(group.markers))
-            self.parts.append(_Part(group, of_frame.ravel(), roots, columns))
-            start = columns.stop
-        self._count = start
-
-    def apply(self, axes: Array, link: NDArray[np.intp], vectors: Array) -> Array:
-        """Vectors of markers in the room, (k, n_markers, 3, n), as independent numbers, (n, k, n_numbers).
-
-        ``axes`` (n_links, 3, 3, n): rows are the links' axes. ``link``: of each marker.
-        """
-        count, n = len(vectors), vectors.shape[-1]
-        result = np.empty((n, count, self._count))
-        for part in self.parts:
-            rotation = axes[link[part.group.markers[0]]]
-            local = np.einsum("jan,vman->nvmj", rotation, vectors[:, part.group.markers], optimize=True)
-            flat = local.reshape(n, count, -1)
-            for pattern, root in enumerate(part.roots):
-                rows = np.flatnonzero(part.of_frame == pattern)
-                result[rows, :, part.columns] = flat[rows] @ root.T
-        result *= self._root[:, None, None]
-        return result
-
-    def apply_along(self, part: _Part, gains: Array, rates: Array) -> Array:
-        """Vectors along directions that stay in the link's frame, as independent numbers of the part.
-
-        ``gains`` (k, 3 m): the directions. ``rates`` (k, n): how far. Returns (n, k, 3 m).
-        """
-        turned = np.einsum("pij,kj->pki", part.roots, gains)
-        return np.asarray(turned[part.of_frame] * (rates.T * self._root[:, None])[:, :, None])
-
-    def weigh_misfit(self, white: Array) -> tuple[float, float, float]:
-        """Squares of whitened residuals as far as the groups' own errors rule them, beside the instrument's.
-
-        The slope of the likelihood by the size of these errors has such weights: of a direction with the own
-        variance s beside the instrument's n, s / (s + n). Returns the sum; the sum of the weights, which is
-        what it is expected to be; and the number of residuals, each counted as its frame is.
-        """
-        misfit = weights = count = 0.0
-        for part in self.parts:
-            own, instrument = white[:, part.columns], part.group.instrument
-            misfit += float(np.square(own).sum())
-            for pattern, root in enumerate(part.roots):
-                rows = part.of_frame == pattern
-                misfit -= instrument * float(np.square(own[rows] @ root).sum())
-                shown, share = float((np.diag(root) > 0.0).sum()), float(np.square(self._root[rows]).sum())
-                weights += share * (shown - instrument * float(np.square(root).sum()))
-                count += share * shown
-        return misfit, weights, count
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """One group in a whitening: the root of each pattern, the pattern of each frame, its numbers' columns."""
-
-    group: ErrorGroup
-    of_frame: NDArray[np.intp]
-    roots: Array
-    columns: slice
-
-
 def solve_posterior(
     problem: PosteriorProblem,
     q0: Array,
@@ -224,7 +87,7 @@ def solve_posterior(
     ``q0`` (n_frames, n_coordinates), ``p0`` (n_parameters,): where to start; has no influence on what is
     determined. ``progress``: called with the step's number and the cost. ``most``: steps.
     """
-    whitening, q, p = _Whitening(problem), q0.copy(), p0.copy()
+    whitening, q, p = Whitening(problem), q0.copy(), p0.copy()
     gap, cost = _compute_cost(problem, whitening, q, p)
     normal = _linearise(problem, whitening, q, p, gap)
     damping, outcome, steps = _FIRST, Outcome.MAX_STEPS, 0
@@ -265,9 +128,7 @@ def solve_posterior(
     )
 
 
-def _compute_cost(
-    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array
-) -> tuple[Array, float]:
+def _compute_cost(problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array) -> tuple[Array, float]:
     """Whitened residuals, (n, 3 n_markers), and the cost: theirs and the prior's, but for a constant."""
     poses = pose_links(problem.tree, np.ascontiguousarray(q.T), p)
     gap = np.moveaxis(problem.measured, 0, -1) - place_tree_markers(problem.tree, poses)
@@ -283,7 +144,7 @@ def _compute_cost(
 
 def _linearise(
     problem: PosteriorProblem,
-    whitening: _Whitening,
+    whitening: Whitening,
     q: Array,
     p: Array,
     gap: Array,
@@ -397,7 +258,7 @@ def integrate_over(
             drives[k, nq] = 1.0
         elif tree.factors[factor].coordinate in column:
             drives[k, column[tree.factors[factor].coordinate]] = 1.0
-    whitening = _Whitening(problem)
+    whitening = Whitening(problem)
     normal = _linearise(problem, whitening, q, p, _compute_cost(problem, whitening, q, p)[0])
     covariance = np.linalg.inv(_eliminate(problem, normal, p, 0.0)[0][np.ix_(latent, latent)])
     found = np.zeros((len(q), nq + 1, nq + 1))
@@ -415,7 +276,7 @@ def _whiten_unit_slopes(
     problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
 ) -> tuple[Array, Array]:
     """Whitened slopes by the coordinates, (n, nq, m), and by latent parameters per unit of their driver."""
-    tree, whitening = problem.tree, _Whitening(problem)
+    tree, whitening = problem.tree, Whitening(problem)
     poses = pose_links(tree, np.ascontiguousarray(q.T), p)
     rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), problem.coordinates)
     own = whitening.apply(poses.axes, tree.marker_link, rates)
@@ -435,7 +296,7 @@ def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
     q = q0.copy()
     for rows in split_rows(len(q)):
         part = problem.in_frames(rows)
-        q[rows] = _solve_block(part, _Whitening(part), q[rows], p)
+        q[rows] = _solve_block(part, Whitening(part), q[rows], p)
     return q
 
 
@@ -447,7 +308,7 @@ def propagate(problem: PosteriorProblem, q: Array, p: Array, covariance: Array) 
     found = np.zeros((len(q), len(problem.coordinates), len(problem.coordinates)))
     for rows in split_rows(len(q)):
         part = problem.in_frames(rows)
-        whitening = _Whitening(part)
+        whitening = Whitening(part)
         normal = _linearise(part, whitening, q[rows], p, _compute_cost(part, whitening, q[rows], p)[0])
         own = _with_ridge(normal.own)
         inverse = np.linalg.inv(own)
@@ -469,7 +330,7 @@ def _with_ridge(own: Array) -> Array:
 
 
 def _solve_block(
-    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array, most: int = MOST_STEPS
+    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array, most: int = MOST_STEPS
 ) -> Array:
     """The poses of frames that are linearised together, each with a damping of its own."""
     nothing = replace(problem, prior=GaussianPrior(()))
@@ -496,7 +357,7 @@ def _solve_block(
 
 
 def _compute_frame_costs(
-    problem: PosteriorProblem, whitening: _Whitening, q: Array, p: Array
+    problem: PosteriorProblem, whitening: Whitening, q: Array, p: Array
 ) -> tuple[Array, Array]:
     """Whitened residuals and the cost of each frame."""
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(())), whitening, q, p)

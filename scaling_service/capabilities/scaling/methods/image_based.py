@@ -28,12 +28,14 @@ from scaling_service.capabilities.scaling.methods.osim_image_based import (
     register_leg,
     register_pelvis,
 )
+from scaling_service.capabilities.scaling.methods.people_prior import find_imaged, measure_imaged
 from scaling_service.capabilities.scaling.methods.placement import (
     move_markers,
     place_on,
     with_axis,
     with_centre,
 )
+from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.text import list_few
@@ -41,7 +43,8 @@ from scaling_service.model.anatomy.frames import Frames, build_femur_frame
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.body import BodyModel, Marker, Vector, to_vector
 from scaling_service.model.parameters import Tilt, tilt_of, tilt_rotation
-from scaling_service.model.results import Calibration
+from scaling_service.model.people import read_people
+from scaling_service.model.results import Calibration, EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence, ImagePose, Trial
 from scaling_service.numerics.multibody.laws import Array
@@ -248,6 +251,78 @@ def _to_vector(values: Array) -> Vector:
     return (x, y, z)
 
 
+def _scale(
+    session: Session, settings: CalibrationSettings, start: Calibration, evidence: ImageEvidence
+) -> Calibration:
+    """The image-based model, without deviations."""
+    standing = session.static
+    sides = find_whole_legs(start.model, evidence)
+    if not sides:
+        return size_by_lengths(session, settings, start, evidence)
+    base = size_beside_legs(session, settings, start, evidence)
+    if session.subject.model.lower().endswith(".osim"):
+        onto = _bring_onto_bones(base, evidence, standing)
+        doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
+        return replace(onto, warnings=(*onto.warnings, *doubts))
+    model, notes = base.model, [*base.warnings]
+    pelvis = find_imaged_pelvis(evidence)
+    assert pelvis is not None
+    frames: dict[str, Frames] = {"pelvis": pelvis}
+    tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0))
+    for side in sides:
+        leg = _measure_leg(evidence, side)
+        frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
+        model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
+        tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
+    for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
+        x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
+        joint = model.segment(f"tibia_{side}").joint_name
+        tilts[joint] = (-x, -y)
+        model = with_axis(_with_other_leg(model, evidence, pelvis, side), joint, tilts[joint])
+    imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
+    placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
+    # Markers that the model does not have yet are placed from their segment alone.
+    new = [name for name in placed if name not in model.marker_names]
+    added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
+    model = move_markers(model.with_markers((*model.markers, *added)), placed)
+    seen = {segment for segment, _ in imaged.values()}
+    if standing is not None:
+        model = place_on(model, standing, frozenset(model.segment_names) - seen)
+    notes += [*_list_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
+    return Calibration(
+        method="EB",
+        model=model,
+        generic=base.generic,
+        scale_factors=_list_factors(base, model),
+        axis_tilts=tilts,
+        warnings=tuple(notes),
+        image_poses={name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()},
+        sizes={name: size for name, size in base.sizes.items() if name not in frames},
+        bone_sized={
+            name: "own" if name in frames else "other leg"
+            for name in model.segment_names
+            if name in frames or name.startswith(("femur", "tibia"))
+        },
+    )
+
+
+def _state_deviations(found: Calibration, evidence: ImageEvidence) -> Calibration:
+    """With what bone surfaces leave open of lengths and hips (``reference_models/people.yaml``)."""
+    people, imaged = read_people(), find_imaged(found, evidence)
+    sds = measure_imaged(imaged, people)
+    sizes = dict(found.sizes)
+    for segment in found.bone_sized:
+        dimension = find_dimension(found.model.bone_of(segment))
+        if dimension in sds:
+            length, sd = sds[dimension]
+            factor = found.scale_factors.get(segment, (1.0, 1.0, 1.0))[1]
+            sizes[segment] = SegmentSize(
+                dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
+            )
+    centres = {f"hip_{s}": EstimatedCentre("image", (people.image_hip,) * 3) for s in sorted(imaged.hips)}
+    return replace(found, sizes=sizes, centres={**found.centres, **centres})
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImageBased:
     """Joint centres, knee axes and markers from images, the rest from markers."""
@@ -274,7 +349,7 @@ class ImageBased:
         Raises SubjectInvalid: there are no images, or they show no length of the model.
         """
         assert start is not None
-        evidence, standing = session.images, session.static
+        evidence = session.images
         if evidence is None:
             raise SubjectInvalid(
                 "there are no bones to scale from",
@@ -282,57 +357,8 @@ class ImageBased:
                 remedy="Give `bones:` in the subject file, or choose a marker-based method",
             )
         clock = time.perf_counter()
-        sides = find_whole_legs(start.model, evidence)
-        if not sides:
-            return size_by_lengths(session, settings, start, evidence)
-        base = size_beside_legs(session, settings, start, evidence)
-        if session.subject.model.lower().endswith(".osim"):
-            onto = _bring_onto_bones(base, evidence, standing)
-            doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
-            return replace(onto, warnings=(*onto.warnings, *doubts), wall_s=time.perf_counter() - clock)
-        model, notes = base.model, [*base.warnings]
-        pelvis = find_imaged_pelvis(evidence)
-        assert pelvis is not None
-        frames: dict[str, Frames] = {"pelvis": pelvis}
-        tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0))
-        for side in sides:
-            leg = _measure_leg(evidence, side)
-            frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
-            model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
-            tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
-        for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
-            x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
-            joint = model.segment(f"tibia_{side}").joint_name
-            tilts[joint] = (-x, -y)
-            model = with_axis(_with_other_leg(model, evidence, pelvis, side), joint, tilts[joint])
-        imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
-        placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
-        # Markers that the model does not have yet are placed from their segment alone.
-        new = [name for name in placed if name not in model.marker_names]
-        added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
-        model = move_markers(model.with_markers((*model.markers, *added)), placed)
-        seen = {segment for segment, _ in imaged.values()}
-        if standing is not None:
-            model = place_on(model, standing, frozenset(model.segment_names) - seen)
-        notes += [*_list_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
-        return Calibration(
-            method="EB",
-            model=model,
-            generic=base.generic,
-            scale_factors=_list_factors(base, model),
-            axis_tilts=tilts,
-            wall_s=time.perf_counter() - clock,
-            warnings=tuple(notes),
-            image_poses={
-                name: ImagePose(frame.rotation[0], frame.origin[0]) for name, frame in frames.items()
-            },
-            sizes={name: size for name, size in base.sizes.items() if name not in frames},
-            bone_sized={
-                name: "own" if name in frames else "other leg"
-                for name in model.segment_names
-                if name in frames or name.startswith(("femur", "tibia"))
-            },
-        )
+        found = _scale(session, settings, start, evidence)
+        return replace(_state_deviations(found, evidence), wall_s=time.perf_counter() - clock)
 
 
 EB = ImageBased()

@@ -13,6 +13,7 @@ from scaling_service.capabilities.scaling.methods.functional import (
     find_functional_joints,
     with_functional,
 )
+from scaling_service.capabilities.scaling.methods.people_prior import SPINES, find_spines
 from scaling_service.capabilities.scaling.methods.placement import (
     add_markers,
     place_markers,
@@ -29,10 +30,12 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Centre
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.anatomy.frames import build_pelvis_frame
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment
+from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.parameters import Tilt, with_knee
-from scaling_service.model.results import Calibration
+from scaling_service.model.results import Calibration, EstimatedCentre
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Measurement, ScaleSetup, Session
 from scaling_service.model.trial import Trial
@@ -95,8 +98,28 @@ def scale_linearly(
         wall_s=time.perf_counter() - clock,
         warnings=tuple(notes),
         sizes={} if sizing is None else sizing.sizes,
-        centres={} if sizing is None else sizing.centres,
+        centres={} if sizing is None else _state_hips(model, sizing),
     )
+
+
+def _state_hips(model: BodyModel, sizing: Sizing) -> dict[str, EstimatedCentre]:
+    """How far the model's hips are from the person's: their distance from the estimate, and its deviation.
+
+    Along x, y, z of the pelvis. Nothing without all four spines in model and recording.
+    """
+    spines, points = find_spines(model), sizing.people[0].points
+    if spines is None or not spines.keys() <= points.keys():
+        return {}
+    own, seen = (build_pelvis_frame(*(at[name] for name in SPINES)) for at in (spines, points))
+    pelvis, found = find_segment(model, "pelvis", ""), {}
+    for side in "rl":
+        ends, name = find_joint_ends(model, "hip", side), f"hip_{side}"
+        if pelvis in ends and name in points and name in sizing.centres:
+            gap = np.nanmedian(seen.to_local(points[name]), axis=0) - own.to_local(ends[pelvis])[0]
+            sd = np.hypot(gap, sizing.centres[name].sd)
+            if np.isfinite(sd).all():
+                found[name] = EstimatedCentre(sizing.centres[name].source, to_vector(sd))
+    return found
 
 
 def _with_markers(

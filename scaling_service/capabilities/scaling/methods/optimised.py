@@ -301,7 +301,6 @@ class Optimised:
             warnings=tuple(warnings),
             image_poses=start.image_poses,
             sizes={} if self.freedom.lengths else start.sizes,
-            centres=start.centres,
             bone_sized=start.bone_sized,
             joint_moves=start.joint_moves,
         )

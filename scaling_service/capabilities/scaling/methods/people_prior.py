@@ -22,7 +22,7 @@ from scaling_service.model.parameters import LETTERS
 from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
-from scaling_service.numerics.least_squares.posterior import GaussianPrior
+from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
@@ -31,6 +31,8 @@ _SAME = 1e-3  # relative SD of a dimension's only segment about it: next to noth
 _UNKNOWN_SIZE = 0.1  # chosen: relative SD of a segment of which nothing is known but the model
 _MODEL_HIP_M = 0.008  # chosen: SD of a scaled model's hip, along each axis, where nothing marks the pelvis
 _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
+
+SPINES = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
 Spines = Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
@@ -111,7 +113,6 @@ def expect_sizes(
     pelvis: str | None,
     expected: DimensionPrior,
     imaged: Imaged,
-    people: People,
 ) -> None:
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
@@ -125,8 +126,8 @@ def expect_sizes(
     wanted: dict[str, str | None] = {}
     for segment in carrying:
         if segment == pelvis and imaged.pelvis:
-            apart = people.image_centre / (0.5 * lengths["inter_hip"])
-            prior.add_values([f"scale.{segment}.{a}" for a in "xz"], np.ones(2), apart**2 * np.eye(2))
+            # Where its hips are is known; its size means nothing beside
+            prior.add_values([f"scale.{segment}.{a}" for a in "xz"], np.ones(2), _SAME**2 * np.eye(2))
         elif segment == pelvis:
             wanted |= {f"scale.{segment}.z": "pelvis_width", f"scale.{segment}.x": "pelvis_depth"}
         else:
@@ -150,7 +151,7 @@ def find_spines(model: BodyModel) -> Spines | None:
     found = {
         landmark: np.array(marker.nominal)
         for marker in model.markers
-        if (landmark := find_canonical(marker.name)) in ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
+        if (landmark := find_canonical(marker.name)) in (*SPINES, "SACR")
     }
     for name in ("RPSIS", "LPSIS"):
         if "SACR" in found:
@@ -185,7 +186,7 @@ class _HipRelation:
         along = np.array([deep, (deep + wide) / 2.0, wide])
         bony = [
             along * self.spines[name] + [-front if name.endswith("ASIS") else back, 0.0, 0.0]
-            for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")
+            for name in SPINES
         ]
         found = []
         for side in self.sides:

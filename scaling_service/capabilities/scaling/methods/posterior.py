@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -27,11 +28,11 @@ from scaling_service.capabilities.scaling.methods.people_prior import (
     find_imaged,
     measure_imaged,
 )
-from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions, find_dimension
+from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model.anatomy.lengths import find_segment
+from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker, ParameterPosterior, to_vector
 from scaling_service.model.freed import free_named
@@ -49,12 +50,12 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.estimator import Outcome
 from scaling_service.numerics.least_squares.posterior import (
     MOST_STEPS,
-    GaussianPrior,
     Posterior,
     integrate_over,
     solve_posterior,
 )
 from scaling_service.numerics.least_squares.problem import find_seen
+from scaling_service.numerics.least_squares.whitening import GaussianPrior
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
@@ -113,7 +114,8 @@ class JointPosterior:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
                 problem = integrate_over(problem, q, p, latent)
             begin = task.p if p is None else p
-            found = solve_posterior(problem, q, begin, progress, _FIRST_STEPS if left else MOST_STEPS)
+            told = None if progress is None else partial(_count_on, progress, steps)
+            found = solve_posterior(problem, q, begin, told, _FIRST_STEPS if left else MOST_STEPS)
             q, p, steps = found.q, found.p, steps + found.steps
             more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
             if left:
@@ -135,10 +137,15 @@ class JointPosterior:
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *_list_warnings(found, estimated)),
             image_poses=start.image_poses,
-            sizes=_list_sizes(start, values, sds),
+            sizes=_list_sizes(start, values, sds) | _list_pelvis(start, prior, found),
             bone_sized=start.bone_sized,
             centres=_list_centres(freed, sds),
         )
+
+
+def _count_on(progress: Progress, before: int, number: int, cost: float) -> None:
+    """Steps of several looks as one count."""
+    progress(before + number, cost)
 
 
 MAP = JointPosterior()
@@ -201,7 +208,7 @@ def _free(
 
     prior = GaussianPrior([p.name for p in freed.parameters])
     expected = expect_dimensions(session.subject).condition(measure_imaged(imaged, people))
-    expect_sizes(prior, start, carrying, pelvis, expected, imaged, people)
+    expect_sizes(prior, start, carrying, pelvis, expected, imaged)
     if pelvis in carrying and hips:
         expect_hips(prior, model, pelvis, tuple(hips), people, imaged)
     for joint in knees:
@@ -334,16 +341,30 @@ def _list_sizes(
     start: Calibration, values: Mapping[str, float], sds: Mapping[str, float]
 ) -> dict[str, SegmentSize]:
     """Of segments with one free factor; the shares of evidence are the start's no more."""
-    found = {}
-    for segment in start.model.segment_names:
-        name, dimension = f"scale.{segment}", find_dimension(start.model.bone_of(segment))
-        if name in values and (segment in start.sizes or dimension is not None):
-            alone = SegmentSize(
-                dimension=dimension or segment, factor=1.0, sd=0.0, measured=1.0, others=0.0
-            )  # a bone's
-            size = start.sizes.get(segment, alone)
-            found[segment] = replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
-    return found
+    return {
+        segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
+        for segment, size in start.sizes.items()
+        if (name := f"scale.{segment}") in values
+    }
+
+
+def _list_pelvis(start: Calibration, prior: GaussianPrior, found: Posterior) -> dict[str, SegmentSize]:
+    """The pelvis as far as the distance of its hips goes: its width and both hips decide it."""
+    pelvis, apart = find_segment(start.model, "pelvis", ""), measure_segment_lengths(start.model)
+    weights = {
+        f"scale.{pelvis}.z": apart.get("inter_hip", 0.0),
+        "centre.hip_r.z": 1.0,
+        "centre.hip_l.z": -1.0,
+    }
+    if pelvis is None or not weights.keys() <= set(prior.names):
+        return {}
+    row = np.array([weights.get(name, 0.0) for name in prior.names])
+    sd, size = float(np.sqrt(row @ found.covariance @ row)), start.sizes.get(pelvis)
+    length = apart["inter_hip"] + float(row @ (found.p - [name.startswith("scale.") for name in prior.names]))
+    if size is None:
+        return {}
+    factor = size.factor * length / apart["inter_hip"]
+    return {pelvis: replace(size, factor=factor, sd=sd / length)}
 
 
 def _list_centres(freed: BodyModel, sds: Mapping[str, float]) -> dict[str, EstimatedCentre]:

@@ -180,18 +180,6 @@ def _build_sources(methods: Methods) -> Iterator[Block]:
         note="A share may be negative where distances of other segments correct a marker that two "
         "segments share.",
     )
-    if method.person_centres:
-        yield Table(
-            caption="Joint centres that distances were measured from",
-            columns=["", "found by", "± forward, up, right, mm"],
-            rows=[
-                Row(
-                    spell_name(name),
-                    [escape_plain(centre.source), ", ".join(number(sd) for sd in centre.sd_mm)],
-                )
-                for name, centre in method.person_centres.items()
-            ],
-        )
 
 
 def _draw_length_differences(methods: Methods, reference: Mapping[str, float], title: str) -> Figure:
@@ -256,7 +244,11 @@ def _tabulate_hips(hips: Mapping[str, Mapping[str, JointCentre]], imaged: Mappin
         for method, centres in hips.items():
             if name in centres:
                 xyz = centres[name].xyz
-                cells: list[str | Cell] = [f"{v:.1f}" for v in xyz]
+                sds = centres[name].sd_mm or (math.nan,) * 3
+                cells: list[str | Cell] = [
+                    f"{v:.1f}" if math.isnan(sd) else f"{v:.1f} ± {sd:.1f}"
+                    for v, sd in zip(xyz, sds, strict=True)
+                ]
                 if imaged:
                     gap = math.dist(xyz, imaged[name].xyz)
                     cells.append(Cell(f"{gap:.1f}", shade=gap / FAR_MM))

@@ -713,6 +713,7 @@ export interface JointAnglesRequest {
 export interface JointCentre {
   frame: string;
   xyz: [number, number, number];
+  sd_mm: [number, number, number] | null;
 }
 
 export interface JointLoad {
@@ -883,7 +884,6 @@ export interface MethodResult {
   length_estimates: Record<string, LengthEstimate>;
   segment_sources: Record<string, "bone" | "bone of the other leg" | "movement" | "markers" | "persons alike">;
   joint_centres_mm: Record<string, JointCentre>;
-  person_centres: Record<string, PersonCentre>;
   knee_axis_deg: Record<string, KneeAxis>;
   marker_shift_mm: Record<string, number>;
   scale_factors: Record<string, [number, number, number]>;
@@ -1029,11 +1029,6 @@ export interface Person {
   sex?: "F" | "M" | null;
   height_m?: number | null;
   mass_kg?: number | null;
-}
-
-export interface PersonCentre {
-  source: string;
-  sd_mm: [number, number, number];
 }
 
 export interface PlaceLevelDocument {
@@ -1226,7 +1221,6 @@ export interface ScalingDocument {
   length_estimates: Record<string, LengthEstimate>;
   segment_sources: Record<string, "bone" | "bone of the other leg" | "movement" | "markers" | "persons alike">;
   joint_centres_mm: Record<string, JointCentre>;
-  person_centres: Record<string, PersonCentre>;
   knee_axis_deg: Record<string, KneeAxis>;
   marker_shift_mm: Record<string, number>;
   scale_factors: Record<string, [number, number, number]>;

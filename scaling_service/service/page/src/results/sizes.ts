@@ -97,7 +97,8 @@ function centres(methods: MethodResult[], reference: MethodResult | null, name: 
       cell(methods[0]?.joint_centres_mm[joint]?.frame ?? ""),
       ...methods.map((method) => {
         const centre = method.joint_centres_mm[joint];
-        const half = centre === undefined ? null : scaledInterval(method, centre.frame, centre.xyz[k]);
+        const sd = centre?.sd_mm?.[k];
+        const half = centre === undefined ? null : sd === undefined ? scaledInterval(method, centre.frame, centre.xyz[k]) : 1.96 * sd;
         return compared(centre?.xyz[k], half, reference?.joint_centres_mm[joint]?.xyz[k]);
       }),
     ]),
@@ -108,7 +109,7 @@ function centres(methods: MethodResult[], reference: MethodResult | null, name: 
     columns: [{ title: "centre" }, { title: "frame" }, ...methodColumns(methods.map((method) => method.method))],
     rows,
     filter: true,
-    note: `x forward, y up, z to the right. ± half the 95 % interval where the segment's scale factor was fitted. Differences from ${name} where it has centres.`,
+    note: `x forward, y up, z to the right. ± half the 95 % interval where it is known. Differences from ${name} where it has centres.`,
   });
 }
 

@@ -19,10 +19,10 @@ export const start: View = async (context) => {
       h("div", null,
         h("h1", null, "Which scaled model to trust, and what the data still hide"),
         h("p", null, "Bring recordings of markers and, where you have them, of forces and bones."),
-        h("p", null, "Up to five methods scale a body model to the person; you see which one to use and how far to trust it."),
+        h("p", null, "A body model is scaled to the person by the markers, images and what is ordinary in people; you see how far to trust it, and what five other methods say."),
         h("p", null, "Where model and recordings still disagree, a search names the missing effect and checks it on recordings that it has not seen."),
         tryOut()),
-      h("figure", null, h("img", { src: result, width: 1100, height: 554, alt: "A verdict: which method to use, why and how far to trust it, the models in space over measured markers, and the error of each method with its spread." }),
+      h("figure", null, h("img", { src: result, width: 1100, height: 554, alt: "A verdict: which model to use, why and how far to trust it, the models in space over measured markers, and the error of each method with its spread." }),
         h("figcaption", { class: "note" }, "What you get: the verdict on the example"))),
     bring(),
   );

@@ -58,7 +58,9 @@ class FittedParameter(Part):
     name: str
     value: float
     unit: Literal["m", "rad", "1"]
-    sd: float | None = Field(description="Standard deviation; null where it cannot be known.")
+    sd: float | None = Field(
+        description="Standard deviation; null where a method holds something fixed and cannot know it."
+    )
     at_bound: bool
     identifiable: bool = Field(description="False where the recordings say no more than the bounds do.")
 

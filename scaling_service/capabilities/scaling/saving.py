@@ -268,7 +268,7 @@ def make_method_document(
                 name=p.name,
                 value=p.value,
                 unit=p.unit,
-                sd=p.sd if math.isfinite(p.sd) else None,
+                sd=p.sd if calibration.model.posterior is not None and math.isfinite(p.sd) else None,
                 at_bound=p.at_bound,
                 identifiable=p.identifiable,
             )

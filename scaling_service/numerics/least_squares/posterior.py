@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.numerics.least_squares.estimator import Outcome
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.least_squares.whitening import (
     ErrorGroup,
     GaussianPrior,
@@ -40,6 +41,7 @@ _ENOUGH = 0.05
 """Decrease of the cost, in units of one chi-squared, that ends the search: a step so small moves nothing by a
 quarter of its deviation."""
 _FIRST, _EASE, _RAISE, _LEAST = 1e-3, 0.1, 10.0, 1e-9  # damping, as a share of the curvature
+_TINY = 1e-300
 _MOST = 1e6  # damping beyond which rounding decides
 _RIDGE = 1e-9  # of a frame's largest curvature: what its markers do not show stays where it started
 
@@ -51,7 +53,8 @@ class Posterior:
     ``q`` (n_frames, n_coordinates) and ``p`` (n_parameters,) are the mean, ``covariance`` is that of the
     parameters. ``cost``: residuals and departure from the prior, each over its variance. ``misfit``:
     residuals alone, each as far as errors beside the instrument's rule it, and ``freedom`` what that is
-    expected to be where errors are as large as assumed.
+    expected to be where errors are as large as assumed. ``squares`` (n_frames,): of each frame's residuals,
+    by their variances, over how many there are.
     """
 
     q: Array
@@ -60,6 +63,7 @@ class Posterior:
     cost: float
     misfit: float
     freedom: float
+    squares: Array
     steps: int
     outcome: Outcome
 
@@ -116,6 +120,7 @@ def solve_posterior(
     told += float(problem.shares.sum()) * len(problem.coordinates)
     white, _ = _compute_cost(replace(problem, prior=GaussianPrior(()), held=None), whitening, q, p)
     misfit, weights, count = whitening.weigh_misfit(white)
+    numbers = 3.0 * find_seen(problem.measured).sum(axis=1)
     return Posterior(
         q=q,
         p=p,
@@ -123,6 +128,7 @@ def solve_posterior(
         cost=cost,
         misfit=misfit,
         freedom=weights * max(1.0 - told / max(count, 1.0), 0.0),
+        squares=np.square(white).sum(axis=1) / np.maximum(problem.shares * numbers, _TINY),
         steps=steps,
         outcome=outcome,
     )

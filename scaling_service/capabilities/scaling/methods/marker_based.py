@@ -31,11 +31,12 @@ from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.anatomy.frames import build_pelvis_frame
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment
+from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
 from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.parameters import Tilt, with_knee
-from scaling_service.model.results import Calibration, EstimatedCentre
+from scaling_service.model.people import read_people
+from scaling_service.model.results import Calibration, EstimatedCentre, SegmentSize
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Measurement, ScaleSetup, Session
 from scaling_service.model.trial import Trial
@@ -97,9 +98,23 @@ def scale_linearly(
         axis_tilts=tilts,
         wall_s=time.perf_counter() - clock,
         warnings=tuple(notes),
-        sizes={} if sizing is None else sizing.sizes,
+        sizes={} if sizing is None else _widen_pelvis(model, sizing.sizes),
         centres={} if sizing is None else _state_hips(model, sizing),
     )
+
+
+def _widen_pelvis(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
+    """One factor sizes a pelvis by its spines, and hips lie apart from that as persons' do."""
+    apart, people = measure_segment_lengths(model).get("inter_hip"), read_people()
+    if apart is None:
+        return dict(sizes)
+    between = np.sqrt(2.0 * (1.0 + people.hip_sides)) * people.hip_sd[2] / apart  # both go outward alike
+    return {
+        segment: replace(size, sd=float(np.hypot(size.sd, between)))
+        if size.dimension == "inter_hip"
+        else size
+        for segment, size in sizes.items()
+    }
 
 
 def _state_hips(model: BodyModel, sizing: Sizing) -> dict[str, EstimatedCentre]:

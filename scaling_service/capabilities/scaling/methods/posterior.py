@@ -64,6 +64,7 @@ _FIRST_STEPS = 3  # chosen: of all looks but the last; residuals are what they w
 _LEVEL_FREEDOM = (
     10.0  # chosen: as many residuals speak for ordinary skin; persons differ by a quarter to a half
 )
+_TAIL = 4.0  # degrees of freedom of Student's t, by which frames are weighed (Lange 1989, JASA 84:881)
 _DIGITS = 4  # of correlations that a model keeps
 _TELLING = 0.5  # of the prior's variance: below it the recordings have said more than people do
 
@@ -74,6 +75,7 @@ class _Frames:
 
     trial: Trial
     shares: Array
+    unlike: Array  # (n_frames,): 1, less for frames that fit unlike the others
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +111,8 @@ class JointPosterior:
         for left in reversed(range(_LEVELS)):
             own = people.with_skin(level)
             freed, prior = _free(start, frames.trial.shown_labels, session, own, imaged)
-            problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=frames.shares)
+            said = frames.shares * frames.unlike
+            problem, task = pose_problem(freed, frames.trial, own, prior=prior, shares=said)
             if p is not None:
                 latent = np.flatnonzero([item.group in ("skin", "marker") for item in freed.parameters])
                 problem = integrate_over(problem, q, p, latent)
@@ -120,6 +123,7 @@ class JointPosterior:
             more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
             if left:
                 level *= float(more)
+                frames = replace(frames, unlike=_weigh_unlike(found.squares, frames.trial))
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
         estimated = tuple(_list_parameters(freed, prior, found, imaged))
@@ -184,9 +188,19 @@ def _choose_frames(session: Session, names: Sequence[str], count: int, people: P
         )
     together = np.concatenate(chosen)
     clock = np.arange(len(together), dtype=float)  # several trials: their order is all they share
-    return _Frames(
-        Trial(name="MAP", times=clock, labels=tuple(names), markers=together, rate_hz=1.0), np.array(shares)
-    )
+    chosen_trial = Trial(name="MAP", times=clock, labels=tuple(names), markers=together, rate_hz=1.0)
+    return _Frames(chosen_trial, np.array(shares), np.ones(len(together)))
+
+
+def _weigh_unlike(squares: Array, trial: Trial) -> Array:
+    """Weights of frames by Student's t: one that fits unlike the others, as labels exchanged do, says less.
+
+    ``squares`` (n_frames,): of residuals by their variances, over their number.
+    """
+    numbers = 3.0 * find_seen(trial.markers).sum(axis=1)
+    usual = float(np.median(squares[numbers > 0.0]))
+    strange = squares / max(usual, np.finfo(float).tiny)
+    return np.asarray(np.minimum(1.0, (_TAIL + numbers) / (_TAIL + numbers * strange)))
 
 
 def _free(

@@ -69,6 +69,13 @@ def _read_part(name: str) -> tuple[str, str]:
     return kind, target
 
 
+MARKERS_HELD = (
+    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
+    "how well each number is known, is in model.json"
+)
+"""Said of an OpenSim model whose markers were held."""
+
+
 def hold_markers(model: BodyModel) -> BodyModel:
     """The same with markers that move on their segments where they are in the neutral pose."""
     held = [

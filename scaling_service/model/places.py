@@ -90,6 +90,13 @@ def find_landmarks_by_place(model: BodyModel) -> dict[str, str | None]:
     return found
 
 
+def tell_landmarks(model: BodyModel) -> dict[str, str]:
+    """Markers that mark a landmark, by name or by place, to the landmark with its side."""
+    by_place = find_landmarks_by_place(model)
+    told = {m.name: by_place.get(m.name, find_canonical(m.name)) for m in model.markers}
+    return {name: landmark for name, landmark in told.items() if landmark is not None}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Place:
     """Where a model has a landmark in the neutral pose."""

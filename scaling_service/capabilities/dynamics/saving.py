@@ -32,6 +32,7 @@ from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
+from scaling_service.model.freed import MARKERS_HELD, hold_markers
 from scaling_service.model.inertia import sum_mass
 
 FILE_NAME = "dynamics.json"
@@ -111,7 +112,7 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
 def write_massive_model(
     folder: Path, model: BodyModel, prepared: Prepared, factors: Mapping[str, tuple[float, float, float]]
 ) -> tuple[str, ...]:
-    """Write a model whose inertia was found as model.json and model.osim; tells why the latter was not.
+    """Write a model whose inertia was found as model.json and model.osim; tells what the latter lacks.
 
     ``factors`` are each segment's scale factors along X, Y, Z, for OpenSim's own scaling.
     """
@@ -119,10 +120,11 @@ def write_massive_model(
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     subject, scaling = prepared.subject, prepared.calibration
     is_file = subject.model.lower().endswith(".osim")
+    held = hold_markers(model)
     try:
         write_osim(
             folder / "model.osim",
-            model,
+            held,
             source=Path(subject.model) if is_file else None,
             factors=factors,
             axis_tilts={} if scaling is None else scaling.axis_tilts,
@@ -132,7 +134,7 @@ def write_massive_model(
         )
     except DependencyMissing as error:
         return (f"model.osim was not written: {error}",)
-    return ()
+    return () if held == model else (MARKERS_HELD,)
 
 
 def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:

@@ -12,10 +12,10 @@ import numpy as np
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd, Mask, find_lost
-from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, ParameterPosterior
 from scaling_service.model.freed import free_named
 from scaling_service.model.people import People, read_people
+from scaling_service.model.places import tell_landmarks
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import propagate, solve_poses, split_rows
 from scaling_service.numerics.least_squares.whitening import ErrorGroup, GaussianPrior, PosteriorProblem
@@ -34,10 +34,10 @@ def pose_problem(
     task = Task.of(freed, trial)
     places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
     owners = [freed.marker(name).segment for name in task.markers]
-    groups = []
+    groups, told = [], tell_landmarks(freed)
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
-        landmarks = [find_canonical(task.markers[k]) for k in rows]
+        landmarks = [told.get(task.markers[k]) for k in rows]
         instrument = people.noise**2
         covariance = people.skin_covariance(
             freed.bone_of(segment), landmarks, places[rows], people.loose_share

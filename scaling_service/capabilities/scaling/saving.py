@@ -57,6 +57,7 @@ from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_no
 from scaling_service.files.engines import ENGINES
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
+from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
@@ -64,10 +65,6 @@ from scaling_service.model.trial import Bone
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
     f"{HELD} hold it at its neutral value for them"
-)
-_HELD = (
-    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
-    "how well each number is known, is in model.json"
 )
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
@@ -157,7 +154,7 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     try:
         replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
         if calibration.model.posterior is not None:
-            warnings.append(_HELD)
+            warnings.append(MARKERS_HELD)
     except (DependencyMissing, ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:

@@ -36,6 +36,7 @@ from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.parameters import Tilt, with_knee
 from scaling_service.model.people import read_people
+from scaling_service.model.places import tell_landmarks
 from scaling_service.model.results import Calibration, EstimatedCentre, SegmentSize
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Measurement, ScaleSetup, Session
@@ -122,7 +123,7 @@ def _state_hips(model: BodyModel, sizing: Sizing) -> dict[str, EstimatedCentre]:
 
     Along x, y, z of the pelvis. Nothing without all four spines in model and recording.
     """
-    spines, points = find_spines(model), sizing.people[0].points
+    spines, points = find_spines(model, tell_landmarks(model)), sizing.people[0].points
     if spines is None or not spines.keys() <= points.keys():
         return {}
     own, seen = (build_pelvis_frame(*(at[name] for name in SPINES)) for at in (spines, points))

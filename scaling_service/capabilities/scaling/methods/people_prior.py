@@ -16,7 +16,6 @@ from scaling_service.model.anatomy.anthropometry import DimensionPrior
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
-from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.parameters import LETTERS
 from scaling_service.model.people import Opposite, People
@@ -113,6 +112,7 @@ def expect_sizes(
     pelvis: str | None,
     expected: DimensionPrior,
     imaged: Imaged,
+    told: Mapping[str, str],
 ) -> None:
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
@@ -120,7 +120,7 @@ def expect_sizes(
     such bones where some were imaged.
     """
     lengths = dict(measure_segment_lengths(start.model))
-    spines = find_spines(start.model)
+    spines = find_spines(start.model, told)
     if spines is not None:
         lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
     wanted: dict[str, str | None] = {}
@@ -146,12 +146,15 @@ def expect_sizes(
         prior.add_values([name], np.ones(1), np.array([[sd**2]]))
 
 
-def find_spines(model: BodyModel) -> Spines | None:
-    """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks."""
+def find_spines(model: BodyModel, told: Mapping[str, str]) -> Spines | None:
+    """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks.
+
+    ``told``: marker to the landmark that it marks.
+    """
     found = {
-        landmark: np.array(marker.nominal)
+        told[marker.name]: np.array(marker.nominal)
         for marker in model.markers
-        if (landmark := find_canonical(marker.name)) in (*SPINES, "SACR")
+        if told.get(marker.name) in (*SPINES, "SACR")
     }
     for name in ("RPSIS", "LPSIS"):
         if "SACR" in found:
@@ -176,6 +179,7 @@ class _HipRelation:
     spines: Spines
     sides: tuple[str, ...]
     sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
+    expected: DimensionPrior  # of persons like this one, where the model has no ankle
 
     def evaluate(self, sizes: Mapping[str, float], front: float, back: float) -> Array:
         """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
@@ -203,6 +207,8 @@ class _HipRelation:
     def _measure_leg(self, side: str, sizes: Mapping[str, float]) -> float:
         """From ASIS to ankle of a straight leg, m."""
         lengths = measure_segment_lengths(self.model)
+        if f"shank_{side}" not in lengths:
+            return self.expected.value(f"leg_length_{side}")
         hip = find_joint_ends(self.model, "hip", side)[self.pelvis]
         total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - hip[1]))
         for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
@@ -216,7 +222,9 @@ def expect_hips(
     pelvis: str,
     sides: tuple[str, ...],
     people: People,
+    expected: DimensionPrior,
     imaged: Imaged,
+    told: Mapping[str, str],
 ) -> None:
     """Hips where the image shows them, else where regressions on the bony pelvis put them.
 
@@ -231,7 +239,7 @@ def expect_hips(
         return
     names = [f"centre.hip_{side}.{letter}" for side in sides for letter in LETTERS]
     signs = np.concatenate([[1.0, 1.0, 1.0 if side == "r" else -1.0] for side in sides])
-    spines = find_spines(model)
+    spines = find_spines(model, told)
     rows: list[dict[str, float]] = [{name: 1.0} for name in names]
     if spines is None:
         sd, mean, skin = np.full(len(names), _MODEL_HIP_M), np.zeros(len(names)), np.zeros((len(names), 1))
@@ -239,7 +247,13 @@ def expect_hips(
         legs = (f"scale.{find_segment(model, role, side)}" for side in sides for role in ("femur", "tibia"))
         sizes = tuple(n for n in (f"scale.{pelvis}.x", f"scale.{pelvis}.z", *legs) if n in prior.names)
         hips = _HipRelation(
-            model=model, people=people, pelvis=pelvis, spines=spines, sides=sides, sizes=sizes
+            model=model,
+            people=people,
+            pelvis=pelvis,
+            spines=spines,
+            sides=sides,
+            sizes=sizes,
+            expected=expected,
         )
         (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
         ones = dict.fromkeys(sizes, 1.0)
@@ -260,14 +274,19 @@ def expect_hips(
 
 
 def expect_places(
-    prior: GaussianPrior, shown: Sequence[Marker], people: People, expected: DimensionPrior, imaged: Imaged
+    prior: GaussianPrior,
+    shown: Sequence[Marker],
+    people: People,
+    expected: DimensionPrior,
+    imaged: Imaged,
+    told: Mapping[str, str],
 ) -> None:
     """Markers where the image shows them; else landmarks where an examiner feels them, others anywhere.
 
     On bones that were imaged, markers that were not stand where standing shows them, not where the generic
     model has them, so that their distance is the person's already.
     """
-    landmarks = {name: m for m in shown if (name := find_canonical(m.name)) is not None and m.anatomical}
+    landmarks = {told[m.name]: m for m in shown if m.name in told and m.anatomical}
     done: set[str] = set()
     for row in people.opposite:
         for side in "RL":

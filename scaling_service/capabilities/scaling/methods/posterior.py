@@ -33,11 +33,11 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.lengths import find_segment, measure_segment_lengths
-from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker, ParameterPosterior, to_vector
 from scaling_service.model.freed import free_named
 from scaling_service.model.parameters import LETTERS, compose_tilts, fold
 from scaling_service.model.people import People, read_people
+from scaling_service.model.places import tell_landmarks
 from scaling_service.model.results import (
     Calibration,
     EstimatedCentre,
@@ -222,18 +222,19 @@ def _free(
 
     prior = GaussianPrior([p.name for p in freed.parameters])
     expected = expect_dimensions(session.subject).condition(measure_imaged(imaged, people))
-    expect_sizes(prior, start, carrying, pelvis, expected, imaged)
+    told = tell_landmarks(model)
+    expect_sizes(prior, start, carrying, pelvis, expected, imaged, told)
     if pelvis in carrying and hips:
-        expect_hips(prior, model, pelvis, tuple(hips), people, imaged)
+        expect_hips(prior, model, pelvis, tuple(hips), people, expected, imaged, told)
     for joint in knees:
         turns = [f"axis.{joint}.x", f"axis.{joint}.y"]
         sd = people.image_axis_sd if joint in imaged.knees else people.knee_axis_sd
         prior.add_values(turns, np.zeros(2), sd**2 * np.eye(2))
-    expect_places(prior, shown, people, expected, imaged)
+    expect_places(prior, shown, people, expected, imaged, told)
     for segment, own in drivers.items():
         markers = [m for m in shown if m.segment == segment]
         places = np.array([m.nominal for m in markers])
-        landmarks = [find_canonical(m.name) for m in markers]
+        landmarks = [told.get(m.name) for m in markers]
         for driver, reach in own.items():
             slides = [f"skin.{m.name}.{letter}.{driver}" for m in markers for letter in LETTERS]
             share = 1.0 / (reach * np.sqrt(len(own)))
@@ -370,13 +371,11 @@ def _list_pelvis(start: Calibration, prior: GaussianPrior, found: Posterior) -> 
         "centre.hip_r.z": 1.0,
         "centre.hip_l.z": -1.0,
     }
-    if pelvis is None or not weights.keys() <= set(prior.names):
+    if pelvis is None or pelvis not in start.sizes or not weights.keys() <= set(prior.names):
         return {}
     row = np.array([weights.get(name, 0.0) for name in prior.names])
-    sd, size = float(np.sqrt(row @ found.covariance @ row)), start.sizes.get(pelvis)
     length = apart["inter_hip"] + float(row @ (found.p - [name.startswith("scale.") for name in prior.names]))
-    if size is None:
-        return {}
+    sd, size = float(np.sqrt(row @ found.covariance @ row)), start.sizes[pelvis]
     factor = size.factor * length / apart["inter_hip"]
     return {pelvis: replace(size, factor=factor, sd=sd / length)}
 

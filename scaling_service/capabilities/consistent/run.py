@@ -15,7 +15,7 @@ from scaling_service.capabilities.consistent.planar import STANDING, prepare_squ
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSettings
-from scaling_service.capabilities.dynamics.start import Prepared, prepare
+from scaling_service.capabilities.dynamics.start import Prepared, choose_rigid, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
@@ -115,7 +115,8 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     if loaded.session.subject.model == SQUAT:
         prepared, found = prepare_squat(loaded, chosen)
     else:
-        prepared = prepare(loaded, chosen, settings, progress=progress)
+        usual = chosen.model_copy(update={"start": chosen.start or choose_rigid(loaded.session)})
+        prepared = prepare(loaded, usual, settings, progress=progress)
         found = {name: _build_recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)

@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
-from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
+from scaling_service.capabilities.dynamics.start import choose_rigid, scale_model, with_inertia
 from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
 from scaling_service.capabilities.dynamics.weight import FAR_OFF
 from scaling_service.capabilities.kinetics.forces import (
@@ -191,8 +191,8 @@ def prepare(
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
     sound, exchanged = _without_exchanges(loaded)
-    fewest = "EB_am" if session.images is not None else "MB_am"  # a posterior takes up what is looked for
-    start = scale_model(sound, chosen.start or fewest, settings, progress=progress)
+    # A posterior takes up what is looked for
+    start = scale_model(sound, chosen.start or choose_rigid(session), settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)

@@ -23,7 +23,7 @@ class ForceSettings(Options):
     start: Start = Field(
         default=None,
         description="Scaling to start from; 'none' takes the given model as it is: already scaled. MAP "
-        "unless given; `discover` takes EB_am where there are bones, else MB_am.",
+        "unless given; `consistent` and `discover` take EB_am where there are bones, else MB_am.",
         examples=["none"],
     )
     inertia: Inertia = Field(

@@ -25,7 +25,7 @@ from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Calibration, Motion
-from scaling_service.model.subject import Subject
+from scaling_service.model.subject import Session, Subject
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -98,6 +98,11 @@ class Start:
     calibration: Calibration | None  # None for the given model
     motions: Mapping[str, Motion]  # those that scaling found, by trial
     warnings: tuple[str, ...]
+
+
+def choose_rigid(session: Session) -> str:
+    """The scaling whose markers are fixed on their segments and near, for what moves bodies itself."""
+    return "EB_am" if session.images is not None else "MB_am"
 
 
 def scale_model(

@@ -124,8 +124,6 @@ def _explain(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
         )
     if chosen.by_people:
         yield f"Of {list_few(chosen.by_people)} people in general say more than these recordings."
-    if chosen.skin is not None and chosen.skin <= STRANGE:
-        yield f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does."
     own = chosen.judged_on
     judged = {m.method: m.judged_on for m in evidence.methods if m.judged_on is not None}
     nearer = [name for name, other in judged.items() if own is not None and other.mean < own.mean]
@@ -156,7 +154,10 @@ def _rate_markers(chosen: MethodEvidence) -> Graded:
     if chosen.skin is None:
         return "unknown", f"{text} How much of it is skin is not known."
     level = _grade(chosen.skin, STRANGE / 1.5, STRANGE)
-    return level, f"{text} That is {chosen.skin:.1f} times what skin ordinarily does."
+    return (
+        level,
+        f"{text} Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does.",
+    )
 
 
 def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
@@ -165,7 +166,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
         return "poor", _describe_unusual(odd)
     text = " ".join(
         f"{what} to ± {format_mm(sds[worst])} mm ({worst})."
-        for what, sds in (("Lengths", chosen.length_sds), ("Joint centres", chosen.centre_sds))
+        for what, sds in (("Lengths", chosen.length_sds), ("Hip centres in the pelvis", chosen.centre_sds))
         if sds
         for worst in [max(sds, key=lambda name: sds[name])]
     )

@@ -56,6 +56,15 @@ def test_stated_deviations_cover(quantity, per_cent):
     assert found("MAP")[quantity].cover(per_cent) == pytest.approx(share, abs=chance)
 
 
+@pytest.mark.parametrize("per_cent", [50, 80, 95])
+def test_stated_deviations_of_means_cover(per_cent):
+    """Over all angles of a walk: what all frames have in common counts in full."""
+    covered = [errors.cover(per_cent) for name, errors in found("MAP").items() if name.endswith(" mean")]
+    share = per_cent / 100.0
+    chance = 3.0 * np.sqrt(share * (1.0 - share) / N_PERSONS)
+    assert np.mean(covered) == pytest.approx(share, abs=chance)
+
+
 @pytest.mark.parametrize(("per_cent", "low", "high"), [(95, 0.88, 0.99), (50, 0.40, 0.62)])
 def test_stated_deviations_cover_pooled(per_cent, low, high):
     assert low <= np.mean([found("MAP")[name].cover(per_cent) for name in QUANTITIES]) <= high

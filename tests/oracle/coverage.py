@@ -109,6 +109,9 @@ def _angles(scaled: Calibration, session: Session, person: Person):
         column = tracked.motion.coordinates.index(name)
         off = tracked.motion.q[:, column] - true
         yield _without_side(name), np.degrees(off), np.degrees(tracked.uncertainty.sd[:, column])
+        mean = tracked.uncertainty.mean
+        sd = np.nan if mean is None else mean[column]
+        yield f"{_without_side(name)} mean", np.degrees([off.mean()]), np.degrees([sd])
 
 
 def _without_side(name: str) -> str:

@@ -19,6 +19,17 @@ class KinematicErrorDocument(Part):
     per_marker: dict[str, float] = Field(description="Marker to mean distance.")
 
 
+class CoordinateSummary(Part):
+    """A coordinate over one trial, in its unit."""
+
+    mean: float
+    mean_sd: float | None = Field(
+        description="Standard deviation of the mean, hardly less than a frame's: a misplaced marker is off "
+        "in all. Null where the model's own deviations are not known."
+    )
+    range: float = Field(description="The largest less the least value, what skin adds to it included.")
+
+
 class TrackedTrialDocument(Part):
     """How a model follows one trial."""
 
@@ -38,6 +49,9 @@ class TrackedTrialDocument(Part):
         "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
     )
     frames: int
+    summary: dict[str, CoordinateSummary] = Field(
+        default={}, description="Of coordinates that are determined in any frame; locked ones apart."
+    )
 
 
 class MotionDocument(Provenance):

@@ -109,7 +109,10 @@ def estimate_everyday_sd(
     assert model.posterior is not None
     problem, freed, names = _free_again(model, trial)
     free = problem.coordinates
-    covariance = propagate(problem, q, freed.p, unpack_covariance(model.posterior, names))
+    # Skin is seen anew after twice its time of correlation
+    alike = max(2.0 * read_people().loose_s * trial.rate_hz, 1.0)
+    own = unpack_covariance(model.posterior, names)
+    covariance, of_mean = propagate(problem, q, freed.p, own, known[:, free], alike)
     sd = np.zeros(q.shape)
     sd[:, free] = np.sqrt(np.einsum("nii->ni", covariance))
     sd[~known & task.free] = np.nan
@@ -119,8 +122,10 @@ def estimate_everyday_sd(
     combined = None
     if rates is not None:
         change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])
-        own = change[:, :, free]
-        combined = np.sqrt(np.einsum("nkf,nfg,nkg->nk", own, covariance, own, optimize=True))
+        moved = change[:, :, free]
+        combined = np.sqrt(np.einsum("nkf,nfg,nkg->nk", moved, covariance, moved, optimize=True))
         combined = np.where(find_lost(change, ~known & task.free), np.nan, combined)
     lower, upper = task.bounds
-    return CoordinateSd(sd, noise, ((q <= lower) | (q >= upper)) & task.free, combined)
+    at_end, mean = ((q <= lower) | (q >= upper)) & task.free, np.zeros(q.shape[1])
+    mean[free] = of_mean
+    return CoordinateSd(sd, noise, at_end, combined, mean)

@@ -12,11 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
 from scaling_service.capabilities.motion.document import (
+    CoordinateSummary,
     KinematicErrorDocument,
     MotionDocument,
     TrackedTrialDocument,
 )
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
+from scaling_service.capabilities.motion.uncertainty import CoordinateSd
 from scaling_service.capabilities.motion.unshown import hide_unshown, list_unshown_names
 from scaling_service.capabilities.subject.loading import record_provenance
 from scaling_service.documents.writing import all_or_nothing, write_json
@@ -219,7 +221,32 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
             if np.isfinite(sd)
         },
         frames=len(motion.times),
+        summary=dict(_summarise(motion, spread, model)),
     )
+
+
+def _summarise(
+    motion: Motion, spread: CoordinateSd, model: BodyModel
+) -> Iterator[tuple[str, CoordinateSummary]]:
+    kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
+    for k, name in enumerate(motion.coordinates):
+        known = motion.q[:, k][np.isfinite(motion.q[:, k])]
+        if name not in kinds or name not in motion.estimated or not len(known):
+            continue
+        unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
+        sd = None if spread.mean is None else _round_known(unit * spread.mean[k])
+        yield (
+            name,
+            CoordinateSummary(
+                mean=round(float(unit * known.mean()), 4),
+                mean_sd=sd,
+                range=round(float(unit * np.ptp(known)), 4),
+            ),
+        )
+
+
+def _round_known(value: float) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None
 
 
 def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:

@@ -167,6 +167,9 @@ class CoordinateSd:
     # (n_frames, n_combined): of what was asked for beside the coordinates, such as conventional angles; NaN
     # where one depends on a coordinate whose own is not known
     combined: Array | None = None
+    # (n_coordinates,), rad or m: of a coordinate's mean over the trial, for a model that knows what frames
+    # have in common; None for others
+    mean: Array | None = None
 
 
 def estimate_coordinate_sd(

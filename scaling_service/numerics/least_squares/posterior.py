@@ -306,21 +306,32 @@ def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:
     return q
 
 
-def propagate(problem: PosteriorProblem, q: Array, p: Array, covariance: Array) -> Array:
+def propagate(
+    problem: PosteriorProblem, q: Array, p: Array, covariance: Array, known: NDArray[np.bool_], alike: float
+) -> tuple[Array, Array]:
     """Covariance of each frame's poses, (n_frames, n, n), from markers and from the parameters'.
 
-    ``q``, ``p``: the mean. ``covariance`` (n_parameters, n_parameters).
+    And the standard deviation of each coordinate's mean, (n,): what the parameters leave open is the same in
+    all frames, and markers' errors last. NaN for a coordinate that is known in no frame.
+
+    ``q``, ``p``: the mean. ``covariance`` (n_parameters, n_parameters). ``known`` (n_frames, n): which of the
+    coordinates count in the means. ``alike``: over how many frames the markers' errors last.
     """
-    found = np.zeros((len(q), len(problem.coordinates), len(problem.coordinates)))
-    for rows in split_rows(len(q)):
+    n, nq = len(q), len(problem.coordinates)
+    found, common, lasting = np.zeros((n, nq, nq)), np.zeros((nq, len(p))), np.zeros(nq)
+    share = known / np.maximum(known.sum(axis=0), 1)
+    for rows in split_rows(n):
         part = problem.in_frames(rows)
         whitening = Whitening(part)
         normal = _linearise(part, whitening, q[rows], p, _compute_cost(part, whitening, q[rows], p)[0])
-        own = _with_ridge(normal.own)
-        inverse = np.linalg.inv(own)
+        inverse = np.linalg.inv(_with_ridge(normal.own))
         follow = inverse @ normal.cross
         found[rows] = inverse + follow @ covariance @ follow.transpose(0, 2, 1)
-    return found
+        common += np.einsum("ni,nip->ip", share[rows], follow)
+        lasting += (share[rows] ** 2 * np.einsum("nii->ni", inverse)).sum(axis=0)
+    counted = np.minimum(alike, known.sum(axis=0))
+    mean = np.einsum("ip,pk,ik->i", common, covariance, common) + counted * lasting
+    return found, np.where(known.any(axis=0), np.sqrt(mean), np.nan)
 
 
 def split_rows(count: int) -> list[slice]:

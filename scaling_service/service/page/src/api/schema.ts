@@ -292,6 +292,12 @@ export interface CoordinateEntry {
   estimated: boolean;
 }
 
+export interface CoordinateSummary {
+  mean: number;
+  mean_sd: number | null;
+  range: number;
+}
+
 export interface CoordinateWord {
   name: string;
   unit: "deg" | "m";
@@ -1459,6 +1465,7 @@ export interface TrackedTrialDocument {
   frames_at_range_end: Record<string, number>;
   marker_noise_mm: Record<string, number>;
   frames: number;
+  summary: Record<string, CoordinateSummary>;
 }
 
 export interface TrialDynamicsDocument {

@@ -166,6 +166,8 @@ def _linearise(
     count = len(p) if shared else 0
     alone = tree.marker_parameters if shared else {}
     common = np.array([k for k in range(count) if k not in alone], dtype=np.intp)
+    numbers = np.array([*alone], dtype=np.intp)
+    owners = np.array([marker for marker, _ in alone.values()], dtype=np.intp)
     variables = np.concatenate([problem.coordinates, tree.n_coordinates + common])
     rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
     white = whitening.apply(poses.axes, tree.marker_link, rates)
@@ -178,9 +180,7 @@ def _linearise(
         together[np.ix_(common, common)] = flat @ flat.T
         pull[common] = flat @ gap.ravel()
     for part in whitening.parts:
-        names = np.array(
-            [k for k, (marker, _) in alone.items() if marker in part.group.markers], dtype=np.intp
-        )
+        names = numbers[np.isin(owners, part.group.markers)]
         if len(names):
             narrow = whitening.apply_along(part, *_find_directions(tree, poses, names, part.group))
             flat = _flatten(narrow)
@@ -270,28 +270,35 @@ def integrate_over(
     found = np.zeros((len(q), nq + 1, nq + 1))
     for start in range(0, len(q), _AT_ONCE):
         rows = slice(start, start + _AT_ONCE)
-        own, unit = _whiten_unit_slopes(problem.in_frames(rows), q[rows], p, latent)
-        crossed = own @ unit.transpose(0, 2, 1)
-        curvature = unit @ unit.transpose(0, 2, 1)
-        curvature -= crossed.transpose(0, 2, 1) @ np.linalg.solve(_with_ridge(normal.own[rows]), crossed)
+        curvature = _eliminate_slopes(problem.in_frames(rows), q[rows], p, latent, normal.own[rows])
         found[rows] = drives.T @ (covariance * curvature) @ drives
     return replace(problem, integrated=(found[:, :nq, :nq], -found[:, :nq, nq]))
 
 
-def _whiten_unit_slopes(
-    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp]
-) -> tuple[Array, Array]:
-    """Whitened slopes by the coordinates, (n, nq, m), and by latent parameters per unit of their driver."""
+def _eliminate_slopes(
+    problem: PosteriorProblem, q: Array, p: Array, latent: NDArray[np.intp], own: Array
+) -> Array:
+    """Each frame's curvature of latent parameters per unit of their drivers, the poses eliminated, (n, k, k).
+
+    ``own`` (n, nq, nq): the poses' curvature. Parameters of different groups meet in the poses alone.
+    """
     tree, whitening = problem.tree, Whitening(problem)
     poses = pose_links(tree, np.ascontiguousarray(q.T), p)
     rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), problem.coordinates)
-    own = whitening.apply(poses.axes, tree.marker_link, rates)
-    unit = np.zeros((len(q), len(latent), own.shape[2]))
+    white = whitening.apply(poses.axes, tree.marker_link, rates)
+    crossed = np.zeros((*own.shape[:2], len(latent)))
+    owners = np.array([tree.marker_parameters[int(k)][0] for k in latent])
+    groups = []
     for part in whitening.parts:
-        rows = np.flatnonzero([tree.marker_parameters[int(k)][0] in part.group.markers for k in latent])
+        rows = np.flatnonzero(np.isin(owners, part.group.markers))
         gains, _ = _find_directions(tree, poses, latent[rows], part.group)
-        unit[:, rows, part.columns] = whitening.apply_along(part, gains, np.ones((len(rows), len(q))))
-    return own, unit
+        unit = whitening.apply_along(part, gains, np.ones((len(rows), len(q))))
+        crossed[:, :, rows] = white[:, :, part.columns] @ unit.transpose(0, 2, 1)
+        groups.append((rows, unit @ unit.transpose(0, 2, 1)))
+    curvature = -crossed.transpose(0, 2, 1) @ np.linalg.solve(_with_ridge(own), crossed)
+    for rows, alone in groups:
+        curvature[np.ix_(np.arange(len(q)), rows, rows)] += alone
+    return np.asarray(curvature)
 
 
 def solve_poses(problem: PosteriorProblem, q0: Array, p: Array) -> Array:

@@ -180,6 +180,8 @@ class _HipRelation:
     sides: tuple[str, ...]
     sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
     expected: DimensionPrior  # of persons like this one, where the model has no ankle
+    lengths: Mapping[str, float]  # of the model's segments, m
+    hips: Mapping[str, Array]  # side to the model's own, (3,) m
 
     def evaluate(self, sizes: Mapping[str, float], front: float, back: float) -> Array:
         """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
@@ -200,19 +202,16 @@ class _HipRelation:
                 for name in self.people.hip_regressions
             ]
             places = [(hips.right_ground if side == "r" else hips.left_ground)[0] for hips in both]
-            ours = find_joint_ends(self.model, "hip", side)[self.pelvis]
-            found.append(np.mean(places, axis=0) - along * ours)
+            found.append(np.mean(places, axis=0) - along * self.hips[side])
         return np.concatenate(found)
 
     def _measure_leg(self, side: str, sizes: Mapping[str, float]) -> float:
         """From ASIS to ankle of a straight leg, m."""
-        lengths = measure_segment_lengths(self.model)
-        if f"shank_{side}" not in lengths:
+        if f"shank_{side}" not in self.lengths:
             return self.expected.value(f"leg_length_{side}")
-        hip = find_joint_ends(self.model, "hip", side)[self.pelvis]
-        total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - hip[1]))
+        total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
         for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
-            total += lengths[name] * sizes.get(f"scale.{find_segment(self.model, role, side)}", 1.0)
+            total += self.lengths[name] * sizes.get(f"scale.{find_segment(self.model, role, side)}", 1.0)
         return total
 
 
@@ -254,6 +253,8 @@ def expect_hips(
             sides=sides,
             sizes=sizes,
             expected=expected,
+            lengths=measure_segment_lengths(model),
+            hips={side: find_joint_ends(model, "hip", side)[pelvis] for side in sides},
         )
         (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
         ones = dict.fromkeys(sizes, 1.0)

@@ -128,4 +128,4 @@ def estimate_everyday_sd(
     lower, upper = task.bounds
     at_end, mean = ((q <= lower) | (q >= upper)) & task.free, np.zeros(q.shape[1])
     mean[free] = of_mean
-    return CoordinateSd(sd, noise, at_end, combined, mean)
+    return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=combined, mean=mean)

@@ -153,7 +153,7 @@ _NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differenc
 _RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CoordinateSd:
     """Standard deviations of coordinates, and of the noise that they come from."""
 
@@ -203,7 +203,8 @@ def estimate_coordinate_sd(
     sd[held & task.free] = np.nan
     shown = find_shown(residuals)
     noise = np.where(shown, np.sqrt(variance), np.nan)
-    return CoordinateSd(sd, noise, at_end, np.concatenate(combined) if combined else None)
+    joined = np.concatenate(combined) if combined else None
+    return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=joined)
 
 
 def find_lost(change: Array, unknown: Mask) -> Mask:

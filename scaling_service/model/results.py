@@ -109,7 +109,7 @@ class JointMove:
 class Calibration:
     """A scaled model and how it came about."""
 
-    method: str  # MB, MB_lam, MB_am, EB or EB_am
+    method: str  # MB, MB_lam, MB_am, EB, EB_am, MAP
     model: BodyModel  # with all parameters folded in; generic is what it was made from
     generic: BodyModel
     scale_factors: Mapping[str, Vector]  # segment to its x, y, z factors against the generic model

@@ -10,7 +10,7 @@ from pathlib import Path
 MODULE = """
 class Halved:
     title, needs = "half of everything", None
-    needs_images = needs_movements = fits_lengths = False
+    needs_images = needs_movements = False
 
     def calibrate(self, session, start, settings, progress):
         return f"{session} halved"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import pytest
 
@@ -20,7 +22,7 @@ BOTH = frozenset({"hip_r", "knee_r", "ankle_r", "hip_l", "knee_l", "ankle_l"})
 
 def following(mean_mm: float) -> Following:
     mean = 1e-3 * mean_mm
-    return Following(mean, 1.2 * mean, 3.0 * mean, 2)
+    return Following(mean, 3.0 * mean)
 
 
 def plain(name: str, error_mm: float) -> MethodEvidence:
@@ -39,8 +41,12 @@ MAP = replace(
 )
 
 
-def verdict(*methods: MethodEvidence, **more: object) -> Verdict:
-    return judge(Evidence(methods, **more))  # type: ignore[arg-type]
+def verdict(
+    *methods: MethodEvidence,
+    imaged: frozenset[str] = frozenset(),
+    usual_lengths: Mapping[str, float] = MappingProxyType({}),
+) -> Verdict:
+    return judge(Evidence(methods, imaged, usual_lengths))
 
 
 @pytest.mark.parametrize("methods", [(MB, MB_LAM, EB, MAP), (MAP, EB, MB_LAM, MB), (MAP,)])

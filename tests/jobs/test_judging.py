@@ -24,7 +24,7 @@ def test_errors_and_parameters_are_the_results(results: Results) -> None:
             scaling.errors["walk"].mean,
             scaling.errors["walk"].max,
         )
-        assert method.fitted.rms == pytest.approx(scaling.errors["hips"].rms, rel=1e-12)
+        assert method.fitted.mean == pytest.approx(scaling.errors["hips"].mean, rel=1e-12)
         posterior = scaling.calibration.model.posterior
         assert method.skin == (None if posterior is None else posterior.skin)
 

@@ -21,14 +21,11 @@ class Following:
     """How closely a model follows markers over several trials, each trial counting the same, m.
 
     ``mean``: mean over trials of the kinematic error.
-    ``rms``: root of the mean over trials of the squared root mean square distance.
     ``max``: the largest distance of any marker in any frame.
     """
 
     mean: float
-    rms: float
     max: float
-    trials: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,14 +114,9 @@ def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) 
     ...     tracking_mean=0.004, n_frames=1,
     ... )
     >>> average_errors({"hip": error}, ["hip", "walk"])
-    Following(mean=0.004, rms=0.004, max=0.01, trials=1)
+    Following(mean=0.004, max=0.01)
     """
     known = [errors[name] for name in trials if name in errors and not math.isnan(errors[name].mean)]
     if not known:
         return None
-    return Following(
-        mean=float(np.mean([e.mean for e in known])),
-        rms=float(np.sqrt(np.mean([e.rms**2 for e in known]))),
-        max=max(e.max for e in known),
-        trials=len(known),
-    )
+    return Following(mean=float(np.mean([e.mean for e in known])), max=max(e.max for e in known))

@@ -51,7 +51,7 @@ def judge(evidence: Evidence) -> Verdict:
     Examples
     --------
     >>> from scaling_service.capabilities.scaling.comparison.evidence import Following
-    >>> near, far = Following(0.004, 0.005, 0.012, 2), Following(0.009, 0.011, 0.025, 2)
+    >>> near, far = Following(0.004, 0.012), Following(0.009, 0.025)
     >>> fitted = MethodEvidence(method="MB_lam", held_out=near)
     >>> weighed = MethodEvidence(
     ...     method="MAP", skin=1.1, held_out=far, length_sds={"femur_r": 0.008}, angle_sds={"hip": 0.05}

@@ -331,7 +331,6 @@ class ImageBased:
     needs: str | None = "MB"
     needs_images: bool = True
     needs_movements: bool = False
-    fits_lengths: bool = False
 
     def calibrate(
         self,

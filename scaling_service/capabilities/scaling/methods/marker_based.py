@@ -254,7 +254,6 @@ class MarkerBased:
     needs: str | None = None
     needs_images: bool = False
     needs_movements: bool = False
-    fits_lengths: bool = False
 
     def calibrate(
         self,

@@ -245,11 +245,6 @@ class Optimised:
     needs_images: bool = False
     needs_movements: bool = True
 
-    @property
-    def fits_lengths(self) -> bool:
-        """Whether segment lengths are free."""
-        return self.freedom.lengths
-
     def _note_kept_knees(self, model: BodyModel) -> list[str]:
         """A note on knees whose axes the image gave and no movement turns."""
         kept = [s.joint_name for s in _list_shanks(model) if len(_list_turning_coordinates(s)) >= 3]

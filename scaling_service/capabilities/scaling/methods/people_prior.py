@@ -117,7 +117,7 @@ def expect_sizes(
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
     ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one, who has
-    such bones where some were imaged.
+    such bones where some were imaged. ``told``: marker to the landmark that it marks.
     """
     lengths = dict(measure_segment_lengths(start.model))
     spines = find_spines(start.model, told)

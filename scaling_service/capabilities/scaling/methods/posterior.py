@@ -86,7 +86,6 @@ class JointPosterior:
     needs: str | None = "MB"
     needs_images: bool = False
     needs_movements: bool = False
-    fits_lengths: bool = True
 
     def calibrate(
         self,

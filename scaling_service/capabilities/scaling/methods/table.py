@@ -44,10 +44,6 @@ class Method(Protocol):
     def needs_movements(self) -> bool:
         """Whether it fits its model to calibration trials."""
 
-    @property
-    def fits_lengths(self) -> bool:
-        """Whether segment lengths are among what it fits."""
-
     def calibrate(
         self,
         session: Session,

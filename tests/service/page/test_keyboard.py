@@ -29,7 +29,7 @@ def test_a_tour_by_keyboard_alone(visit: Visit, url: str) -> None:
     tab_back_to(visitor, "On to the analyses")
     press(visitor, "Enter")
     visitor.page.get_by_role("button", name="Compare", exact=True).wait_for(timeout=120_000)
-    for method in ("MB_lam", "MB_am", "EB", "EB_am"):  # one method will do
+    for method in ("MB_lam", "MB_am", "EB", "EB_am", "MAP"):  # one method will do
         tab_to(visitor, f"{method} ")
         press(visitor, "Space")
     tab_to(visitor, "Compare")

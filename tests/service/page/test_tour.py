@@ -122,7 +122,7 @@ def reads(visitor: Visitor, look: Look) -> None:
     visitor.sees("Segment lengths, mm")
     table = visitor.downloads("Save as CSV: Segment lengths, mm")
     rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
-    assert rows[0] == ["segment", "MB", "MB_lam", "MB_am", "EB", "EB_am"]
+    assert rows[0] == ["segment", "MB", "MB_lam", "MB_am", "EB", "EB_am", "MAP"]
     assert 380 < float(rows[2][1]) < 460  # a thigh, mm
     assert " ± " in visitor.page.locator("table").filter(has_text="hip, right, x").inner_text()
     look()

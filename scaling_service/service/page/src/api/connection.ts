@@ -4,6 +4,7 @@ import { Problem } from "./problem.ts";
 
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 5000;
+const BEGUN_AGAIN = "begun again for ";
 
 type Listener = (lost: boolean) => void;
 
@@ -25,18 +26,28 @@ export function recovered(): Promise<void> {
 
 /** A part of the page, loaded when it is first needed: once more when the service is back, if it was away.
  *
- * @throws Problem where the service is another version by then, or the browser does not try twice.
+ * Browsers may remember that a part failed for as long as the page lives; the page then loads itself again, where its
+ * address says it was.
+ *
+ * @throws Problem where that helped nothing: the service is another version by then.
  */
 export async function part<Module>(load: () => Promise<Module>): Promise<Module> {
+  const begunAgain = BEGUN_AGAIN + String(load);
+  const once = () => load().then((module) => (sessionStorage.removeItem(begunAgain), module));
   try {
-    return await load();
+    return await once();
   } catch (error) {
     if (!(error instanceof TypeError)) throw error;
-    await recovered();
-    return load().catch(() => {
-      throw new Problem({ problem: "A part of the page could not be loaded", remedy: "Load the page again" });
-    });
   }
+  await recovered();
+  return once().catch(() => {
+    if (sessionStorage.getItem(begunAgain) !== null) {
+      throw new Problem({ problem: "A part of the page could not be loaded", remedy: "Load the page again" });
+    }
+    sessionStorage.setItem(begunAgain, "");
+    location.reload();
+    return new Promise<Module>(() => undefined); // never: the page that waits for it is gone
+  });
 }
 
 async function untilReady(): Promise<void> {

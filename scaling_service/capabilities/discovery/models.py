@@ -33,7 +33,7 @@ def make_own_models(fit: Fit) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
     own = {trial for s in fit.effects if _of_model(s) for trial in s.candidate.trials}
     return {
-        trial: _with(fit.model, [s for s in fit.estimates if s.candidate.holds_in(trial)])
+        trial: _with(fit.model, [s for s in fit.effects if s.candidate.holds_in(trial)])
         for trial in sorted(own)
     }
 
@@ -44,7 +44,7 @@ def _with(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
 
 
 def _select_lasting(fit: Fit) -> list[Estimate]:
-    return [s for s in fit.estimates if not s.candidate.trials]
+    return [s for s in fit.effects if not s.candidate.trials]
 
 
 def _of_model(effect: Estimate) -> bool:

@@ -25,10 +25,7 @@ _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
-        com = np.array(segment.com)
-        tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
-        every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
-        load = Inertial(segment.name, tuple((every / segment.mass).tolist()))
+        load = scale_segment(segment)
         column = Column(name="kg", unit=1.0, load=load, low=-0.9 * segment.mass, high=20.0)
         yield Candidate(kind="segment_mass", where=(segment.name,), columns=(column,))
 
@@ -36,7 +33,7 @@ def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
 def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass."""
     for segment in scene.heavy:
-        loads = [Inertial(segment.name, tuple(_differentiate_inertia(segment, k).tolist())) for k in range(3)]
+        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
         columns = tuple(
             Column(name=f"{letter}_mm", unit=MM, load=load, low=-200.0, high=200.0)
             for letter, load in zip(LETTERS, loads, strict=True)
@@ -113,11 +110,19 @@ def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return dict(zip(("x_mm", "y_mm", "z_mm"), place.tolist(), strict=True))
 
 
-def _differentiate_inertia(segment: Segment, axis: int) -> Array:
+def scale_segment(segment: Segment) -> Inertial:
+    """A segment that is heavier, of the same shape: per kilogram."""
+    com = np.array(segment.com)
+    tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
+    every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
+    return Inertial(segment.name, tuple((every / segment.mass).tolist()))
+
+
+def differentiate_centre(segment: Segment, axis: int) -> tuple[float, ...]:
     """Change of the ten inertial parameters about the segment's origin per metre of its centre of mass."""
     com, unit = np.array(segment.com), np.eye(3)[axis]
     tensor = 2.0 * segment.mass * _spread(com, unit)
-    return np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]])
+    return tuple(np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]]).tolist())
 
 
 def _spread(a: Array, b: Array) -> Array:

@@ -18,8 +18,6 @@ from scaling_service.model.reference import find_reference_folder, read_referenc
 from scaling_service.numerics.multibody.laws import Array
 
 _AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
-_DOUBTFUL = 0.05
-"""Probability below which a size is none that laboratories meet (chosen: the custom)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +69,20 @@ def _read_sizes() -> Mapping[str, Any]:
     return found
 
 
-def is_usual(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
-    """Whether laboratories meet every number of an effect (SI, as its columns) of which a range is known."""
-    usual = look_up_usual_sizes(candidate, model)
-    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
-        known = usual(column.name)
-        shown = column.neutral + column.unit * value
-        if known is not None and known.chance(shown, column.unit * sd) < _DOUBTFUL:
-            return False
-    return True
+def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | None:
+    """Prior standard deviations of a candidate's numbers, SI: a quarter of the range that holds 95 of 100.
+
+    Where no range is known, of what the search allows; None of what has neither.
+    """
+    usual, found = look_up_usual_sizes(candidate, model), []
+    for column in candidate.columns:
+        known = _MOMENTS.get(column.name) or usual(column.name) or Range(column.low, column.high)
+        found.append(0.25 * (known.high - known.low) / column.unit)
+        if known.low == 0.0:
+            found[-1] *= 2.0  # of one that is never below zero
+    sds = np.array(found)
+    return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
+
+
+_MOMENTS = {f"{axis}_kgmm": Range(-1e4, 1e4) for axis in "xyz"}
+"""Of a carried load: some 10 kg at the reach of an arm (chosen)."""

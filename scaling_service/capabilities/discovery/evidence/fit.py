@@ -59,8 +59,6 @@ class Fit:
     """What is assumed of the body and the recordings, and how well it follows them."""
 
     context: SearchContext
-    # what may take any value beside the effects: the calibration's own parameters
-    free: tuple[Estimate, ...] = ()
     effects: tuple[Estimate, ...] = ()
     tracked: tuple[TrackedTrial, ...] = ()  # the recordings, tracked with all of these
     wrenches: tuple[WrenchFit, ...] = ()  # those of them with forces
@@ -75,14 +73,9 @@ class Fit:
         """How strict the search is."""
         return self.context.settings
 
-    @property
-    def estimates(self) -> tuple[Estimate, ...]:
-        """What is free and the effects."""
-        return self.free + self.effects
-
     def model_in(self, trial: str) -> BodyModel:
         """The model as it is in one trial."""
-        return with_effects(self.model, self.estimates, trial)
+        return with_effects(self.model, self.effects, trial)
 
     def without(self, keys: Collection[str]) -> Fit:
         """The same tracking, no longer with effects of some keys; not estimated anew."""
@@ -111,23 +104,20 @@ class Fit:
 
 def fit_recordings(
     context: SearchContext,
-    free: Sequence[Estimate] = (),
     effects: Sequence[Estimate] = (),
     near: Fit | None = None,
 ) -> Fit:
     """Track the recordings with effects of known size added to the model, from where another fit is."""
     starts = {item.name: item for item in near.tracked} if near else {}
-    both = (*free, *effects)
 
     def track_again(recording: Recording) -> TrackedTrial:
-        return _track(context.model, recording, both, starts.get(recording.trial.name))
+        return _track(context.model, recording, effects, starts.get(recording.trial.name))
 
     found = tuple(map_parallel(track_again, context.recordings))
     context.advance()
     return fit_wrenches(
         Fit(
             context=context,
-            free=tuple(free),
             effects=tuple(effects),
             tracked=found,
             wrenches=near.wrenches if near else (),
@@ -163,7 +153,7 @@ def _track(
 
 def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise: Array | None) -> WrenchFit:
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
-    here = [s for s in fit.estimates if s.candidate.holds_in(item.name)]
+    here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(
         tracked=item,
         model=with_inertial_changes(fit.model_in(item.name), here, item.name),
@@ -179,13 +169,6 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
             made = replace(made, touched=before + compute_wrench(made, contact))
     return made
-
-
-def sum_held_out_squares(fit: Fit) -> float:
-    """Whitened sum of squares of markers and forces together in what is held out, else in everything."""
-    items: list[TrackedTrial | WrenchFit] = [*fit.tracked, *fit.wrenches]
-    held_out = [item.square for item in items if item.role == "held_out"]
-    return float(sum(held_out or (item.square for item in items)))
 
 
 def _list_loaded(item: WrenchFit) -> list[str]:

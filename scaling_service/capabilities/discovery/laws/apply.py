@@ -107,6 +107,11 @@ def with_inertial_changes(model: BodyModel, effects: Iterable[Estimate], trial: 
         if isinstance(whole, Reweighed):
             numbers += (whole.factor_in(trial) - 1.0) * declared
             changed = True
+        for column, size in effect.columns:
+            shares = getattr(column.load, "shares", None)
+            if shares is not None:
+                numbers *= 1.0 + size * column.unit
+                changed = True
         for segment, change in _list_inertial_changes(effect):
             numbers[model.segment_names.index(segment)] += change
             changed = True

@@ -1,0 +1,60 @@
+"""How lively a person is against people: levels of what is ordinary, learnt from the recordings.
+
+A level multiplies standard deviations. Persons, their parts and the models made of them differ by a factor
+whose logarithm is Gaussian; the recordings decide (MacKay 1992, Neural Comput 4:415, eq. 4.8).
+"""
+
+from __future__ import annotations
+
+import math
+
+from scaling_service.capabilities.discovery.ordinary.body import PARTS
+
+SPREAD = 0.7  # SD of a level's logarithm (chosen: skin of two persons differs by a factor of two)
+FACTORS = (1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 40.0)
+"""By which something may be livelier at one place than elsewhere (a grid of half as much again)."""
+
+_ROUNDS, _SETTLED = 50, 1e-9
+
+
+def find_most(level: str) -> float:
+    """Skin and joints' glide may be livelier than people's are; that a model is worse than models are is looked for.
+
+    Examples
+    --------
+    >>> find_most("legs"), find_most("joint legs")
+    (inf, 1.0)
+    """
+    return math.inf if level in (*PARTS, "trunk") or level.startswith("glide") else 1.0
+
+
+def learn_level(level: float, energy: float, count: float, most: float = math.inf) -> float:
+    """The likeliest level.
+
+    Parameters
+    ----------
+    level : float
+        The present one.
+    energy : float
+        Sum of squares of numbers divided by their deviations at the present level.
+    count : float
+        How many of them the recordings tell.
+
+    Examples
+    --------
+    >>> round(learn_level(1.0, 400.0, 100.0), 2)  # a hundred numbers of twice the deviation
+    1.98
+    """
+    u, squares = math.log(level), energy * level**2
+    for _ in range(_ROUNDS):
+        e = squares * math.exp(-2.0 * u)
+        step = (count - e + u / SPREAD**2) / (2.0 * e + 1.0 / SPREAD**2)
+        u -= min(max(step, -1.0), 1.0)
+        if abs(step) < _SETTLED:
+            break
+    return min(math.exp(u), most)
+
+
+def weigh_level(level: float) -> float:
+    """Logarithm of a level's prior density, but for a constant."""
+    return -0.5 * (math.log(level) / SPREAD) ** 2

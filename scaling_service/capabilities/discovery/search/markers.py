@@ -1,0 +1,327 @@
+"""The body and its markers against what is ordinary: levels learnt, candidates in the order of their odds."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
+from scaling_service.capabilities.discovery.effects.missing_dof import find_free_motions
+from scaling_service.capabilities.discovery.effects.sizes import list_usual_deviations
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
+from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.ordinary.body import Ordinary, expect_body, make_clusters
+from scaling_service.capabilities.discovery.ordinary.columns import Base, Combination
+from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level
+from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
+from scaling_service.capabilities.discovery.ordinary.sums import Look, White
+from scaling_service.numerics.multibody.laws import Array
+
+_PASSES = 4  # of learning levels (chosen: they settle to some per cent)
+_AGAIN = 12  # of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is among them)
+_WORTH = -2.0  # log odds from which that is done
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ranked:
+    """A candidate, its log odds and what is told of it; nothing of one without columns."""
+
+    odds: float
+    candidate: Candidate
+    scored: Scored | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyTable:
+    """Recordings as they are tracked, against what is ordinary of the body."""
+
+    fit: Fit
+    base: Base
+    ordinary: Ordinary
+    candidates: Sequence[tuple[Candidate, Array, Combination]]  # with prior deviations
+    whites: Sequence[White]
+    table: Table
+    loose: dict[str, float]  # part of the body to the level at which its skin wanders
+    levels: dict[str, float]  # of everything else
+    moved: Sequence[Array]  # of every recording, coefficients that its effects stand for
+
+    @classmethod
+    def of(cls, fit: Fit, *, given: bool, placed: bool, like: BodyTable | None = None) -> BodyTable:
+        """Built anew for a fit, levels learnt, or as in another table."""
+        base, scene, found = Base(), fit.scene, []
+        names = scene.model.coordinate_names
+        every = np.concatenate([item.q[:, : len(names)] for item in fit.tracked])
+        means = dict(zip(names, every.mean(axis=0).tolist(), strict=True))
+        ordinary = expect_body(base, scene, means, given=given, placed=placed)
+        for candidate in propose_candidates(scene):
+            sd = list_usual_deviations(candidate, scene.model) if is_of_body(candidate) else None
+            if sd is not None:
+                found.append((candidate, sd, base.combine(candidate)))
+        own = [
+            (e, list_usual_deviations(e.candidate, scene.model), base.combine(e.candidate))
+            for e in fit.effects
+            if is_of_body(e.candidate)
+        ]
+        looks = _look(fit, base)
+        loose = {c.part: 1.0 for look in looks for c in look.clusters}
+        levels = {d.level: 1.0 for d in ordinary.common.directions if d.level}
+        if like is not None:
+            loose, levels = like.loose, like.levels
+        passes = 0 if like is not None else _PASSES
+        for turn in range(passes + 1):
+            whites = [look.whiten(loose) for look in looks]
+            table, moved = _tabulate(base, whites, ordinary, levels, own)
+            if turn < passes:
+                loose, levels = _learn(base, table, whites, moved, ordinary, loose, levels)
+        return cls(
+            fit=fit,
+            base=base,
+            ordinary=ordinary,
+            candidates=found,
+            whites=whites,
+            table=table,
+            loose=loose,
+            levels=levels,
+            moved=moved,
+        )
+
+    def reestimate(self) -> list[tuple[Estimate, Array]]:
+        """The effects that are sums of columns with all estimated together, and the covariance of their sizes."""
+        at, found = len(self.ordinary.common.expand(len(self.base), self.levels)[1]), []
+        beyond = [len(self.ordinary.own.expand(len(self.base), self.levels)[1])] * len(self.table.sums)
+        inner = self.table.inner
+        for effect in filter(lambda e: is_of_body(e.candidate), self.fit.effects):
+            count, sd = len(effect.size), list_usual_deviations(effect.candidate, self.fit.model)
+            scale = np.abs(effect.size) if sd is None else sd
+            if not effect.candidate.trials:
+                rows = slice(at, at + count)
+                at += count
+                size, covariance = scale * self.table.strengths[rows], inner[rows, rows]
+            else:
+                sizes, covariances = [], []
+                for k, s in enumerate(self.table.sums):
+                    if effect.candidate.holds_in(s.trial):
+                        rows = slice(beyond[k], beyond[k] + count)
+                        beyond[k] += count
+                        strengths, _, spread = self.table.solve_own(k)
+                        sizes.append(scale * strengths[rows])
+                        covariances.append(spread[rows, rows])
+                size = np.mean(sizes, axis=0)
+                covariance = np.mean(covariances, axis=0) / len(covariances)
+            found.append((Estimate(effect.candidate, size), covariance * np.outer(scale, scale)))
+        return found
+
+    def rank(self) -> list[Ranked]:
+        """All candidates, the likeliest first."""
+        places = Counter(c.kind for c, _, _ in self.candidates)
+        found: list[tuple[float, int, Scored]] = []
+        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k][0].trials)
+        for trials, group in groupby(order, key=lambda k: self.candidates[k][0].trials):
+            rows = list(group)
+            chosen = [self.candidates[k] for k in rows]
+            scored = self.table.score_each([c for _, _, c in chosen], [sd for _, sd, _ in chosen], trials)
+            found += [
+                (s.bayes - math.log(places[self.candidates[k][0].kind]), k, s)
+                for k, s in zip(rows, scored, strict=True)
+            ]
+        found.sort(key=lambda one: -one[0])
+        livelier: dict[str, float] = {}
+        ranked = []
+        for turn, (odds, k, scored) in enumerate(found):
+            candidate, sd, combination = self.candidates[k]
+            if turn < _AGAIN and odds > _WORTH:
+                scored = self.table.score_learning(combination, sd, candidate.trials)
+                odds = scored.bayes - math.log(places[candidate.kind])
+            if odds > 0.0:
+                odds -= max(
+                    (self._score_livelier(p, livelier) for p in self._list_places(candidate)), default=0.0
+                )
+            ranked.append(Ranked(odds, candidate, scored))
+        ranked += [
+            Ranked(odds, c)
+            for odds, c in find_free_motions(self.fit.scene, self.base, self._left, self.levels)
+        ]
+        return sorted(ranked, key=lambda one: -one.odds)
+
+    @property
+    def _left(self) -> list[tuple[White, Array]]:
+        """Residuals less everything ordinary that lasts."""
+        return [(white, white.subtract(self.base, self.estimate(k))) for k, white in enumerate(self.whites)]
+
+    def measure_liveliness(self) -> dict[str, tuple[float, float]]:
+        """Of every marker: its level against that of its part, and over how many independent numbers."""
+        energy, count = Counter[str](), Counter[str]()
+        for white, left in self._left:
+            free = np.repeat(white.look.seen, 3, axis=1) - np.square(white.basis).sum(axis=1)
+            squares, freedom = (x.reshape(len(x), -1, 3).sum(axis=(0, 2)) for x in (np.square(left), free))
+            for marker, square, told in zip(
+                white.look.item.markers, squares.tolist(), freedom.tolist(), strict=True
+            ):
+                energy[marker] += white.look.weight * square
+                count[marker] += white.look.weight * told
+        return {m: (math.sqrt(energy[m] / n), n) for m, n in count.items() if n > 1.0}
+
+    def estimate(self, k: int) -> Array:
+        """What recording k tells of all columns beside its effects."""
+        return self.table.coefficients + self.table.own[k] @ self.table.estimate_own(k)[0] - self.moved[k]
+
+    def _list_places(self, candidate: Candidate) -> list[str]:
+        """Where something ordinary may be livelier instead of a candidate that follows coordinates."""
+        if not any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts):
+            return []
+        model = self.fit.model
+        if candidate.where[0] not in model.marker_names:
+            return [candidate.where[0]]
+        alone = [f"marker {candidate.where[0]}"] if len(candidate.where) == 1 else []
+        return [model.marker(candidate.where[0]).segment, *alone]
+
+    def _score_livelier(self, place: str, known: dict[str, float]) -> float:
+        """See :meth:`Table.score_livelier`."""
+        if place not in known:
+            spread, size = self.ordinary.common, len(self.base)
+            marker = place.removeprefix("marker ")
+            at = self.fit.model.marker(marker).segment if marker != place else place
+            L = spread.expand(size, self.levels, at)[0]
+            if marker != place:
+                own = [
+                    n
+                    for (s, _), n in self.base.columns.items()
+                    if isinstance(s, MarkerSpot) and s.marker == marker
+                ]
+                mask = np.zeros(size)
+                mask[own] = 1.0
+                L = L * mask[:, None]
+                L = L[:, np.abs(L).max(axis=0) > 0.0]
+            known[place] = self.table.score_livelier(L) if L.shape[1] else 0.0
+        return known[place]
+
+    @cached_property
+    def combinations(self) -> dict[str, Combination]:
+        """Of candidates, by their keys."""
+        return {c.key: combination for c, _, combination in self.candidates}
+
+    def compare(self, one: Ranked, other: Ranked) -> float:
+        """Cosine between what two candidates explain, as they were found; 0 of what has no columns."""
+        if one.scored is None or other.scored is None:
+            return 0.0
+        size = len(self.base)
+        moved = [
+            self.combinations[r.candidate.key].expand(size) @ r.scored.size
+            for r in (one, other)
+            if r.scored is not None
+        ]
+        first, second = (set(r.candidate.trials or [s.trial for s in self.table.sums]) for r in (one, other))
+        if not first & second:
+            return 0.0
+        both = self.table.project(np.stack(moved, axis=1), sorted(first & second))[1][0, 1]
+        lengths = [
+            self.table.project(m[:, None], sorted(t))[1][0, 0]
+            for m, t in zip(moved, (first, second), strict=True)
+        ]
+        return float(both / math.sqrt(max(lengths[0] * lengths[1], 1e-300)))
+
+
+def is_of_body(candidate: Candidate) -> bool:
+    """Whether a candidate is a sum of columns of markers that last or follow coordinates."""
+    parts = [part for column in candidate.columns for part in column.parts]
+    return bool(parts) and all(isinstance(part.profile, Constant | Following) for part in parts)
+
+
+def _look(fit: Fit, base: Base) -> list[Look]:
+    """At all recordings; what the same body needs is made once."""
+    known: list[tuple[TrackedTrial, Generators]] = []
+    looks = []
+    for item in fit.tracked:
+        alike = (g for other, g in known if _are_of_same_body(item, other))
+        generators = next(alike, None)
+        if generators is None:
+            generators = Generators.of(item, base.spots)
+            known.append((item, generators))
+        looks.append(Look.of(item, base, generators, make_clusters(item)))
+    return looks
+
+
+def _are_of_same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
+    """Whether two recordings are tracked by the same body with the same markers and coordinates."""
+    alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
+    return alike and one.task.model == other.task.model
+
+
+def _tabulate(
+    base: Base,
+    whites: Sequence[White],
+    ordinary: Ordinary,
+    levels: dict[str, float],
+    named: Sequence[tuple[Estimate, Array | None, Combination]],
+) -> tuple[Table, list[Array]]:
+    """Sums, with effects that are named as free as candidates are about zero, not about their estimate."""
+    size, sums = len(base), [white.add_up(base) for white in whites]
+    common, owners = ordinary.common.expand(size, levels)
+    own = ordinary.own.expand(size, levels)[0]
+    mine, moved = [[own] for _ in sums], [np.zeros(size) for _ in sums]
+    for effect, sd, combination in named:
+        L = combination.expand(size)
+        block = L * (np.abs(effect.size) if sd is None else sd)
+        if not effect.candidate.trials:
+            common, owners = np.concatenate([common, block], axis=1), [*owners, *[""] * block.shape[1]]
+        for k, s in enumerate(sums):
+            if effect.candidate.holds_in(s.trial):
+                moved[k] += L @ effect.size
+                if effect.candidate.trials:
+                    mine[k].append(block)
+    shifted = [
+        replace(
+            s,
+            scores=s.scores + s.products @ b,
+            square=s.square + float(b @ (2.0 * s.scores + s.products @ b)),
+        )
+        for s, b in zip(sums, moved, strict=True)
+    ]
+    stacked = [np.concatenate(blocks, axis=1) for blocks in mine]
+    return Table(sums=shifted, common=common, owners=owners, own=stacked, levels=levels), moved
+
+
+def _learn(
+    base: Base,
+    table: Table,
+    whites: Sequence[White],
+    moved: Sequence[Array],
+    ordinary: Ordinary,
+    loose: dict[str, float],
+    levels: dict[str, float],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """The likeliest levels: of what lasts by its strengths, of what wanders by what is left."""
+    energy, count = Counter[str](), Counter[str]()
+    left, freedom = Counter[str](), Counter[str]()
+
+    def add(owners: Sequence[str], strengths: Array, told: Array) -> None:
+        for owner, z, share in zip(owners, strengths.tolist(), told.tolist(), strict=False):
+            energy[owner] += z * z
+            count[owner] += share
+
+    add(table.owners, table.strengths, table.determined)
+    of_own = ordinary.own.expand(len(base), levels)[1]
+    for k, white in enumerate(whites):
+        strengths, told = table.estimate_own(k)
+        add(of_own, strengths, told)
+        rest = white.subtract(base, table.coefficients + table.own[k] @ strengths - moved[k])
+        free = np.repeat(white.look.seen, 3, axis=1) - np.square(white.basis).sum(axis=1)
+        for cluster in white.look.clusters:
+            left[cluster.part] += white.look.weight * float(np.square(rest[:, cluster.numbers]).sum())
+            freedom[cluster.part] += white.look.weight * float(free[:, cluster.numbers].sum())
+    return (
+        {part: learn_level(old, left[part], freedom[part]) for part, old in loose.items()},
+        {
+            level: learn_level(old, energy[level], count[level], find_most(level))
+            for level, old in levels.items()
+        },
+    )

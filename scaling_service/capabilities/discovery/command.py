@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
 from scaling_service.capabilities.shared.screen import (
@@ -36,10 +34,10 @@ def discover(
     """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
 
     People are the yardstick: skin that slides, markers put a centimetre beside a landmark, joints and masses
-    that differ from any model's are ordinary, and no finding. What stands out of that is named. Recordings are
-    taken as they were measured, neither smoothed nor filled; the evaluation trials of the subject file are held
-    out: nothing is named that makes them worse. The static trial is a witness. Forces are compared, too, where
-    recordings have them and the model has feet.
+    that differ from any model's are ordinary, and no finding. What stands out of that is named. Recordings
+    are taken as they were measured, neither smoothed nor filled; the evaluation trials of the subject file
+    are held out: nothing is named that makes them worse. The static trial is a witness. Forces are compared,
+    too, where recordings have them and the model has feet.
 
     Looked for, at every place where it could sit: markers that sit elsewhere or were exchanged, skin that
     slides or oscillates, wrong sizes, joint centres and axes, joints that glide, turn or are locked, a scaled

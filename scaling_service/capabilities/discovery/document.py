@@ -81,8 +81,8 @@ class EvidenceDocument(Part):
         "recordings that did not fit it."
     )
     log_odds: Known = Field(
-        description="Natural logarithm of the odds that it is there, against what is ordinary for people, all "
-        "places where it could be taken into account."
+        description="Natural logarithm of the odds that it is there, against what is ordinary for people; "
+        "that it could have been elsewhere is taken into account."
     )
     p_family_wise: Known = Field(description="That nothing is there: one less the probability of those odds.")
     by_blocks: bool = Field(description="Whether no recording was held out, so that the share is of all.")

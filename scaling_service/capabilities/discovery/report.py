@@ -31,7 +31,6 @@ from scaling_service.report.blocks import (
     Bullets,
     Callout,
     Cell,
-    Details,
     Grid,
     Heading,
     Page,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,7 +34,6 @@ from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
-from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.signals.splines import MIN_SAMPLES
 from scaling_service.recording.exchanged import without_exchanges

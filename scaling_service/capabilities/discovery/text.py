@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.discovery.document import (
@@ -147,7 +146,8 @@ def write_headline(
     doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
     if level is None:
         return f"{things} found{doubt}"
-    return f"{things} found{doubt}; the gap on {unseen} {_describe_fall(level)}{_describe_most_left(level, left)}"
+    told = f"{_describe_fall(level)}{_describe_most_left(level, left)}"
+    return f"{things} found{doubt}; the gap on {unseen} {told}"
 
 
 def _describe_fall(level: LevelDocument) -> str:
@@ -176,10 +176,10 @@ def describe_belief(effect: float, member: float, sign: float | None, size: floa
     Examples
     --------
     >>> describe_belief(0.9999, 0.5, 0.98, 0.01)
-    'not what is ordinary: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
+    'not ordinary: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
     """
     beliefs = (
-        ("not what is ordinary", effect),
+        ("not ordinary", effect),
         ("this one of its class", member if member < 1.0 else None),
         ("its sign", sign),
         ("a size that laboratories meet", size),
@@ -218,7 +218,8 @@ def describe_evidence(named: NamedEffect) -> str:
     chance = format_chance(1.0 - turn_into_probability(named.odds))
     ordinary = f"The chance that it is what is ordinary for people: {chance}."
     if isinstance(named.candidate.change, Reweighed):
-        return f"The momentum balance of all recordings with forces says so; none was held out from it. {ordinary}"
+        said = "The momentum balance of all recordings with forces says so; none was held out from it."
+        return f"{said} {ordinary}"
     unseen = "the recordings (none was held out)" if named.by_blocks else "recordings that did not fit it"
     return f"It takes {named.gain:.0%} off the squared disagreement of {unseen}. {ordinary}"
 

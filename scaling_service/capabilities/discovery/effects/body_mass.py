@@ -1,8 +1,8 @@
 """Weight before forces: whether the declared mass is right, by the momentum balance of whole recordings.
 
 It is asked before the other effects of forces, which would share the missing weight out among segments and
-plates. Where recordings disagree about the weight, each is taken with its own from then on: what plates miss in
-one of them is no load of the body.
+plates. Where recordings disagree about the weight, each is taken with its own from then on: what plates miss
+in one of them is no load of the body.
 """
 
 from __future__ import annotations

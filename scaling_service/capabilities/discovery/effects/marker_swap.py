@@ -54,7 +54,7 @@ def find_exchange(item: TrackedTrial) -> tuple[float, Candidate] | None:
     gain, rows = spans[k]
     if gain <= 0.0:
         return None
-    weight = weigh_frames(item.step)
+    weight = weigh_frames(item, item.step)
     edges = 2.0 * math.log(max(weight * len(gains), 1.0))
     names = (item.markers[pairs[k][0]], item.markers[pairs[k][1]])
     exchange = Exchange(*names, float(item.times[rows.start]), float(item.times[rows.stop - 1]))

@@ -24,8 +24,8 @@ from scaling_service.numerics.multibody.laws import Array
 
 KIND = "missing_dof"
 _EVERYDAY = {"rotation": math.radians(3.0), "translation": 0.004}
-"""By what a joint strays from a model of fewer freedoms at level one (knee, beside flexion, from pins: 3 to 10 deg and
-mm in all: Lafortune 1992, Reinschmidt 1997)."""
+"""By what a joint strays from a model of fewer freedoms at level one (knee, beside flexion, from pins: 3 to
+10 deg and mm in all: Lafortune 1992, Reinschmidt 1997)."""
 
 _LARGE = {
     "rotation": math.radians(7.5),
@@ -54,7 +54,7 @@ def find_free_motions(
     numbers = {spot: k for k, spot in enumerate(base.spots)}
     jointed = scene.jointed
     for segment in jointed:
-        level = levels.get(f"glide {find_part(scene.model.bone_of(segment.name))}", 1.0)
+        level = min(levels.get(f"glide {find_part(scene.model.bone_of(segment.name))}", 1.0), 1.0)
         for at, kind in _PLACES:
             rows = [numbers[JointSpot(segment.name, at, kind, k)] for k in range(3)]
             found = _weigh_course(whites, rows, level * _EVERYDAY[kind], _LARGE[kind])

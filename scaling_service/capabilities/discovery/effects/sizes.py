@@ -70,16 +70,15 @@ def _read_sizes() -> Mapping[str, Any]:
 
 
 def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | None:
-    """Prior standard deviations of a candidate's numbers, SI: a quarter of the range that holds 95 of 100.
+    """Prior standard deviations of a candidate's numbers about nothing, SI: half of how far 95 of 100 go.
 
-    Where no range is known, of what the search allows; None of what has neither.
+    Where that is not known, half of what the search allows; None of what has neither.
     """
     usual, found = look_up_usual_sizes(candidate, model), []
     for column in candidate.columns:
         known = _MOMENTS.get(column.name) or usual(column.name) or Range(column.low, column.high)
-        found.append(0.25 * (known.high - known.low) / column.unit)
-        if known.low == 0.0:
-            found[-1] *= 2.0  # of one that is never below zero
+        far = max(abs(known.low - column.neutral), abs(known.high - column.neutral))
+        found.append(0.5 * far / column.unit)
     sds = np.array(found)
     return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
 

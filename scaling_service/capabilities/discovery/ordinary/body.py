@@ -32,8 +32,8 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 _SHOULDER = ("humerus", "scapula", "clavicle")
 
 _FITTED_PLACE_M, _GENERIC_PLACE_M = 0.006, 0.015
-"""Of a marker's place along an axis: where it was fitted (low: what skin leaves of it), and where it was taken from
-the generic model (a mean error of 27 mm in space: Puchaud et al. 2019, sec. 3.2)."""
+"""Of a marker's place along an axis: where it was fitted (low: what skin leaves of it), and where it was
+taken from the generic model (a mean error of 27 mm in space: Puchaud et al. 2019, sec. 3.2)."""
 
 _RESTUCK_M = 0.0025  # of one that is stuck on again on its mark, along an axis (low)
 
@@ -41,12 +41,13 @@ _CENTRE_M = 0.008
 """Of a joint's centre in a scaled model, along an axis (hips: Hara et al. 2016, Mantovani et al. 2016)."""
 
 _AXIS = math.radians(4.0)
-"""Of a joint's axis in a scaled model (condyles found by hand turn the knee's by up to 15 deg: Schache 2006)."""
+"""Of a joint's axis in a scaled model (condyles found by hand turn the knee's by up to 15 deg: Schache
+2006)."""
 
 _GIVEN = 0.75  # of both in a model that was made for the person (low)
 _GLIDE_M, _SHOULDER_GLIDE_M, _TURN = 0.004, 0.015, math.radians(2.0)
-"""By what a joint glides and turns along with its coordinates over an ordinary movement (knee: Walker 1988; shoulder:
-the scapula that many models do not have; low)."""
+"""By what a joint glides and turns along with its coordinates over an ordinary movement (knee: Walker 1988;
+shoulder: the scapula that many models do not have; low)."""
 
 _SIZE, _VOLUME = 0.02, 0.002  # of a segment (low), and of a volume calibrated with a wand of known length
 _OWN_SKIN = 0.5  # share of skin's variance that is another in each recording (low)
@@ -97,7 +98,7 @@ def make_clusters(item: TrackedTrial, share: float | None = None) -> list[Cluste
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ordinary:
-    """Covariances of the base's coefficients: what is the same in all recordings, and what is another in each."""
+    """Covariances of the base's coefficients: of what is common to all recordings, and own to each."""
 
     common: Spread
     own: Spread
@@ -122,7 +123,7 @@ def expect_body(
         part = find_part(bone)
         rows = [base.number(MarkerSpot(m, k)) for m in markers for k in range(3)]
         ordinary.common.add(rows, place**2 * np.eye(len(rows)), f"place {part}")
-        ordinary.own.add(rows, _RESTUCK_M**2 * np.eye(len(rows)))
+        ordinary.own.add(rows, _RESTUCK_M**2 * np.eye(len(rows)), f"restuck {part}")
         places = np.array([model.marker(m).nominal for m in markers])
         landmarks = [told.get(m) for m in markers]
         drivers = find_skin_drivers(scene, segment.name, people)

@@ -1,7 +1,7 @@
 """The wrench on the ground against what is ordinary: its noise, plates, and the masses of persons.
 
-All recordings with forces are one stack of rows, few enough for the levels of all components to be learnt with
-every candidate, so that none hides in the noise that it makes.
+All recordings with forces are one stack of rows, few enough for the levels of all components to be learnt
+with every candidate, so that none hides in the noise that it makes.
 """
 
 from __future__ import annotations
@@ -33,33 +33,35 @@ from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.numerics.multibody.laws import Array
 
 NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
-"""By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al. 2017: 10 to
-20 N and 10 to 25 N m RMS in squats and walks)."""
+"""By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.
+2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks)."""
 
 _OF_KG = 65.0
 _OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
 _LASTING_S = np.array([0.12, 0.12, 0.12, 0.4, 0.4, 0.4])  # time of correlation to 1/e (low)
 _RATE = 4.0  # frames looked at per period of the filter (chosen: products of what passes it need two)
 _SHIFT_M, _GAIN, _LATE_S, _TURN = 0.003, 0.004, 0.003, math.radians(0.5)
-"""Plates as installed: Cappello 2011 (2 to 14 mm of the centre of pressure at most), makers' 0.5 %; a third of a frame;
-chosen: laid to half a degree."""
+"""Plates as installed: Cappello 2011 (2 to 14 mm of the centre of pressure at most), makers' 0.5 %; a third
+of a frame; chosen: laid to half a degree."""
 
 _BIAS = np.array([1.5, 1.5, 1.5, 0.7, 0.7, 0.7])  # N, N m: drift since the last zero (low)
 _VERTICAL = math.radians(0.2)  # chosen: a calibration frame's level
 _MASS, _SEGMENT = 0.005, 0.1
-"""Of a declared mass, as clothes and a day differ; and of a segment's, about the total (tables differ by 10 %)."""
+"""Of a declared mass, as clothes and a day differ; and of a segment's, about the total (tables differ by 10
+%)."""
 
 _CENTRES_M: Mapping[str, float] = {"trunk": 0.025, "pelvis": 0.020, "legs": 0.012, "arms": 0.012}
 _SIDEWAYS = 0.3
-"""Of centres of mass along each axis (tables disagree about the trunk's by 50 mm: de Leva 1996, Dumas 2007); persons
-are nearly symmetric."""
+"""Of centres of mass along each axis (tables disagree about the trunk's by 50 mm: de Leva 1996, Dumas 2007);
+persons are nearly symmetric."""
 
 EVERYBODYS = ("wobbling_mass",)
-"""What every living body has, so that only much more of it, or of a body that is quiet elsewhere, is named: most of a
-thigh and of a trunk is soft (Gruber 1998, Pain and Challis 2006). Half of what is met is everybody's."""
+"""What every living body has, so that only much more of it, or of a body that is quiet elsewhere, is named:
+most of a thigh and of a trunk is soft (Gruber 1998, Pain and Challis 2006). Half of what is met is
+everybody's."""
 
 _AGAIN = 16  # of the likeliest, for which levels are learnt anew (chosen: the lead is among them)
-_PASSES = 5  # of learning levels (chosen: they settle to a per cent)
+_PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +171,8 @@ class WrenchTable:
     def weigh(self, named: Array, extra: Array, sd: Array) -> Evidence:
         """Evidence at the likeliest levels.
 
-        ``named`` (n_columns, j): of unit variance; ``extra`` (n_columns, k): of independent deviations ``sd``.
+        ``named`` (n_columns, j): of unit variance; ``extra`` (n_columns, k): of independent deviations
+        ``sd``.
         """
         directions = np.concatenate([self.ordinary, named, extra * sd], axis=1)
         columns = self.columns @ directions
@@ -202,7 +205,8 @@ class WrenchTable:
             noise = np.array([learn_level(*each) for each in zip(noise.tolist(), energy, count, strict=True)])
             for owner, at in self.owners.items():
                 told = float((1.0 - np.diag(inverse)[at]).sum())
-                levels[owner] = learn_level(levels[owner], float(np.square(strength[at]).sum()), told, 1.0)
+                anew = learn_level(levels[owner], float(np.square(strength[at]).sum()), told, 1.0)
+                levels[owner] = math.sqrt(levels[owner] * anew)
         return best
 
     def score_roughly(
@@ -221,9 +225,9 @@ class WrenchTable:
         return found
 
     def score_livelier(self, none: Evidence, numbers: Sequence[int], sd: Array) -> float:
-        """How much likelier recordings are if what everybody has of a candidate is livelier here, less what that costs.
+        """How much likelier recordings are if everybody's share of a candidate is livelier here.
 
-        ``sd``: what everybody has where masses differ as they do between people.
+        What that costs is taken off. ``sd``: everybody's share where masses differ as between people.
         """
         best = 0.0
         for factor in FACTORS:
@@ -269,13 +273,13 @@ def score_loads(
     nothing = np.zeros((len(columns), 0))
     together = table.weigh(nothing, columns, sd)
     none = table.weigh(columns * sd, nothing, np.zeros(0))
-    numbers, sds = table.numbers[: len(choice)], [sd for _, sd in choice]
-    scored = table.score_roughly(none, numbers, sds)
+    places, sds = table.numbers[: len(choice)], [sd for _, sd in choice]
+    scored = table.score_roughly(none, places, sds)
     for k in sorted(range(len(scored)), key=lambda k: -scored[k].bayes)[:_AGAIN]:
-        one = table.weigh(columns * sd, table.expand(numbers[k]), sds[k])
+        one = table.weigh(columns * sd, table.expand(places[k]), sds[k])
         bayes = one.value - none.value
         if choice[k][0].kind in EVERYBODYS:
-            bayes -= table.score_livelier(none, numbers[k], 0.5 * sds[k])
+            bayes -= table.score_livelier(none, places[k], 0.5 * sds[k])
         scored[k] = replace(scored[k], bayes=bayes, size=one.size, covariance=one.covariance)
     estimated, at = [], 0
     for effect, own_sd in named:
@@ -286,6 +290,6 @@ def score_loads(
 
 
 def measure_noise(table: WrenchTable, levels: Array) -> Array:
-    """What is ordinary of each component over all rows, (6,): deviations of noise, plates and masses together."""
+    """What is ordinary of each component, (6,): noise, plates and masses together, N and N m."""
     spread = np.square(table.columns @ table.ordinary).sum(axis=2)
     return np.asarray(np.sqrt((np.square(table.sd * levels) + spread).mean(axis=0)))

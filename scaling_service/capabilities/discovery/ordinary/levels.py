@@ -18,7 +18,9 @@ _ROUNDS, _SETTLED = 50, 1e-9
 
 
 def find_most(level: str) -> float:
-    """Skin and joints' glide may be livelier than people's are; that a model is worse than models are is looked for.
+    """How large a level may be: skin and joints' glide may be livelier than people's are.
+
+    That a model is worse than models are is looked for.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """How much likelier recordings are with a candidate than with what is ordinary alone, in closed form.
 
-With ``G``, ``g`` the sums of a recording and ``P = A A'`` what is ordinary, ``K = G - G A (1 + A'GA)^-1 A'G``.
-A candidate ``L b`` with ``b ~ N(0, S)`` has ``X = L'KL``, ``x = L'k`` and the log Bayes factor
+With ``G``, ``g`` the sums of a recording and ``P = A A'`` what is ordinary, ``K = G - G A (1 + A'GA)^-1
+A'G``. A candidate ``L b`` with ``b ~ N(0, S)`` has ``X = L'KL``, ``x = L'k`` and the log Bayes factor
 ``x'(S^-1 + X)^-1 x / 2 - log det(1 + S X) / 2``.
 """
 
@@ -128,7 +128,8 @@ class Table:
         """The same with their covariance, (any, any)."""
         s, mine = self.sums[k], self.own[k]
         inner = np.linalg.inv(np.eye(mine.shape[1]) + mine.T @ s.products @ mine)
-        return inner @ (mine.T @ (s.scores - s.products @ self.coefficients)), 1.0 - np.diag(inner), inner
+        strengths = inner @ (mine.T @ (s.scores - s.products @ self.coefficients))
+        return strengths, 1.0 - np.diag(inner), np.asarray(inner)
 
     def project(self, L: Array, trials: Sequence[str] = ()) -> tuple[Array, Array]:
         """Scores x (k,) and products X (k, k) of effects in some trials, L (n, k)."""
@@ -150,9 +151,10 @@ class Table:
         ]
 
     def score_livelier(self, L: Array) -> float:
-        """How much likelier the recordings are where something ordinary is livelier at one place than elsewhere.
+        """How much likelier recordings are where something ordinary is livelier at one place.
 
-        That costs what the prior of levels says. ``L`` (n, k): its directions, as they are ordinary.
+        What the prior of levels says of that is taken off. ``L`` (n, k): its directions, as they are
+        ordinary.
         """
         x, X = self.project(L)
         values, vectors = np.linalg.eigh(X)
@@ -204,5 +206,5 @@ class Table:
             told = 1.0 - np.diag(inverse)
             for o, at in rows.items():
                 energy, count = float(np.square(z[at]).sum()), float(told[at].sum())
-                levels[o] = learn_level(levels[o], energy, count, find_most(o))
+                levels[o] = math.sqrt(levels[o] * learn_level(levels[o], energy, count, find_most(o)))
         return best

@@ -8,7 +8,9 @@ from scaling_service.numerics.multibody.laws import Array
 
 
 def find_best_span(gains: Array) -> tuple[float, slice]:
-    """The neighbouring frames with the largest sum (Kadane's algorithm), and that sum; nothing where none is positive.
+    """The neighbouring frames with the largest sum, and that sum; none where nothing is positive.
+
+    Kadane's algorithm (Bentley 1984, Commun ACM 27:865).
 
     Examples
     --------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,7 @@ from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.model.people import read_people
 from scaling_service.numerics.multibody.laws import Array
 
+_LAG_S = 0.05  # after which noise of cameras is gone and skin is not (chosen)
 FRAMES = 45  # of a recording that are looked at (chosen: skin is seen anew some five times a second)
 
 
@@ -38,12 +40,26 @@ def place_in_segments(item: TrackedTrial, rows: NDArray[np.intp] | slice) -> Arr
 def turn_vectors(axes: Array, values: Array) -> Array:
     """Numbers of all markers (n, 3 m) or (n, k, 3 m) in the axes of their segments."""
     shaped = values.reshape(*values.shape[:-1], -1, 3)[..., None]
-    return np.matmul(axes if values.ndim == 2 else axes[:, None], shaped)[..., 0].reshape(values.shape)
+    turned = np.matmul(axes if values.ndim == 2 else axes[:, None], shaped)
+    return np.asarray(turned[..., 0].reshape(values.shape))
 
 
-def weigh_frames(step_s: float) -> float:
-    """How much of each frame says something of its own: skin is seen anew after twice its time of correlation."""
-    return min(1.0, step_s / (2.0 * read_people().loose_s))
+def weigh_frames(item: TrackedTrial, step_s: float) -> float:
+    """How much of each frame is new, at times so far apart (s).
+
+    Skin is seen anew after twice its time of correlation, and noise of cameras in every frame. Both are
+    there: how much of what is left lasts tells their shares, at the median marker.
+    """
+    loose_s = read_people().loose_s
+    lag = max(1, round(_LAG_S / item.step))
+    left = item.residuals - np.nanmean(item.residuals, axis=0)
+    if len(left) < 4 * lag:
+        return min(1.0, step_s / (2.0 * loose_s))
+    alike = np.nanmean((left[lag:] * left[:-lag]).sum(axis=2), axis=0)
+    share = float(np.nanmedian(alike / np.nanmean(np.square(left).sum(axis=2), axis=0)))
+    share *= math.exp(lag * item.step / loose_s)
+    lasting = loose_s * float(np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0))
+    return min(1.0, step_s / max(2.0 * lasting, item.step))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,7 +90,7 @@ class Look:
             columns=turn_vectors(axes, columns),
             seen=item.seen[rows],
             values=evaluate_profiles(base.profiles, item)[:, rows],
-            weight=weigh_frames(item.step * len(item.q) / len(rows)),
+            weight=weigh_frames(item, item.step * len(item.q) / len(rows)),
             clusters=clusters,
         )
 

@@ -1,8 +1,8 @@
 """Find what stands out of what is ordinary for people, and show what it was.
 
-Labels first, then the body and its markers, then the weight and the forces. The likeliest is named, the recordings
-are tracked anew with it, and so on until nothing has the odds. Nothing is named whose own places, or whose forces or
-markers as a whole, are worse with it on what did not fit it.
+Labels first, then the body and its markers, then the weight and the forces. The likeliest is named, the
+recordings are tracked anew with it, and so on until nothing has the odds. Nothing is named whose own places,
+or whose forces or markers as a whole, are worse with it on what did not fit it.
 """
 
 from __future__ import annotations

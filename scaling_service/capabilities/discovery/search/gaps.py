@@ -11,6 +11,7 @@ import scipy
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial, span, without_span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import Disagreement, Gap, Level, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
 from scaling_service.numerics.multibody.laws import Array
@@ -25,7 +26,7 @@ _FEWEST = 5  # frames of a block that are told as a time
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """What is ordinary at the places of one recording, and what it leaves where it takes what it can, RMS, SI."""
+    """What is ordinary at the places of a recording, and what it leaves at its best, RMS, SI."""
 
     ordinary: Mapping[str, float]
     left: Mapping[str, float]
@@ -39,33 +40,26 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
         directions = np.concatenate([body.table.common, body.table.own[k]], axis=1)
         drawn = directions @ stream.normal(size=(directions.shape[1], _DRAWS))
         wander = np.linalg.cholesky(look.make_covariance(body.loose))
-        basis = span(look.pose * np.repeat(look.seen, 3, axis=1)[:, None])
-
-        def measure(stray: Array) -> Array:
-            return np.asarray(np.square(without_span(stray, basis)).reshape(len(stray), -1, 3).sum(axis=2))
-
-        total = np.zeros(look.seen.shape)
+        total = np.zeros(len(look.item.markers))
         for coefficients in drawn.T:
             moved = white.spread_over_spots(body.base, coefficients)
             stray = np.matmul(moved[:, None], look.columns)[:, 0]
-            stray += stream.normal(size=stray.shape) @ wander.T
-            total += measure(np.where(np.repeat(look.seen, 3, axis=1), stray, 0.0)) / _DRAWS
+            total += _measure_strays(look, stray + stream.normal(size=stray.shape) @ wander.T) / _DRAWS
         explained = white.spread_over_spots(body.base, body.estimate(k))
-        rest = measure(
-            np.where(
-                np.repeat(look.seen, 3, axis=1),
-                look.gap - np.matmul(explained[:, None], look.columns)[:, 0],
-                0.0,
-            )
+        rest = _measure_strays(look, look.gap - np.matmul(explained[:, None], look.columns)[:, 0])
+        ordinary, left = (
+            dict(zip(look.item.markers, np.sqrt(x).tolist(), strict=True)) for x in (total, rest)
         )
-        count = np.maximum(look.seen.sum(axis=0), 1)
-        found[look.item.name] = Expected(
-            *(
-                dict(zip(look.item.markers, np.sqrt(square.sum(axis=0) / count).tolist(), strict=True))
-                for square in (total, rest)
-            )
-        )
+        found[look.item.name] = Expected(ordinary, left)
     return found
+
+
+def _measure_strays(look: Look, stray: Array) -> Array:
+    """Mean squared distance of every marker, (m,), m2, from strays (n, 3 m) that the pose follows."""
+    shown = np.repeat(look.seen, 3, axis=1)
+    free = without_span(np.where(shown, stray, 0.0), span(look.pose * shown[:, None]))
+    square = np.square(free).reshape(len(free), -1, 3).sum(axis=(0, 2))
+    return np.asarray(square / np.maximum(look.seen.sum(axis=0), 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

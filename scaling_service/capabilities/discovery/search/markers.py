@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,6 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.missing_dof import find_free_motions
+from scaling_service.capabilities.discovery.effects.oscillations import find_wobbles
 from scaling_service.capabilities.discovery.effects.sizes import list_usual_deviations
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
@@ -23,11 +24,15 @@ from scaling_service.capabilities.discovery.ordinary.body import Ordinary, expec
 from scaling_service.capabilities.discovery.ordinary.columns import Base, Combination
 from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
-from scaling_service.capabilities.discovery.ordinary.sums import Look, White
+from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
 from scaling_service.numerics.multibody.laws import Array
 
-_PASSES = 4  # of learning levels (chosen: they settle to some per cent)
-_AGAIN = 12  # of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is among them)
+_WANDERING, _LASTING = 2, 4
+"""Passes of learning levels: of what wanders, and of what lasts (chosen: they settle to some per cent)."""
+
+_AGAIN = 12
+"""Of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is there)."""
+
 _WORTH = -2.0  # log odds from which that is done
 
 
@@ -73,15 +78,19 @@ class BodyTable:
         ]
         looks = _look(fit, base)
         loose = {c.part: 1.0 for look in looks for c in look.clusters}
-        levels = {d.level: 1.0 for d in ordinary.common.directions if d.level}
+        levels = {d.level: 1.0 for s in (ordinary.common, ordinary.own) for d in s.directions if d.level}
         if like is not None:
             loose, levels = like.loose, like.levels
-        passes = 0 if like is not None else _PASSES
-        for turn in range(passes + 1):
+        for turn in range(1 if like is not None else _WANDERING + 1):
             whites = [look.whiten(loose) for look in looks]
-            table, moved = _tabulate(base, whites, ordinary, levels, own)
-            if turn < passes:
-                loose, levels = _learn(base, table, whites, moved, ordinary, loose, levels)
+            sums = [white.add_up(base) for white in whites]
+            last = turn == _WANDERING
+            for _ in range(0 if like is not None else _LASTING if last else 1):
+                table, moved = _tabulate(base, sums, ordinary, levels, own)
+                wandering, levels = _learn(base, table, whites, moved, ordinary, loose, levels)
+            if not last and like is None:
+                loose = wandering
+        table, moved = _tabulate(base, sums, ordinary, levels, own)
         return cls(
             fit=fit,
             base=base,
@@ -95,7 +104,7 @@ class BodyTable:
         )
 
     def reestimate(self) -> list[tuple[Estimate, Array]]:
-        """The effects that are sums of columns with all estimated together, and the covariance of their sizes."""
+        """Effects that are sums of columns, estimated together, and covariances of their sizes."""
         at, found = len(self.ordinary.common.expand(len(self.base), self.levels)[1]), []
         beyond = [len(self.ordinary.own.expand(len(self.base), self.levels)[1])] * len(self.table.sums)
         inner = self.table.inner
@@ -129,38 +138,32 @@ class BodyTable:
             rows = list(group)
             chosen = [self.candidates[k] for k in rows]
             scored = self.table.score_each([c for _, _, c in chosen], [sd for _, sd, _ in chosen], trials)
-            found += [
-                (s.bayes - math.log(places[self.candidates[k][0].kind]), k, s)
-                for k, s in zip(rows, scored, strict=True)
-            ]
+            for (candidate, _, _), k, s in zip(chosen, rows, scored, strict=True):
+                found.append((s.bayes - math.log(places[candidate.kind]), k, s))
         found.sort(key=lambda one: -one[0])
         livelier: dict[str, float] = {}
         ranked = []
-        for turn, (odds, k, scored) in enumerate(found):
+        for turn, (odds, k, one) in enumerate(found):
             candidate, sd, combination = self.candidates[k]
+            told = odds, one
             if turn < _AGAIN and odds > _WORTH:
-                scored = self.table.score_learning(combination, sd, candidate.trials)
-                odds = scored.bayes - math.log(places[candidate.kind])
-            if odds > 0.0:
-                odds -= max(
-                    (self._score_livelier(p, livelier) for p in self._list_places(candidate)), default=0.0
-                )
-            ranked.append(Ranked(odds, candidate, scored))
-        ranked += [
-            Ranked(odds, c)
-            for odds, c in find_free_motions(self.fit.scene, self.base, self._left, self.levels)
-        ]
+                anew = self.table.score_learning(combination, sd, candidate.trials)
+                told = anew.bayes - math.log(places[candidate.kind]), anew
+            at = self._list_places(candidate) if told[0] > 0.0 else []
+            ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
+            ranked.append(Ranked(told[0] - ordinary, candidate, told[1]))
+        left = [(w, w.subtract(self.base, self.estimate(k))) for k, w in enumerate(self.whites)]
+        scene = self.fit.scene
+        free = find_free_motions(scene, self.base, left, self.levels)
+        ranked += [Ranked(odds, candidate) for odds, candidate in free]
+        ranked += [Ranked(*each) for each in find_wobbles(scene, self.base, left, self.loose)]
         return sorted(ranked, key=lambda one: -one.odds)
-
-    @property
-    def _left(self) -> list[tuple[White, Array]]:
-        """Residuals less everything ordinary that lasts."""
-        return [(white, white.subtract(self.base, self.estimate(k))) for k, white in enumerate(self.whites)]
 
     def measure_liveliness(self) -> dict[str, tuple[float, float]]:
         """Of every marker: its level against that of its part, and over how many independent numbers."""
-        energy, count = Counter[str](), Counter[str]()
-        for white, left in self._left:
+        energy, count = (defaultdict[str, float](float) for _ in range(2))
+        for k, white in enumerate(self.whites):
+            left = white.subtract(self.base, self.estimate(k))
             free = np.repeat(white.look.seen, 3, axis=1) - np.square(white.basis).sum(axis=1)
             squares, freedom = (x.reshape(len(x), -1, 3).sum(axis=(0, 2)) for x in (np.square(left), free))
             for marker, square, told in zip(
@@ -258,13 +261,13 @@ def _are_of_same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
 
 def _tabulate(
     base: Base,
-    whites: Sequence[White],
+    sums: Sequence[Sums],
     ordinary: Ordinary,
     levels: dict[str, float],
     named: Sequence[tuple[Estimate, Array | None, Combination]],
 ) -> tuple[Table, list[Array]]:
     """Sums, with effects that are named as free as candidates are about zero, not about their estimate."""
-    size, sums = len(base), [white.add_up(base) for white in whites]
+    size = len(base)
     common, owners = ordinary.common.expand(size, levels)
     own = ordinary.own.expand(size, levels)[0]
     mine, moved = [[own] for _ in sums], [np.zeros(size) for _ in sums]
@@ -300,8 +303,7 @@ def _learn(
     levels: dict[str, float],
 ) -> tuple[dict[str, float], dict[str, float]]:
     """The likeliest levels: of what lasts by its strengths, of what wanders by what is left."""
-    energy, count = Counter[str](), Counter[str]()
-    left, freedom = Counter[str](), Counter[str]()
+    energy, count, left, freedom = (defaultdict[str, float](float) for _ in range(4))
 
     def add(owners: Sequence[str], strengths: Array, told: Array) -> None:
         for owner, z, share in zip(owners, strengths.tolist(), told.tolist(), strict=False):
@@ -321,7 +323,8 @@ def _learn(
     return (
         {part: learn_level(old, left[part], freedom[part]) for part, old in loose.items()},
         {
-            level: learn_level(old, energy[level], count[level], find_most(level))
+            # half of the way: how much is told of something follows its level
+            level: math.sqrt(old * learn_level(old, energy[level], count[level], find_most(level)))
             for level, old in levels.items()
         },
     )

@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion, Part
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Oscillation
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSpot, VolumeSpot
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
@@ -50,7 +50,7 @@ def _select_lasting(fit: Fit) -> list[Estimate]:
 def _of_model(effect: Estimate) -> bool:
     """Whether an effect changes the model rather than the recording."""
     parts = _list_parts(effect)
-    return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Oscillation) for p in parts)
+    return any(not isinstance(p.spot, VolumeSpot) for p in parts)
 
 
 def _list_parts(effect: Estimate) -> list[Part]:
@@ -96,9 +96,7 @@ def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estima
     parts, loads = _list_parts(effect), [column.load for column in effect.candidate.columns]
     if any(isinstance(load, Tilt) for load in loads):
         return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
-    if any(isinstance(p.profile, Oscillation) for p in parts) or any(
-        isinstance(load, Wobbling) for load in loads
-    ):
+    if any(isinstance(load, Wobbling) for load in loads):
         return "model files hold no oscillation; its numbers are in discovery.json"
     if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
         return "OpenSim's markers do not move on their segments; model.json holds it"

@@ -20,7 +20,6 @@ from scaling_service.capabilities.discovery.laws.candidates import Contact, Esti
 from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.laws.steady_skin import find_oscillating_markers, track_steady
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
@@ -141,14 +140,7 @@ def _track(
 ) -> TrackedTrial:
     trial = correct_trial(recording.trial, effects)
     known = with_effects(model, effects, trial.name)
-    oscillating = find_oscillating_markers(trial, effects)
-    if near is None or not oscillating:
-        near = TrackedTrial.of(known, trial, recording.role, near)
-
-    def track(changed: Trial, item: TrackedTrial) -> TrackedTrial:
-        return TrackedTrial.of(known, changed, recording.role, item)
-
-    return track_steady(trial, near, effects, track) if oscillating else near
+    return TrackedTrial.of(known, trial, recording.role, near)
 
 
 def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise: Array | None) -> WrenchFit:

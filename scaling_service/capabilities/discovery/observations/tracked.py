@@ -25,7 +25,6 @@ from scaling_service.numerics.multibody.tree import (
     place_tree_markers,
     pose_links,
 )
-from scaling_service.numerics.signals.filters import filter_butterworth
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -130,13 +129,6 @@ class TrackedTrial:
         """All frames, so many at once as fit in memory with their columns."""
         return (slice(start, min(start + size, len(self.q))) for start in range(0, len(self.q), size))
 
-    def smooth_rates(self) -> tuple[Array, Array, Array]:
-        """Coordinates, speeds and accelerations of the voluntary movement, each (n_frames, n_coordinates)."""
-        rate = 1.0 / self.step
-        q = filter_butterworth(self.q, rate_hz=rate, cutoff_hz=min(MOVEMENT_HZ, 0.4 * rate), order=4).values
-        speed = np.gradient(q, self.times, axis=0)
-        return q, speed, np.gradient(speed, self.times, axis=0)
-
     @property
     def places(self) -> Array:
         """Of the model's markers, (n_frames, n_markers, 3), m, ground."""
@@ -161,17 +153,6 @@ class TrackedTrial:
         white = order_by_frame(rates)
         white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
         return white
-
-    @cached_property
-    def pose_free(self) -> tuple[Array, Array]:
-        """Residuals by floors without what the pose takes of them, (n, 3 n_markers); their freedom, (n,)."""
-        freed = np.nan_to_num((self.residuals / self.floor[:, None]).reshape(len(self.q), -1))
-        freedom = 3.0 * self.seen.sum(axis=1)
-        for rows in self.chunks(_CHUNK):
-            basis = span(self.pose_columns(rows))
-            freed[rows] = without_span(freed[rows], basis)
-            freedom[rows] -= np.square(basis).sum(axis=(1, 2))
-        return freed, freedom
 
     @cached_property
     def lasting(self) -> LastingNoise:
@@ -210,15 +191,6 @@ class TrackedTrial:
     def noise(self) -> Array:
         """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
         return np.asarray(self.floor * np.sqrt(_compute_growth(*WHITE) / _compute_growth(*self.lasting)))
-
-    @property
-    def sure_noise(self) -> Array:
-        """That of it which is surely no movement, (n_markers,), m.
-
-        Faults that grow with movement look as if a part of the noise lasted. What does last of it is found
-        where movement does not predict it (:mod:`..evidence.noise_floors`).
-        """
-        return self.noise if self.lasting.share == 1.0 else self.floor
 
     @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:

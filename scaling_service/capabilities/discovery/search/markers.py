@@ -13,11 +13,10 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.missing_dof import find_free_motions
-from scaling_service.capabilities.discovery.effects.oscillations import find_wobbles
 from scaling_service.capabilities.discovery.effects.sizes import list_usual_deviations
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
+from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.ordinary.body import Ordinary, expect_body, make_clusters
@@ -156,7 +155,6 @@ class BodyTable:
         scene = self.fit.scene
         free = find_free_motions(scene, self.base, left, self.levels)
         ranked += [Ranked(odds, candidate) for odds, candidate in free]
-        ranked += [Ranked(*each) for each in find_wobbles(scene, self.base, left, self.loose)]
         return sorted(ranked, key=lambda one: -one.odds)
 
     def measure_liveliness(self) -> dict[str, tuple[float, float]]:
@@ -234,9 +232,8 @@ class BodyTable:
 
 
 def is_of_body(candidate: Candidate) -> bool:
-    """Whether a candidate is a sum of columns of markers that last or follow coordinates."""
-    parts = [part for column in candidate.columns for part in column.parts]
-    return bool(parts) and all(isinstance(part.profile, Constant | Following) for part in parts)
+    """Whether a candidate is a sum of columns of the body and its markers."""
+    return bool(candidate.columns) and all(column.parts for column in candidate.columns)
 
 
 def _look(fit: Fit, base: Base) -> list[Look]:

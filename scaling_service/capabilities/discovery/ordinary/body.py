@@ -122,10 +122,12 @@ def expect_body(
         bone = model.bone_of(segment.name)
         part = find_part(bone)
         rows = [base.number(MarkerSpot(m, k)) for m in markers for k in range(3)]
-        ordinary.common.add(rows, place**2 * np.eye(len(rows)), f"place {part}")
+        ordinary.common.add(rows, place**2 * np.eye(len(rows)), f"place {part}", f"place {part}")
         ordinary.own.add(rows, _RESTUCK_M**2 * np.eye(len(rows)), f"restuck {part}")
         places = np.array([model.marker(m).nominal for m in markers])
         landmarks = [told.get(m) for m in markers]
+        wandering = people.skin_covariance(bone, landmarks, places, people.loose_share)
+        ordinary.own.add(rows, wandering, part)
         drivers = find_skin_drivers(scene, segment.name, people)
         for driver, reach in drivers.items():
             share = 1.0 / (reach * math.sqrt(len(drivers)))

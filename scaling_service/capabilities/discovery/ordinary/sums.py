@@ -52,12 +52,13 @@ def weigh_frames(item: TrackedTrial, step_s: float) -> float:
     """
     loose_s = read_people().loose_s
     lag = max(1, round(_LAG_S / item.step))
-    left = item.residuals - np.nanmean(item.residuals, axis=0)
-    if len(left) < 4 * lag:
+    moved = item.residuals[:, item.seen.any(axis=0)]
+    if len(moved) < 4 * lag or not moved.shape[1]:
         return min(1.0, step_s / (2.0 * loose_s))
-    alike = np.nanmean((left[lag:] * left[:-lag]).sum(axis=2), axis=0)
-    share = float(np.nanmedian(alike / np.nanmean(np.square(left).sum(axis=2), axis=0)))
-    share *= math.exp(lag * item.step / loose_s)
+    moved = moved - np.nanmean(moved, axis=0)
+    alike = np.nanmean((moved[lag:] * moved[:-lag]).sum(axis=2), axis=0)
+    square = np.maximum(np.nanmean(np.square(moved).sum(axis=2), axis=0), np.finfo(float).tiny)
+    share = float(np.nanmedian(alike / square)) * math.exp(lag * item.step / loose_s)
     lasting = loose_s * float(np.clip(np.nan_to_num(share, nan=1.0), 0.0, 1.0))
     return min(1.0, step_s / max(2.0 * lasting, item.step))
 

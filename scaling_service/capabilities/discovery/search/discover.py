@@ -59,6 +59,7 @@ from scaling_service.capabilities.discovery.search.naming import (
     Search,
     is_of_markers,
 )
+from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
 
@@ -164,6 +165,7 @@ def _finish(one: Named, search: Search) -> NamedEffect:
         by_blocks=one.by_blocks,
         smallest=one.smallest,
         equivalents=one.equivalents,
+        would_separate=find_separating_movement(effect, tuple(one.equivalents), search.fit),
         details=describe_details(effect, search.fit),
         spreads=estimate_spreads(effect, search.fit),
     )

@@ -19,7 +19,12 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
-from scaling_service.capabilities.discovery.ordinary.body import Ordinary, expect_body, make_clusters
+from scaling_service.capabilities.discovery.ordinary.body import (
+    Ordinary,
+    expect_body,
+    find_part,
+    make_clusters,
+)
 from scaling_service.capabilities.discovery.ordinary.columns import Base, Combination
 from scaling_service.capabilities.discovery.ordinary.levels import find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
@@ -176,34 +181,42 @@ class BodyTable:
         return self.table.coefficients + self.table.own[k] @ self.table.estimate_own(k)[0] - self.moved[k]
 
     def _list_places(self, candidate: Candidate) -> list[str]:
-        """Where something ordinary may be livelier instead of a candidate that follows coordinates."""
-        if not any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts):
-            return []
+        """Where something ordinary may be livelier instead of a candidate: skin and glide, a marker's place."""
         model = self.fit.model
-        if candidate.where[0] not in model.marker_names:
-            return [candidate.where[0]]
+        follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
+        of_markers = candidate.where[0] in model.marker_names
         alone = [f"marker {candidate.where[0]}"] if len(candidate.where) == 1 else []
+        if not follows:
+            return alone if of_markers and not candidate.trials else []
+        if not of_markers:
+            return [candidate.where[0]]
         return [model.marker(candidate.where[0]).segment, *alone]
 
     def _score_livelier(self, place: str, known: dict[str, float]) -> float:
         """See :meth:`Table.score_livelier`."""
         if place not in known:
-            spread, size = self.ordinary.common, len(self.base)
             marker = place.removeprefix("marker ")
-            at = self.fit.model.marker(marker).segment if marker != place else place
-            L = spread.expand(size, self.levels, at)[0]
-            if marker != place:
-                own = [
-                    n
-                    for (s, _), n in self.base.columns.items()
-                    if isinstance(s, MarkerSpot) and s.marker == marker
-                ]
-                mask = np.zeros(size)
-                mask[own] = 1.0
-                L = L * mask[:, None]
-                L = L[:, np.abs(L).max(axis=0) > 0.0]
+            L = self._expand_place(marker) if marker != place else self._expand_common(place)
             known[place] = self.table.score_livelier(L) if L.shape[1] else 0.0
         return known[place]
+
+    def _expand_common(self, place: str) -> Array:
+        return self.ordinary.common.expand(len(self.base), self.levels, place)[0]
+
+    def _expand_place(self, marker: str) -> Array:
+        """What a marker's place and its own skin do, (n_columns, any)."""
+        model, size = self.fit.model, len(self.base)
+        segment = model.marker(marker).segment
+        part = find_part(model.bone_of(segment))
+        own = [
+            n for (s, _), n in self.base.columns.items() if isinstance(s, MarkerSpot) and s.marker == marker
+        ]
+        mask = np.zeros(size)
+        mask[own] = 1.0
+        skin = self._expand_common(segment) * mask[:, None]
+        place = self.ordinary.common.expand(size, self.levels, f"place {part}")[0] * mask[:, None]
+        both = np.concatenate([skin, place], axis=1)
+        return both[:, np.abs(both).max(axis=0) > 0.0]
 
     @cached_property
     def combinations(self) -> dict[str, Combination]:

@@ -37,7 +37,7 @@ def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
 
 def test_roles_follow_the_subject_file() -> None:
     prepared = prepare(Loaded(session=session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
+    assert prepared.roles == {"static": "fit", "knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert any("no recording has forces" in note for note in prepared.notes)
 
 
@@ -55,7 +55,7 @@ def test_a_few_frames_are_refused_with_what_to_do() -> None:
 def test_without_held_out_recordings_all_fit() -> None:
     only = replace(session(), calibration=())
     prepared = prepare(Loaded(session=only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    assert prepared.roles == {"gait_1": "fit"}
+    assert prepared.roles == {"static": "fit", "gait_1": "fit"}
 
 
 def test_a_model_of_the_person_fits() -> None:
@@ -129,4 +129,4 @@ def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> Non
     for marker in right.model.markers:
         there = np.array(wrong.model.marker(marker.name).nominal)
         assert np.linalg.norm(there - np.array(marker.nominal)) < 0.004
-    assert wrong.recordings[0].trial.markers[rows, pair] == pytest.approx(markers[rows, pair], nan_ok=True)
+    assert wrong.recordings[1].trial.markers[rows, pair] == pytest.approx(markers[rows, pair], nan_ok=True)

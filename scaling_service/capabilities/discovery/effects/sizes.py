@@ -83,5 +83,17 @@ def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | Non
     return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
 
 
+def is_met(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
+    """Whether laboratories meet every number of an effect (SI), give or take its own deviation."""
+    usual = look_up_usual_sizes(candidate, model)
+    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
+        known, off = usual(column.name), column.unit * sd
+        shown = column.neutral + column.unit * value
+        if known is not None and not known.low - off <= shown <= known.high + off:
+            return False
+    return True
+
+
 _MOMENTS = {f"{axis}_kgmm": Range(-1e4, 1e4) for axis in "xyz"}
 """Of a carried load: some 10 kg at the reach of an arm (chosen)."""

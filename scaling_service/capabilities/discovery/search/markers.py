@@ -72,7 +72,8 @@ class BodyTable:
         means = dict(zip(names, every.mean(axis=0).tolist(), strict=True))
         ordinary = expect_body(base, scene, means, given=given, placed=placed)
         for candidate in propose_candidates(scene):
-            sd = list_usual_deviations(candidate, scene.model) if is_of_body(candidate) else None
+            shown = is_of_body(candidate) and _is_compared(candidate, fit)
+            sd = list_usual_deviations(candidate, scene.model) if shown else None
             if sd is not None:
                 found.append((candidate, sd, base.combine(candidate)))
         own = [
@@ -181,7 +182,7 @@ class BodyTable:
         return self.table.coefficients + self.table.own[k] @ self.table.estimate_own(k)[0] - self.moved[k]
 
     def _list_places(self, candidate: Candidate) -> list[str]:
-        """Where something ordinary may be livelier instead of a candidate: skin and glide, a marker's place."""
+        """Where something ordinary may be livelier instead of a candidate: skin, glide, a marker's place."""
         model = self.fit.model
         follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
         of_markers = candidate.where[0] in model.marker_names
@@ -242,6 +243,15 @@ class BodyTable:
             for m, t in zip(moved, (first, second), strict=True)
         ]
         return float(both / math.sqrt(max(lengths[0] * lengths[1], 1e-300)))
+
+
+def _is_compared(candidate: Candidate, fit: Fit) -> bool:
+    """Whether what holds in some recordings only is shown in others, too: else it holds in all."""
+    of_markers = [m for m in candidate.where if m in fit.model.marker_names]
+    if not candidate.trials or not of_markers:
+        return True
+    shown = [item.name for item in fit.tracked if set(of_markers) <= set(item.markers)]
+    return bool(set(shown) & set(candidate.trials)) and bool(set(shown) - set(candidate.trials))
 
 
 def is_of_body(candidate: Candidate) -> bool:

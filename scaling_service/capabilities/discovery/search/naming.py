@@ -18,7 +18,7 @@ from scaling_service.capabilities.discovery.effects.body_mass import question_ma
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.external_contact import find_contacts
 from scaling_service.capabilities.discovery.effects.marker_swap import find_exchange
-from scaling_service.capabilities.discovery.effects.sizes import list_usual_deviations
+from scaling_service.capabilities.discovery.effects.sizes import is_met, list_usual_deviations
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Reweighed
@@ -30,6 +30,7 @@ from scaling_service.capabilities.discovery.ordinary.forces import (
     measure_noise,
     score_loads,
 )
+from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
@@ -255,7 +256,7 @@ class Search:
             if key in self.refused or key in taken:
                 continue
             size = np.zeros(0) if one.scored is None else one.scored.size
-            if not one.candidate.plausible(size) and one.scored is not None:
+            if one.scored is not None and not self._is_met(one.candidate, one.scored):
                 self.refused.add(key)
                 continue
             fit = refit((*self.fit.effects, Estimate(one.candidate, size)))
@@ -276,6 +277,11 @@ class Search:
             )
             return True
         return False
+
+    def _is_met(self, candidate: Candidate, scored: Scored) -> bool:
+        """Whether its size is one that laboratories meet; else it is something else."""
+        met = is_met(candidate, scored.size, scored.covariance, self.fit.model)
+        return met and (candidate.together is None or candidate.together(scored.size))
 
     def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:
         """Share of the squares that it takes off what did not fit it; None where anything is worse there."""

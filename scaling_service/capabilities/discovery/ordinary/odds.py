@@ -17,7 +17,6 @@ import scipy
 
 from scaling_service.capabilities.discovery.ordinary.columns import Combination
 from scaling_service.capabilities.discovery.ordinary.levels import (
-    FACTORS,
     find_most,
     learn_level,
     weigh_level,
@@ -25,6 +24,7 @@ from scaling_service.capabilities.discovery.ordinary.levels import (
 from scaling_service.capabilities.discovery.ordinary.sums import Sums
 from scaling_service.numerics.multibody.laws import Array
 
+_LIVELIER = 3.0  # times, from where the level of one place is learnt
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
@@ -150,21 +150,16 @@ class Table:
             Scored.of(x[a:b], X[a:b, a:b], sd) for a, b, sd in zip(edges[:-1], edges[1:], sds, strict=True)
         ]
 
-    def score_livelier(self, L: Array) -> float:
+    def score_livelier(self, L: Array, level: str) -> float:
         """How much likelier recordings are where something ordinary is livelier at one place.
 
-        What the prior of levels says of that is taken off. ``L`` (n, k): its directions, as they are
-        ordinary.
+        All levels are learnt anew beside it, as beside a candidate; what the prior says of a place that
+        differs from the others of its level is taken off. ``L`` (n, k): its directions at level one.
         """
-        x, X = self.project(L)
-        values, vectors = np.linalg.eigh(X)
-        values, along = np.maximum(values, 0.0), np.square(vectors.T @ x)
-        found = [0.0]
-        for factor in FACTORS:
-            more = factor**2 - 1.0
-            gain = 0.5 * float((more * along / (1.0 + more * values)).sum() - np.log1p(more * values).sum())
-            found.append(gain + weigh_level(factor))
-        return max(found)
+        G, g = self._total
+        shown = G @ L
+        evidence = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, np.ones(L.shape[1]), level)[0]
+        return max(evidence - self._learnt, 0.0)
 
     def score_learning(self, combination: Combination, sd: Array, trials: Sequence[str] = ()) -> Scored:
         """A candidate, with levels learnt anew beside it: nothing hides in what it makes of them."""
@@ -180,10 +175,11 @@ class Table:
         none = np.zeros(0)
         return self._learn(np.zeros((0, 0)), np.zeros((self.common.shape[1], 0)), none, none)[0]
 
-    def _learn(self, X: Array, C: Array, x: Array, sd: Array) -> tuple[float, Array, Array]:
+    def _learn(self, X: Array, C: Array, x: Array, sd: Array, place: str = "") -> tuple[float, Array, Array]:
         """Log evidence at the likeliest levels, with further numbers; their size and covariance.
 
-        ``C`` (m, k): products of what is common with them.
+        ``C`` (m, k): products of what is common with them. ``place``: the level that they follow, if they do;
+        they have one of their own then, about that.
         """
         n = self.common.shape[1]
         full = np.block([[self._common_products, C * sd], [(C * sd).T, X * np.outer(sd, sd)]])
@@ -191,20 +187,26 @@ class Table:
         owners = np.array(self.owners)
         rows = {o: np.flatnonzero(owners == o) for o in dict.fromkeys(self.owners) if o in self.levels}
         levels = {o: self.levels[o] for o in rows}
+        own = _LIVELIER if place else 1.0  # against the level that it follows
         best = (-math.inf, np.zeros(len(sd)), np.zeros((len(sd), len(sd))))
         for _ in range(_PASSES):
             scale = np.ones(len(right))
             for o, at in rows.items():
                 scale[at] = levels[o] / self.levels[o]
+            if place:
+                scale[n:] = own * levels[place]
             factor = np.linalg.cholesky(np.eye(len(right)) + full * np.outer(scale, scale))
             inverse = scipy.linalg.cho_solve((factor, True), np.eye(len(right)))
             z = inverse @ (scale * right)
             value = 0.5 * float(z @ (scale * right)) - float(np.log(np.diag(factor)).sum())
-            value += sum(weigh_level(level) for level in levels.values())
+            value += sum(map(weigh_level, (*levels.values(), own)))
             if value > best[0]:
                 best = (value, sd * z[n:], np.outer(sd, sd) * inverse[n:, n:])
             told = 1.0 - np.diag(inverse)
+            energy = np.square(z)
+            if place:
+                own = learn_level(own, float(energy[n:].sum()), float(told[n:].sum()))
             for o, at in rows.items():
-                energy, count = float(np.square(z[at]).sum()), float(told[at].sum())
-                levels[o] = math.sqrt(levels[o] * learn_level(levels[o], energy, count, find_most(o)))
+                anew = learn_level(levels[o], float(energy[at].sum()), float(told[at].sum()), find_most(o))
+                levels[o] = math.sqrt(levels[o] * anew)
         return best

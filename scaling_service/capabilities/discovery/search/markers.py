@@ -154,7 +154,7 @@ class BodyTable:
             if turn < _AGAIN and odds > _WORTH:
                 anew = self.table.score_learning(combination, sd, candidate.trials)
                 told = anew.bayes - math.log(places[candidate.kind]), anew
-            at = self._list_places(candidate) if told[0] > 0.0 else []
+            at = self._list_places(candidate) if told[0] > self.fit.settings.odds else []
             ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
             ranked.append(Ranked(told[0] - ordinary, candidate, told[1]))
         left = [(w, w.subtract(self.base, self.estimate(k))) for k, w in enumerate(self.whites)]
@@ -185,39 +185,37 @@ class BodyTable:
         """Where something ordinary may be livelier instead of a candidate: skin, glide, a marker's place."""
         model = self.fit.model
         follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
-        of_markers = candidate.where[0] in model.marker_names
-        alone = [f"marker {candidate.where[0]}"] if len(candidate.where) == 1 else []
+        first = candidate.where[0]
+        if first not in model.marker_names:
+            return [first] if follows else []
+        segment = model.marker(first).segment
         if not follows:
-            return alone if of_markers and not candidate.trials else []
-        if not of_markers:
-            return [candidate.where[0]]
-        return [model.marker(candidate.where[0]).segment, *alone]
+            return [] if candidate.trials else [f"place of {first}"]
+        return [segment, *([f"skin of {first}"] if len(candidate.where) == 1 else [])]
 
     def _score_livelier(self, place: str, known: dict[str, float]) -> float:
         """See :meth:`Table.score_livelier`."""
         if place not in known:
-            marker = place.removeprefix("marker ")
-            L = self._expand_place(marker) if marker != place else self._expand_common(place)
-            known[place] = self.table.score_livelier(L) if L.shape[1] else 0.0
+            L, level = self._expand_place(place)
+            known[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
         return known[place]
 
-    def _expand_common(self, place: str) -> Array:
-        return self.ordinary.common.expand(len(self.base), self.levels, place)[0]
-
-    def _expand_place(self, marker: str) -> Array:
-        """What a marker's place and its own skin do, (n_columns, any)."""
+    def _expand_place(self, place: str) -> tuple[Array, str]:
+        """What lasts at a place or of one of its markers, (n_columns, any), at level one, and whose it is."""
         model, size = self.fit.model, len(self.base)
+        marker = place.rpartition(" of ")[2]
+        if marker == place:
+            found, owners = self.ordinary.common.expand(size, {}, place)
+            return found, owners[0] if owners else ""
         segment = model.marker(marker).segment
-        part = find_part(model.bone_of(segment))
-        own = [
-            n for (s, _), n in self.base.columns.items() if isinstance(s, MarkerSpot) and s.marker == marker
-        ]
-        mask = np.zeros(size)
+        whole = segment if place.startswith("skin") else f"place {find_part(model.bone_of(segment))}"
+        found, owners = self.ordinary.common.expand(size, {}, whole)
+        spots = ((spot, n) for (spot, _), n in self.base.columns.items())
+        own = [n for spot, n in spots if isinstance(spot, MarkerSpot) and spot.marker == marker]
+        mask = np.zeros((size, 1))
         mask[own] = 1.0
-        skin = self._expand_common(segment) * mask[:, None]
-        place = self.ordinary.common.expand(size, self.levels, f"place {part}")[0] * mask[:, None]
-        both = np.concatenate([skin, place], axis=1)
-        return both[:, np.abs(both).max(axis=0) > 0.0]
+        found = found * mask
+        return found[:, np.abs(found).max(axis=0) > 0.0], owners[0] if owners else ""
 
     @cached_property
     def combinations(self) -> dict[str, Combination]:

@@ -86,6 +86,7 @@ class BodyTable:
         levels = {d.level: 1.0 for s in (ordinary.common, ordinary.own) for d in s.directions if d.level}
         if like is not None:
             loose, levels = like.loose, like.levels
+            looks = [replace(a, weight=b.look.weight) for a, b in zip(looks, like.whites, strict=True)]
         for turn in range(1 if like is not None else _WANDERING + 1):
             whites = [look.whiten(loose) for look in looks]
             sums = [white.add_up(base) for white in whites]

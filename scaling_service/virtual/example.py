@@ -240,8 +240,7 @@ def make_hidden_session(
     person = make_virtual_subject(seed, settings)
     sliding = _with_sliding(person.model)
     trials = {
-        name: _swap_labels(_slide_marker(trial, person, sliding))
-        for name, trial in person.trials.items()
+        name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
     }
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 

@@ -83,14 +83,12 @@ def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | Non
     return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
 
 
-def is_met(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
-    """Whether laboratories meet every number of an effect (SI), give or take its own deviation."""
+def is_met(candidate: Candidate, size: Array, model: BodyModel) -> bool:
+    """Whether laboratories meet every number of an effect (SI)."""
     usual = look_up_usual_sizes(candidate, model)
-    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
-        known, off = usual(column.name), column.unit * sd
-        shown = column.neutral + column.unit * value
-        if known is not None and not known.low - off <= shown <= known.high + off:
+    for column, value in zip(candidate.columns, size.tolist(), strict=True):
+        known, shown = usual(column.name), column.neutral + column.unit * value
+        if known is not None and not known.low <= shown <= known.high:
             return False
     return True
 

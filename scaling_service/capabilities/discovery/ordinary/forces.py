@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.effects.masses import differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.loads import (
     Inertial,
     Late,
@@ -72,7 +72,7 @@ class _Key:
     trials: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Evidence:
     """Of some recordings: logarithm of how likely they are, and what is told of further numbers."""
 
@@ -180,7 +180,15 @@ class WrenchTable:
         levels = dict.fromkeys(self.owners, 1.0)
         scale = np.ones(directions.shape[1])
         k = len(sd)
-        best = Evidence(-math.inf, np.zeros(k), np.zeros((k, k)), noise, noise, directions, 1.0)
+        best = Evidence(
+            value=-math.inf,
+            size=np.zeros(k),
+            covariance=np.zeros((k, k)),
+            levels=noise,
+            left=noise,
+            directions=directions,
+            masses=1.0,
+        )
         for _ in range(_PASSES):
             for owner, at in self.owners.items():
                 scale[at] = levels[owner]
@@ -199,7 +207,15 @@ class WrenchTable:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(np.square(left / by_noise).mean(axis=0))
                 size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
-                best = Evidence(value, size, covariance, noise, rms, directions * scale, levels["masses"])
+                best = Evidence(
+                    value=value,
+                    size=size,
+                    covariance=covariance,
+                    levels=noise,
+                    left=rms,
+                    directions=directions * scale,
+                    masses=levels["masses"],
+                )
             unsure = np.einsum("nak,kl,nal->a", white, inverse, white, optimize=True)
             energy = np.square(left).sum(axis=0) + unsure
             noise = np.array([learn_level(*each) for each in zip(noise.tolist(), energy, count, strict=True)])

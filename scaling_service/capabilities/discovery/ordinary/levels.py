@@ -45,7 +45,7 @@ def learn_level(level: float, energy: float, count: float, most: float = math.in
     Examples
     --------
     >>> round(learn_level(1.0, 400.0, 100.0), 2)  # a hundred numbers of twice the deviation
-    1.98
+    1.99
     """
     u, squares = math.log(level), energy * level**2
     for _ in range(_ROUNDS):

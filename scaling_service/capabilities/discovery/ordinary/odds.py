@@ -28,7 +28,7 @@ _LIVELIER = 3.0  # times, from where the level of one place is learnt
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scored:
     """A candidate against what is ordinary."""
 
@@ -45,7 +45,7 @@ class Scored:
         inverse = np.linalg.inv(scaled)
         size = sd * (inverse @ (sd * x))
         bayes = 0.5 * float(x @ size) - 0.5 * float(np.linalg.slogdet(scaled)[1])
-        return cls(bayes, size, np.outer(sd, sd) * inverse, sd, X)
+        return cls(bayes=bayes, size=size, covariance=np.outer(sd, sd) * inverse, sd=sd, information=X)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,7 +168,8 @@ class Table:
         shown = G @ L
         evidence, size, covariance = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, sd)
         X = self.project(L, trials)[1]
-        return Scored(evidence - self._learnt, size, covariance, sd, X)
+        bayes = evidence - self._learnt
+        return Scored(bayes=bayes, size=size, covariance=covariance, sd=sd, information=X)
 
     @cached_property
     def _learnt(self) -> float:

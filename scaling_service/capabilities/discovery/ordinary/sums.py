@@ -21,7 +21,7 @@ _LAG_S = 0.05  # after which noise of cameras is gone and skin is not (chosen)
 FRAMES = 45  # of a recording that are looked at (chosen: skin is seen anew some five times a second)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Sums:
     """Of one recording."""
 

@@ -37,7 +37,8 @@ def expect_markers(body: BodyTable) -> dict[str, Expected]:
     stream, found = np.random.default_rng(0), {}
     for k, white in enumerate(body.whites):
         look = white.look
-        directions = np.concatenate([body.table.common, body.table.own[k]], axis=1)
+        both = (body.ordinary.common, body.ordinary.own)
+        directions = np.concatenate([s.expand(len(body.base), body.levels)[0] for s in both], axis=1)
         drawn = directions @ stream.normal(size=(directions.shape[1], _DRAWS))
         wander = np.linalg.cholesky(look.make_covariance(body.loose))
         total = np.zeros(len(look.item.markers))
@@ -62,7 +63,7 @@ def _measure_strays(look: Look, stray: Array) -> Array:
     return np.asarray(square / np.maximum(look.seen.sum(axis=0), 1))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Tally:
     """Squares of residuals (n_blocks, n_places), frames they are sums over, and trials of the blocks."""
 
@@ -101,7 +102,7 @@ def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
     if not rows:
         return None
     square, frames = (np.array(x) for x in zip(*rows, strict=True))
-    return _Tally(names, square, frames, tuple(trials), tuple(starts))
+    return _Tally(places=names, square=square, frames=frames, trials=tuple(trials), starts=tuple(starts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -123,12 +123,22 @@ class Search:
         body = self._tabulate(self.fit)
         again = body.reestimate()
         self.covariances |= {e.candidate.key: covariance for e, covariance in again}
+        unmet = [e for e, _ in again if not is_met(e.candidate, e.size, self.fit.model)]
+        if unmet:  # it grew out of what laboratories meet: it is something else
+            self._take_back(unmet[0].candidate.key)
+            return self._make_table()
         moved = {e.candidate.key: e for e, c in again if self._has_moved(e, c)}
         if not moved:
             return body
         effects = tuple(moved.get(e.candidate.key, e) for e in self.fit.effects)
         self.fit = self._refit_markers(effects)
         return self._tabulate(self.fit, body)
+
+    def _take_back(self, key: str) -> None:
+        """An effect of the body, for good."""
+        self.refused.add(key)
+        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
 
     def _has_moved(self, effect: Estimate, covariance: Array) -> bool:
         before = next(e for e in self.fit.effects if e.candidate.key == effect.candidate.key)
@@ -280,7 +290,7 @@ class Search:
 
     def _is_met(self, candidate: Candidate, scored: Scored) -> bool:
         """Whether its size is one that laboratories meet; else it is something else."""
-        met = is_met(candidate, scored.size, scored.covariance, self.fit.model)
+        met = is_met(candidate, scored.size, self.fit.model)
         return met and (candidate.together is None or candidate.together(scored.size))
 
     def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:

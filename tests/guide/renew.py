@@ -1,7 +1,7 @@
 """``python -m tests.guide.renew [NAME…]``: measure the guide's figures again, and write ``figures.json``.
 
-They run the program, for minutes: the papers' studies anywhere, ``pins``, ``clinic`` and ``image`` on the real
-recordings.
+They run the program, for minutes: the papers' studies anywhere, ``pins``, ``clinic`` and ``image`` on the
+real recordings.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from tests.guide.bones import angle_error_deg, read_bones, read_poses, share_cov
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
 
+ROOT = Path(__file__).resolve().parents[2]
 LENGTHS = {"femur_r": "RFemurLength", "femur_l": "LFemurLength", "shank_r": "RTibiaLength"}
 LENGTHS |= {"shank_l": "LTibiaLength"}
 """Our name of a length to the one in a clinic's files."""

@@ -85,6 +85,7 @@ class Evidence:
         Array  # (n_columns, m): of unit variance at the likeliest levels, of what is ordinary and named
     )
     masses: float  # level of what masses differ by
+    unlearnt: float = -math.inf  # the value where all levels are one
 
 
 class WrenchTable:
@@ -189,7 +190,8 @@ class WrenchTable:
             directions=directions,
             masses=1.0,
         )
-        for _ in range(_PASSES):
+        unlearnt = -math.inf
+        for turn in range(_PASSES):
             for owner, at in self.owners.items():
                 scale[at] = levels[owner]
             by_noise = np.sqrt(self.weight) / (self.sd * noise)
@@ -203,6 +205,8 @@ class WrenchTable:
             value = -0.5 * float(gap.ravel() @ (gap.ravel() - flat @ strength))
             value -= float(np.log(np.diag(factor)).sum() + count @ np.log(noise))
             value += sum(map(weigh_level, (*noise.tolist(), *levels.values())))
+            if not turn:
+                unlearnt = value
             if value > best.value:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(np.square(left / by_noise).mean(axis=0))
@@ -215,6 +219,7 @@ class WrenchTable:
                     left=rms,
                     directions=directions * scale,
                     masses=levels["masses"],
+                    unlearnt=unlearnt,
                 )
             unsure = np.einsum("nak,kl,nal->a", white, inverse, white, optimize=True)
             energy = np.square(left).sum(axis=0) + unsure

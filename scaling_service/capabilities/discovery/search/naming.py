@@ -242,8 +242,11 @@ class Search:
             Ranked(s.bayes - math.log(places[c.kind]), c, s)
             for (c, _), s in zip(choice, loads.scored, strict=True)
         ]
-        noise = measure_noise(loads.table, loads.none.levels)
-        ranked += [Ranked(odds, c) for odds, c in find_contacts(self.fit, noise)]
+        # A contact that nothing measured is noise to all others; beside it noise is ordinary at most
+        raised = bool((loads.none.levels > 1.0).any())
+        lead = loads.none.value - loads.none.unlearnt if raised else 0.0
+        noise = measure_noise(loads.table, np.ones(6) if raised else loads.none.levels)
+        ranked += [Ranked(odds - lead, c) for odds, c in find_contacts(self.fit, noise)]
         return loads, sorted(ranked, key=lambda one: -one.odds)
 
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:

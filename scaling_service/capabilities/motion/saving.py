@@ -234,19 +234,15 @@ def _summarise(
         if name not in kinds or name not in motion.estimated or not len(known):
             continue
         unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
-        sd = None if spread.mean is None else _round_known(unit * spread.mean[k])
+        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
         yield (
             name,
             CoordinateSummary(
                 mean=round(float(unit * known.mean()), 4),
-                mean_sd=sd,
+                mean_sd=round(sd, 4) if np.isfinite(sd) else None,
                 range=round(float(unit * np.ptp(known)), 4),
             ),
         )
-
-
-def _round_known(value: float) -> float | None:
-    return round(float(value), 4) if np.isfinite(value) else None
 
 
 def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:

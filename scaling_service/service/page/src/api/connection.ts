@@ -27,11 +27,11 @@ export function recovered(): Promise<void> {
 /** A part of the page, loaded when it is first needed: once more when the service is back, if it was away.
  *
  * Browsers may remember that a part failed for as long as the page lives; the page then loads itself again, where its
- * address says it was.
+ * address says it was, unless it holds what is not saved yet.
  *
- * @throws Problem where that helped nothing: the service is another version by then.
+ * @throws Problem where that helped nothing, the service being another version by then, or is left to the user.
  */
-export async function part<Module>(load: () => Promise<Module>): Promise<Module> {
+export async function part<Module>(load: () => Promise<Module>, { unsaved = false } = {}): Promise<Module> {
   const begunAgain = BEGUN_AGAIN + String(load);
   const once = () => load().then((module) => (sessionStorage.removeItem(begunAgain), module));
   try {
@@ -41,7 +41,7 @@ export async function part<Module>(load: () => Promise<Module>): Promise<Module>
   }
   await recovered();
   return once().catch(() => {
-    if (sessionStorage.getItem(begunAgain) !== null) {
+    if (unsaved || sessionStorage.getItem(begunAgain) !== null) {
       throw new Problem({ problem: "A part of the page could not be loaded", remedy: "Load the page again" });
     }
     sessionStorage.setItem(begunAgain, "");

@@ -36,7 +36,7 @@ export async function sortedOut(entries: readonly Entry[]): Promise<Intake[]> {
  */
 async function documentOf({ path, file }: Entry): Promise<SubjectDocument | null> {
   if (!/\.(ya?ml|json)$/i.test(path) || file.size > LARGEST_BYTES) return null;
-  const { parse } = await part(() => import("yaml"));
+  const { parse } = await part(() => import("yaml"), { unsaved: true });
   try {
     const found: unknown = parse(await file.text(), { maxAliasCount: 20 });
     return isSubject(found) ? found : null;

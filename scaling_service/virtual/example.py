@@ -193,11 +193,11 @@ class Hidden:
 SLIDING = Hidden(
     kind="soft_tissue_artefact",
     where=("RLFE",),
-    parameters={"x_mm_per_deg": 0.12, "y_mm_per_deg": 0.16, "z_mm_per_deg": 0.0},
+    parameters={"x_mm_per_deg": 0.24, "y_mm_per_deg": 0.32, "z_mm_per_deg": 0.0},
     driver=("knee_angle_r",),
 )
-"""A marker of the thigh that slides with the knee: 0.2 mm/deg in all, the usual size of a knee's share
-(``THIGH_MM_PER_DEG``)."""
+"""A marker of the thigh that slides with the knee: 0.4 mm/deg in all, twice the usual size of a knee's share
+(``THIGH_MM_PER_DEG``), in a person whose skin is still elsewhere."""
 
 SWAPPED = Hidden(
     kind="marker_swap", where=("LLM", "LMM"), parameters={"start_s": 2.0, "end_s": 2.6}, trial="knee_l"
@@ -240,8 +240,7 @@ def make_hidden_session(
     person = make_virtual_subject(seed, settings)
     sliding = _with_sliding(person.model)
     trials = {
-        name: trial if name == "static" else _swap_labels(_slide_marker(trial, person, sliding))
-        for name, trial in person.trials.items()
+        name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
     }
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 

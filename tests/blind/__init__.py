@@ -13,13 +13,7 @@ file, an ``.osim`` model, TRC and MOT (or C3D) files, as from any user. What was
   ``--records FILE`` every case is kept in one line of that file, with a fingerprint of the search, so that
   runs can be put together.
 
-Each goes on where it stopped. ``records.csv`` holds a line for each case of the full bank, and
-``results.md`` is what the last wrote of them; two at a time, one core each, on shared machines of which one
-gave a quarter of its usual speed for ten minutes. The slowest with markers only were run again alone on two
-cores: ``case_7e3af7fd37`` (82 s in the table) took 15 s, ``case_6708aedb7d`` 38 s, all others less. Since
-the first whole run a division by zero was put right (two cases) and skin is brought to rest in another way:
-all cases in which skin swings or was named, and 128 others, were run again; of those others none came out
-otherwise.
+Each goes on where it stopped.
 
 Signs are those of the design, section 6. Where that leaves room, this bank has it so:
 

@@ -130,7 +130,7 @@ def test_the_bound_of_a_share_is_exact() -> None:
 
 
 def test_the_table_counts_what_it_says() -> None:
-    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.4, "floor": 1.0}}}
+    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.4, "floor": 1.0, "ceiling": 1.0}}}
     right = {"verdict": "found", "effects": [named(OFFSET)], "gap": gap}
     wrong = {"verdict": "found", "effects": [named(LENGTH)]}
     quiet: dict[str, Any] = {"verdict": "nothing", "effects": []}
@@ -245,7 +245,7 @@ def test_running_keeps_results_and_failures_apart(tmp_path: Path) -> None:
 
 
 def test_records_outlive_their_results(tmp_path: Path) -> None:
-    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.5, "floor": 1.0}}}
+    gap = {"held_out": {"whitened": {"before": 5.0, "after": 1.5, "floor": 1.0, "ceiling": 1.0}}}
     result = {"verdict": "found", "effects": [named(OFFSET, smallest_nameable=2.5)], "gap": gap}
     first = outcome("effect", [OFFSET], result, id="case_b", movement="gait").record
     other = outcome("null", [], None, id="case_a").record

@@ -9,10 +9,8 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
-from scaling_service.capabilities.discovery.search.findings import NamedEffect
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.trial import Trial
@@ -99,15 +97,3 @@ def sized(kind: str, *where: str, numbers: Sequence[float], driver: str | None =
     found = candidate(kind, *where, driver=driver)
     size = [(n - c.neutral) / c.unit for n, c in zip(numbers, found.columns, strict=True)]
     return Estimate(found, np.array(size))
-
-
-def passed(effect: Estimate) -> NamedEffect:
-    """An effect as if it had been named, with no promise of what it explains."""
-    spread = np.eye(len(effect.size))
-    return NamedEffect(
-        effect=effect,
-        covariance=spread,
-        fitted=NOTHING,
-        p_family=0.01,
-        held_out=HeldOut(0.1, 0.01, folds=False),
-    )

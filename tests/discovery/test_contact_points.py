@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.effects.external_contact import _is_of_a_plate, find_touches
-from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.effects.external_contact import find_contacts
+from scaling_service.capabilities.discovery.evidence.fit import Fit, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.laws.contacts import Spell, fit_point
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.numerics.multibody.laws import Array
@@ -62,36 +64,15 @@ def test_a_force_of_one_direction_shows_a_line(sway: WrenchFit) -> None:
 
 
 @pytest.mark.parametrize("lasting_s", [0.4, 0.8, 1.2])
-def test_a_push_is_reported_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
-    """Also one whose ramps are parts of their own, in which little stands out."""
-    (touch,) = find_touches([pushed(sway, 80.0, 0.5, 0.5 + lasting_s)], 0.5)
-    assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
-    assert touch.fitted.p < 1e-4
-
-
-def test_what_is_off_where_a_plate_presses_is_no_contact(sway: WrenchFit) -> None:
-    """A force at a standing foot and at the sole below a shank, as a plate's fault looks."""
-    spell = Spell(sway, np.flatnonzero(sway.usable))
-    foot, shank = fit_point([spell], "calcn_r"), fit_point([spell], "tibia_r")
-    assert _is_of_a_plate(spell, foot)
-    origin, axes = (places[spell.rows] for places in sway.segment_frame("tibia_r"))
-    pressed = sway.contacts.ground.centre_of_pressure()[spell.rows]
-    near = np.nanargmin(np.nanmean(np.linalg.norm(pressed - origin[:, None], axis=2), axis=0))
-    sole = np.nanmean(np.einsum("nji,nj->ni", axes, pressed[:, near] - origin), axis=0)
-    assert _is_of_a_plate(spell, replace(shank, point=sole))
-    assert not _is_of_a_plate(spell, replace(shank, point=np.array([0.0, -0.1, 0.0])))
+def test_a_push_is_found_however_long_it_lasts(sway: WrenchFit, lasting_s: float) -> None:
+    fit = Fit(context=SearchContext(model=sway.model), wrenches=(pushed(sway, 150.0, 0.5, 0.5 + lasting_s),))
+    found = {c.where[0]: c.change for _, c in find_contacts(fit, NOISE)}
+    contact = found["torso"]
+    assert isinstance(contact, Contact)
+    assert contact.start_s == pytest.approx(0.5, abs=0.2)
+    assert contact.end_s == pytest.approx(0.5 + lasting_s, abs=0.2)
 
 
 def test_without_a_push_nothing_touches(sway: WrenchFit) -> None:
-    assert find_touches([sway], 0.5) == []
-
-
-def test_a_few_frames_far_apart_tell_no_segments_apart(sway: WrenchFit) -> None:
-    """As where a foot off the plates hides most of what stands out; filters reach over its edges."""
-    item = pushed(sway, 300.0, 0.5, 1.3)
-    hidden = np.digitize(item.times, [0.4, 0.595, 0.825, 0.875, 1.095, 1.5]) % 2 == 1
-    seen = replace(item, contacts=replace(item.contacts, usable=item.usable & ~hidden))
-    assert 5 <= np.sum(seen.usable & (seen.times > 0.5) & (seen.times < 1.3)) < 10
-    (touch,) = find_touches([seen], 0.5)
-    assert "torso" in {c.where[0] for c in (touch.candidate, *touch.equivalents)}
-    assert len(touch.equivalents) > 3
+    fit = Fit(context=SearchContext(model=sway.model), wrenches=(sway,))
+    assert not find_contacts(fit, NOISE)

@@ -1,7 +1,7 @@
 """``python -m tests.guide.renew [NAME…]``: measure the guide's figures again, and write ``figures.json``.
 
-``bank`` is read from the blind bank's table in seconds. The others run the program, for minutes: the papers'
-studies anywhere, ``pins``, ``clinic`` and ``image`` on the real recordings.
+They run the program, for minutes: the papers' studies anywhere, ``pins``, ``clinic`` and ``image`` on the
+real recordings.
 """
 
 from __future__ import annotations
@@ -19,14 +19,11 @@ import numpy as np
 import yaml
 
 from scaling_service.guide.pages import FIGURES
-from tests.blind.scoring.records import read_records
-from tests.blind.scoring.tables import TABLES, must_reach
 from tests.guide.bones import angle_error_deg, read_bones, read_poses, share_covered
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
 
 ROOT = Path(__file__).resolve().parents[2]
-RECORDS = ROOT / "tests" / "blind" / "records.csv"
 LENGTHS = {"femur_r": "RFemurLength", "femur_l": "LFemurLength", "shank_r": "RTibiaLength"}
 LENGTHS |= {"shank_l": "LTibiaLength"}
 """Our name of a length to the one in a clinic's files."""
@@ -45,25 +42,6 @@ SETS = {
     "shoulder_pins": "eating, pins",
 }
 """Recordings over bones of known pose, and what was held out."""
-
-
-def measure_bank() -> dict[str, Any]:
-    """What must be reached over the blind bank, and how small an effect is seen, from its records."""
-    records = read_records(RECORDS)
-    reached, detected = must_reach(records), TABLES["Detection"](records)
-    return {
-        "cases": len(records),
-        "reached": {
-            "columns": list(reached[0]),
-            "rows": [[_plain(cell) for cell in row] for row in reached[1:]],
-        },
-        "detected": {"columns": list(detected[0][:5]), "rows": [list(row[:5]) for row in detected[1:]]},
-    }
-
-
-def _plain(cell: str) -> str:
-    """The bank's own words in those of the guide."""
-    return cell.replace("strangers", "unmodelled disturbances")
 
 
 def measure_pins() -> dict[str, Any]:
@@ -214,7 +192,6 @@ def measure_study(paper: str) -> dict[str, Any]:
 
 
 MEASURES: Mapping[str, Callable[[], dict[str, Any]]] = {
-    "bank": measure_bank,
     **{paper: partial(measure_study, paper) for paper in PAPERS},
     "pins": measure_pins,
     "clinic": measure_clinic,

@@ -18,7 +18,7 @@ from scaling_service.guide import pages
 from scaling_service.guide.notebooks import read_output
 from scaling_service.guide.site import make_site, write_site
 from tests.guide import notebooks
-from tests.guide.renew import MEASURES, PAPERS, measure_bank
+from tests.guide.renew import MEASURES, PAPERS
 from tests.guide.running import LEFT_OUT, assert_shown, blocks, commands, run
 from tests.safety.running import find_data, program_environment
 
@@ -132,12 +132,8 @@ def test_no_figure_is_missing_and_no_mark_is_left() -> None:
         assert "{{" not in pages.read_page(name)
 
 
-def test_figures_of_the_bank_are_those_of_its_records() -> None:
-    assert pages.read_figures()["bank"] == measure_bank(), "run `python -m tests.guide.renew bank`"
-
-
 @pytest.mark.costly
-@pytest.mark.parametrize("name", [name for name in MEASURES if name != "bank"])
+@pytest.mark.parametrize("name", list(MEASURES))
 def test_figures_are_what_is_measured(name: str) -> None:
     if name not in PAPERS and find_data() is None:
         pytest.skip("the real recordings are not here: set SCALING_SERVICE_DATA")

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.statistics import NOTHING, HeldOut
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Column,
@@ -17,14 +16,12 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, NamedEffect
 
-UNSEEN = HeldOut(0.5, 1e-4, False)
-
 
 def named(candidate: Candidate, size: list[float], sd: list[float]) -> NamedEffect:
     """An effect of known size and spread, the numbers independent."""
     covariance = np.diag(np.square(sd))
     effect = Estimate(candidate, np.array(size))
-    return NamedEffect(effect=effect, covariance=covariance, fitted=NOTHING, p_family=0.01, held_out=UNSEEN)
+    return NamedEffect(effect=effect, covariance=covariance, odds=4.6, gain=0.5)
 
 
 LOAD = named(
@@ -98,7 +95,6 @@ def findings(*effects: NamedEffect) -> Findings:
             "fx": force,
             "mx": Level(before=3.0, after=1.0, floor=0.5, ceiling=float("nan"), low=0.9, high=1.1),
         },
-        float("nan"),
     )
     return Findings(
         verdict="found",

@@ -26,10 +26,10 @@ CONTRACT = {"verdict", "disagreements", "effects", "gap", "tried", "unexplained"
 EFFECT = {"kind", "where", "driver", "name", "parameters", "confusable_with", "would_separate", "evidence"}
 KINDS = {
     "body_mass",
-    "marker_offset", "marker_swap", "soft_tissue_artefact", "skin_wobble", "segment_length",
+    "marker_offset", "marker_swap", "soft_tissue_artefact", "segment_length",
     "joint_centre_offset", "joint_axis_tilt", "missing_dof", "coupled_motion", "capture_scale", "force_delay",
     "plate_position", "plate_bias", "plate_gain", "plate_rotation", "segment_mass", "segment_com",
-    "carried_load", "external_contact", "wobbling_mass", "gravity_tilt",
+    "carried_load", "external_contact", "wobbling_mass", "gravity_tilt", "skin_wobble",
 }  # fmt: skip
 
 
@@ -50,7 +50,10 @@ def test_the_contract_is_kept() -> None:
     for role in ("fit", "held_out"):
         assert content["gap"][role].keys() >= {"whitened", "markers_mm", "force_N", "moment_Nm"}
         assert content["gap"][role]["whitened"].keys() >= {"before", "after", "floor", "ceiling"}
-    assert content["settings"]["search"]["level"] == 0.05
+    assert content["settings"]["search"]["odds"] == 6.0
+    evidence = content["effects"][0]["evidence"]  # odds of a hundred to one
+    assert evidence["p_family_wise"] == pytest.approx(0.01, rel=0.01)
+    assert (evidence["log_odds"], evidence["gain_held_out"]) == (4.6, 0.5)
     assert content["settings"]["processing"]["smoothing"] == "none"
 
 
@@ -58,7 +61,6 @@ def test_what_is_not_known_is_null_and_lengths_are_mm() -> None:
     gap = written()["gap"]["held_out"]
     assert gap["markers_mm"]["before"] == pytest.approx(10.0)
     assert gap["markers_mm"]["ceiling"] is None
-    assert gap["absorbed"] is None
     assert gap["moment_Nm"] is None
     assert (gap["places"]["RLFE"]["unit"], gap["places"]["RLFE"]["floor"]) == ("mm", pytest.approx(1.0))
     assert (gap["places"]["fx"]["unit"], gap["places"]["fx"]["after"]) == ("N", 5.0)

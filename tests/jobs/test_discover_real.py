@@ -57,7 +57,6 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
     )  # fmt: skip
     found = fit_recordings(
         SearchContext(model=prepared.model, recordings=prepared.recordings),
-        (),
         [Estimate(contact, np.zeros(0))],
     )
     item = found.wrenches[0]

@@ -55,7 +55,7 @@ def test_the_gap_closes_on_what_was_held_out(document: DiscoveryDocument) -> Non
     assert level.before is not None
     assert level.after is not None
     assert level.floor is not None
-    assert (level.before - level.after) / (level.before - level.floor) > 0.9
+    assert level.after < 0.1 * level.before
 
 
 def test_the_model_reads_back_and_follows_better(folder: Path) -> None:
@@ -101,7 +101,7 @@ def test_what_an_earlier_search_wrote_goes(tmp_path: Path) -> None:
 
 def test_the_heat_maps_show_the_exchange_and_its_end() -> None:
     maps = {m.trial: m for m in make_heat_maps(found())}
-    assert maps.keys() == {"knee_r", "knee_l", "gait_1"}
+    assert maps.keys() == {"static", "knee_r", "knee_l", "gait_1"}
     swapped = maps["knee_l"]
     row = list(swapped.places).index("LLM")
     during = (swapped.times > 2.1) & (swapped.times < 2.5)

@@ -19,8 +19,7 @@ from scaling_service.capabilities.discovery.checks import (
 )
 from scaling_service.capabilities.discovery.evidence.fit import Recording
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import free_parameters, prepare
-from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.builtin import load_builtin
@@ -38,8 +37,7 @@ def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
 
 def test_roles_follow_the_subject_file() -> None:
     prepared = prepare(Loaded(session=session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    assert prepared.roles == {"knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
-    assert prepared.free == ()
+    assert prepared.roles == {"static": "fit", "knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert any("no recording has forces" in note for note in prepared.notes)
 
 
@@ -57,25 +55,7 @@ def test_a_few_frames_are_refused_with_what_to_do() -> None:
 def test_without_held_out_recordings_all_fit() -> None:
     only = replace(session(), calibration=())
     prepared = prepare(Loaded(session=only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
-    assert prepared.roles == {"gait_1": "fit"}
-
-
-def test_what_the_calibration_freed_is_free() -> None:
-    """MB_am frees knee axes and all coordinates of the markers seen; MB_lam sizes, too, and fewer markers."""
-    model, trials = session().model, session().calibration
-    every = {s.candidate.kind: 0 for s in free_parameters("MB_am", model, trials, CalibrationSettings())}
-    free = free_parameters("MB_am", model, trials, CalibrationSettings())
-    for sized in free:
-        every[sized.candidate.kind] += len(sized.size)
-        assert not sized.size.any()
-    assert every == {"joint_axis_tilt": 4, "marker_offset": 3 * 14}
-    lam = free_parameters("MB_lam", model, trials, CalibrationSettings())
-    sizes = {s.candidate.where[0] for s in lam if s.candidate.kind == "segment_length"}
-    assert sizes == {"pelvis", "femur_r", "femur_l", "tibia_r", "tibia_l"}
-    columns = {s.candidate.where[0]: [c.name for c in s.candidate.columns] for s in lam}
-    assert columns["RASIS"] == ["x_mm", "z_mm"]
-    assert "RLFE" not in columns
-    assert free_parameters("MB", model, trials, CalibrationSettings()) == ()
+    assert prepared.roles == {"static": "fit", "gait_1": "fit"}
 
 
 def test_a_model_of_the_person_fits() -> None:
@@ -149,4 +129,4 @@ def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> Non
     for marker in right.model.markers:
         there = np.array(wrong.model.marker(marker.name).nominal)
         assert np.linalg.norm(there - np.array(marker.nominal)) < 0.004
-    assert wrong.recordings[0].trial.markers[rows, pair] == pytest.approx(markers[rows, pair], nan_ok=True)
+    assert wrong.recordings[1].trial.markers[rows, pair] == pytest.approx(markers[rows, pair], nan_ok=True)

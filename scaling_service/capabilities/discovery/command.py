@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,29 +34,35 @@ def discover(
     settings: Annotated[Settings, Only("up", "forward", "seed")] = AS_MEASURED,
     report: Report = True,
     everything: Annotated[
-        bool, typer.Option("--all", help="Show the smaller things that improve the fit, too.")
+        bool, typer.Option("--all", help="Deprecated: all that is named is shown anyway.")
     ] = False,
 ) -> None:
     """Find where model and recordings disagree, name the missing effect, add it, and show the gap shrink.
 
-    Recordings are taken as they were measured, neither smoothed nor filled. The calibration trials of the
-    subject file fit; the evaluation trials are held out and judge. Without one, blocks of time do. Forces are
-    compared, too, where recordings have them and the model has feet.
+    People are the yardstick: skin that slides, markers put a centimetre beside a landmark, joints and masses
+    that differ from any model's are ordinary, and no finding. What stands out of that is named. Recordings
+    are taken as they were measured, neither smoothed nor filled; the evaluation trials of the subject file
+    are held out: nothing is named that makes them worse. The static trial is a witness. Forces are compared,
+    too, where recordings have them and the model has feet.
 
     Looked for, at every place where it could sit: markers that sit elsewhere or were exchanged, skin that
     slides or oscillates, wrong sizes, joint centres and axes, joints that glide, turn or are locked, a scaled
     volume; late forces, plates that are shifted, turned or wrong, wrong masses, carried loads, contacts that
     no plate measured, a vertical that leans.
 
-    A model that is scaled first has explained by lengths, axes and marker places what these can; only what is
-    left is named. With --start none these are questioned, too.
+    The model is scaled from distances between markers, which takes up least of what is looked for, unless
+    --start names another method; with --start none it is taken as it is.
 
-    The verdict is [bold]found[/bold] (at least one effect has a name), [bold]nothing[/bold] (nothing stands
-    above the noise) or [bold]unexplained[/bold] (something does, and nothing known explains it). An effect
+    The verdict is [bold]found[/bold] (at least one effect has a name), [bold]nothing[/bold] (all is ordinary)
+    or [bold]unexplained[/bold] (something is not, and nothing known explains it). An effect
     that these recordings do not tell from others is listed with them, and which movement would separate them.
 
     Writes under --out discovery.json, report.html, model.json and model.osim with what was found, and
     corrected/ with the recordings where the fault was theirs.
+
+    A folder of subject files, or a CSV file with a column `subject`, is searched person by person, and then
+    for what recurs: effects of the generic model that persons share, with how many of them show it, in
+    recurring.json, and the model without them in generic_model.json.
 
     [bold]Examples[/bold]: scaling-service discover S01.yaml --out found
 
@@ -63,13 +70,32 @@ def discover(
 
     scaling-service demo --discover --out hidden
     """
+    if everything:
+        warnings.warn("--all of discover does nothing any more and will go", DeprecationWarning, stacklevel=2)
+    if subject.is_dir() or subject.suffix.lower() == ".csv":
+        _discover_recurring(subject, out, chosen, settings, report=report)
+        return
     with running(out) as progress:
         from scaling_service.capabilities.discovery.run import discover as compute
         from scaling_service.capabilities.discovery.saving import save_discovery
 
         results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
-    show(document, out, everything=everything)
+    show(document, out)
+
+
+def _discover_recurring(
+    cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool
+) -> None:
+    with running(out) as progress:
+        from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring
+
+        found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
+    console, document = make_console(), found.document
+    console.print(found.effects)
+    say(console, "Verdict", "bold", [f"{document.headline}."])
+    say(console, "Note", "yellow", [f"{who} was not searched: {why}" for who, why in document.failed.items()])
+    list_files(console, out, [f"{FILE_NAME}, and a folder for each person"])
 
 
 def find_hidden(out: Path, seed: int, *, report: bool) -> None:
@@ -83,11 +109,8 @@ def find_hidden(out: Path, seed: int, *, report: bool) -> None:
     show(document, out)
 
 
-def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) -> None:
-    """The table of effects, the gap, the verdict in a sentence, and what it leaves open.
-
-    ``everything``: the smaller things that improve the fit, too, which are a line else.
-    """
+def show(document: DiscoveryDocument, out: Path) -> None:
+    """The table of effects, the gap, the verdict in a sentence, and what it leaves open."""
     from scaling_service.capabilities.discovery import text
     from scaling_service.capabilities.discovery.document import FILE_NAME
 
@@ -95,13 +118,9 @@ def show(document: DiscoveryDocument, out: Path, *, everything: bool = False) ->
     print_subject(console, document, text.describe_model(document))
     if document.effects:
         print_table(console, text.tabulate_effects(document))
-        if document.smaller and everything:
-            print_table(console, text.tabulate_effects(document, carries=False))
     print_table(console, text.tabulate_gaps(document))
     say(console, "Verdict", "bold", [f"{document.headline}."])
-    if document.smaller and not everything:
-        say(console, "Beside", "dim", [f"{document.smaller} (--all shows them)."])
-    shown = [effect for effect in document.effects if effect.carries or everything]
+    shown = document.effects
     say(console, "Sure", "green", text.list_beliefs(shown))
     say(console, "Doubt", "yellow", text.list_cautions(shown))
     say(console, "Class", "cyan", text.describe_classes(shown))

@@ -77,19 +77,22 @@ class EvidenceDocument(Part):
     """What speaks for an effect."""
 
     gain_held_out: Known = Field(
-        description="Share of the whitened sum of squares that it takes off recordings (or blocks of time) "
-        "that did not fit it."
+        description="Share of the sum of squares of markers, or of forces or moments, that it takes off "
+        "recordings that did not fit it."
     )
-    p_held_out: Known
-    p_family_wise: Known = Field(description="Over the whole catalogue at all its places.")
-    by_blocks: bool = Field(description="Whether blocks of time stood in for a recording held out.")
+    log_odds: Known = Field(
+        description="Natural logarithm of the odds that it is there, against what is ordinary for people; "
+        "that it could have been elsewhere is taken into account."
+    )
+    p_family_wise: Known = Field(description="That nothing is there: one less the probability of those odds.")
+    by_blocks: bool = Field(description="Whether no recording was held out, so that the share is of all.")
     summary: str = Field(default="", description="The same in sentences.")
 
 
 class BeliefDocument(Part):
     """How far an effect may be believed, in probabilities; those of sign and size hold if it is there."""
 
-    effect: Number = Field(description="That it is no chance: at most, as likely as not beforehand.")
+    effect: Number = Field(description="That it is there, and not what is ordinary for people.")
     member: Number = Field(description="That it is this one of its class.")
     sign: Known = Field(description="That it points this way; null where it has no direction.")
     size: Known = Field(description="That its size is one that laboratories meet; null where none is known.")
@@ -101,10 +104,7 @@ class EffectDocument(PlacedEffect):
     """An effect that was named and added to the model, or taken out of the recordings."""
 
     name: str = Field(description="What it is, in plain English.")
-    carries: bool = Field(
-        default=True,
-        description="Whether it carries the gap; else it is a smaller thing beside.",
-    )
+    carries: bool = Field(default=True, description="Whether it stands in the headline.")
     parameters: dict[str, QuantityDocument]
     smallest_nameable: dict[str, Number] = Field(
         description="Parameter to the size from which it would be named nine times in ten."
@@ -118,12 +118,12 @@ class EffectDocument(PlacedEffect):
 
 
 class LevelDocument(Part):
-    """RMS before and after, between what noise leaves and what a black box reaches."""
+    """RMS before and after, beside what is ordinary for people."""
 
     before: Known
     after: Known
-    floor: Known
-    ceiling: Known = Field(description="Black-box bound: a correction with as many numbers.")
+    floor: Known = Field(description="What is ordinary for people, as lively as this person is.")
+    ceiling: Known = Field(description="What is left where everything ordinary takes what it can.")
     low: Known = Field(description="95 % interval of `after`, over blocks of time.")
     high: Known
 
@@ -137,13 +137,10 @@ class PlaceLevelDocument(LevelDocument):
 class GapDocument(Part):
     """The gap of the recordings of one role; null where nothing of the sort was measured."""
 
-    whitened: LevelDocument | None = Field(description="All residuals, each divided by its own noise floor.")
+    whitened: LevelDocument | None = Field(description="All residuals, each divided by what is ordinary.")
     markers_mm: LevelDocument | None
     force_N: LevelDocument | None
     moment_Nm: LevelDocument | None
-    absorbed: Known = Field(
-        description="Whitened RMS where the calibration's own parameters take up what they can instead."
-    )
     places: dict[str, PlaceLevelDocument]
 
 
@@ -157,16 +154,22 @@ class BothGaps(Part):
 class TriedDocument(PlacedEffect):
     """The best of what was not named."""
 
-    gain: Known = Field(description="As `gain_held_out`.")
+    gain: Known = Field(
+        description="Share of the whitened squares that it alone would take; null where it has no columns."
+    )
+    log_odds: Known = Field(description="As of an effect that was named.")
+    smallest_nameable: dict[str, Number] = Field(
+        description="Sizes, in proportion as it was tried, from which it would be named nine times in ten."
+    )
 
 
 class UnexplainedDocument(Part):
-    """What is left above the noise floor and matches no effect."""
+    """What stands out of what is ordinary and matches no effect."""
 
     where: list[str]
     observable: Literal["marker", "force", "moment"]
     unit: Unit
-    law: str = Field(description="The simplest sum of simple functions that describes it.")
+    law: str = Field(description="Which coordinate it follows, or which effect it is most like.")
     rms: Number
     floor: Known
 
@@ -210,7 +213,6 @@ class DiscoveryDocument(Provenance):
 
     verdict: Literal["found", "nothing", "unexplained"]
     headline: str = Field(default="", description="The verdict in one sentence.")
-    smaller: str = Field(default="", description="In a line, what improves the fit beside that.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]

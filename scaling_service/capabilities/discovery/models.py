@@ -12,7 +12,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.apply import with_effects, with_inertial_changes
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, FreeMotion, Part
 from scaling_service.capabilities.discovery.laws.loads import Tilt, Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import Constant, Following, Oscillation
+from scaling_service.capabilities.discovery.laws.profiles import Constant, Following
 from scaling_service.capabilities.discovery.laws.spots import MarkerSpot, SizeSpot, VolumeSpot
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.core.errors import DependencyMissing, ModelRefused
@@ -26,31 +26,32 @@ _ANY_TRIAL = ""
 
 def correct_model(fit: Fit) -> BodyModel:
     """The model with all that holds in every recording: shape, markers, masses."""
-    return _with(fit.model, _select_lasting(fit))
+    return apply_everywhere(fit.model, _select_lasting(fit))
 
 
 def make_own_models(fit: Fit) -> dict[str, BodyModel]:
     """The models of those recordings in which something holds that does not in the others."""
     own = {trial for s in fit.effects if _of_model(s) for trial in s.candidate.trials}
     return {
-        trial: _with(fit.model, [s for s in fit.estimates if s.candidate.holds_in(trial)])
+        trial: apply_everywhere(fit.model, [s for s in fit.effects if s.candidate.holds_in(trial)])
         for trial in sorted(own)
     }
 
 
-def _with(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
+def apply_everywhere(model: BodyModel, effects: Sequence[Estimate]) -> BodyModel:
+    """A model with effects, whatever recordings they hold in."""
     everywhere = [replace(s, candidate=replace(s.candidate, trials=())) for s in effects]
     return with_inertial_changes(with_effects(model, everywhere, _ANY_TRIAL), everywhere)
 
 
 def _select_lasting(fit: Fit) -> list[Estimate]:
-    return [s for s in fit.estimates if not s.candidate.trials]
+    return [s for s in fit.effects if not s.candidate.trials]
 
 
 def _of_model(effect: Estimate) -> bool:
     """Whether an effect changes the model rather than the recording."""
     parts = _list_parts(effect)
-    return any(not isinstance(p.spot, VolumeSpot) and not isinstance(p.profile, Oscillation) for p in parts)
+    return any(not isinstance(p.spot, VolumeSpot) for p in parts)
 
 
 def _list_parts(effect: Estimate) -> list[Part]:
@@ -79,7 +80,7 @@ def plan_osim(fit: Fit, prepared: Prepared) -> OsimPlan:
             left.append(f"{effect.candidate.name}: {reason}")
         else:
             kept.append(effect)
-    model = _hold_markers_still(_with(fit.model, kept))
+    model = _hold_markers_still(apply_everywhere(fit.model, kept))
     if not _from_osim(prepared) or not all(map(_can_be_amended, kept)):
         return OsimPlan(model=model, left_out=tuple(left))
     return OsimPlan(
@@ -96,14 +97,12 @@ def _describe_refusal(model: BodyModel, kept: Sequence[Estimate], effect: Estima
     parts, loads = _list_parts(effect), [column.load for column in effect.candidate.columns]
     if any(isinstance(load, Tilt) for load in loads):
         return "turn the gravity of OpenSim's model by its numbers, which are in discovery.json"
-    if any(isinstance(p.profile, Oscillation) for p in parts) or any(
-        isinstance(load, Wobbling) for load in loads
-    ):
+    if any(isinstance(load, Wobbling) for load in loads):
         return "model files hold no oscillation; its numbers are in discovery.json"
     if any(isinstance(p.spot, MarkerSpot) and isinstance(p.profile, Following) for p in parts):
         return "OpenSim's markers do not move on their segments; model.json holds it"
     try:
-        plan_joints(_with(model, kept))
+        plan_joints(apply_everywhere(model, kept))
     except ModelRefused as error:
         return f"{error.problem}; model.json holds it"
     return ""

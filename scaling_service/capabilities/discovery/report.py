@@ -31,7 +31,6 @@ from scaling_service.report.blocks import (
     Bullets,
     Callout,
     Cell,
-    Details,
     Grid,
     Heading,
     Page,
@@ -77,7 +76,7 @@ def build_discovery_page(results: DiscoverResults, document: DiscoveryDocument) 
 
 
 def _build_verdict(document: DiscoveryDocument) -> Iterator[Block]:
-    main = [effect for effect in document.effects if effect.carries]
+    main = document.effects
     single = [effect for effect in main if not text.is_class_named(effect)]
     blocks: list[Block] = [Bullets([_write_sentence(effect) for effect in main], numbered=True)]
     cautions, classes = text.list_cautions(main), list(text.describe_classes(single))
@@ -87,14 +86,12 @@ def _build_verdict(document: DiscoveryDocument) -> Iterator[Block]:
         blocks.append(Bullets(classes))
     if document.unexplained:
         left = list_few([place for u in document.unexplained for place in u.where])
-        blocks.append(Text(f"Still above the noise floor, and like no effect that is known: {left}."))
+        blocks.append(Text(f"Still beyond what is ordinary, and like no effect that is known: {left}."))
         if document.verdict == "unexplained":
             blocks.append(Text(f"Described best: {document.unexplained[0].law}."))
     yield Callout(document.headline, blocks, _TONES[document.verdict])
     if document.effects:
         yield text.tabulate_effects(document)
-    if document.smaller:
-        yield Details(f"{document.smaller}.", [text.tabulate_effects(document, carries=False)])
     if document.notes:
         yield Heading("What was not tried, or cannot be decided")
         yield Bullets(document.notes)
@@ -117,7 +114,7 @@ def _build_where(document: DiscoveryDocument, maps: Sequence[HeatMap]) -> Iterat
     places = document.disagreements
     yield Text(
         "The model follows every recording as closely as it can. What is left over is compared with the "
-        "noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark "
+        "ordinary: what the noise of the recording itself would leave. Places whose bar ends at the mark "
         "are explained."
     )
     for observable, title, unit in _OBSERVABLES:
@@ -148,10 +145,9 @@ def _tabulate_places(places: Sequence[DisagreementDocument]) -> Table:
     more = f" The first {len(rows)} of {len(places)}; the others are in discovery.json." if left_out else ""
     return Table(
         caption="Where, when, and along with what",
-        columns=["place", "left over", "noise floor", "share", "by chance", "most", "follows"],
+        columns=["place", "left over", "ordinary", "share", "by chance", "most", "follows"],
         rows=rows,
-        note="Share: of all that stands above the noise floors. By chance: p over all places "
-        f"looked at.{more}",
+        note=f"Share: of all that stands above the ordinarys. By chance: p over all places looked at.{more}",
     )
 
 
@@ -165,12 +161,9 @@ def _share(value: float | None) -> Cell:
 def _build_what(document: DiscoveryDocument) -> Iterator[Block]:
     if not document.effects:
         yield Text(f"No effect was named: {document.reason}.")
-    for number, effect in enumerate([e for e in document.effects if e.carries], start=1):
+    for number, effect in enumerate(document.effects, start=1):
         yield Heading(f"{number}. {describe_place(effect)}")
         yield from _build_chapter(effect)
-    for effect in document.effects:
-        if not effect.carries:
-            yield Details(f"Smaller: {describe_place(effect)}", list(_build_chapter(effect)))
     if document.effects or document.tried:
         yield draw_candidates(document)
     if document.effects:
@@ -246,7 +239,7 @@ def _build_after(
     if document.unexplained:
         yield text.tabulate_unexplained(document, len(document.unexplained))
     else:
-        yield Text("Nothing that is left stands clearly above the noise floor.")
+        yield Text("Nothing that is left stands clearly above the ordinary.")
 
 
 # 4. On unseen data
@@ -268,14 +261,6 @@ def _build_unseen(document: DiscoveryDocument) -> Iterator[Block]:
     held_out = document.gap.held_out
     yield Grid([draw_gap(gaps, *of) for of in text.LEVELS if getattr(held_out, of[0]) is not None])
     yield text.tabulate_gaps(document)
-    level = held_out.whitened
-    if held_out.absorbed is not None and level is not None and level.after is not None:
-        verdict = "naming does better" if level.after < held_out.absorbed else "naming does no better"
-        yield Text(
-            f"Were it absorbed by segment sizes, knee axes and marker places instead of named, "
-            f"{format_figures(held_out.absorbed)} times the noise floor would be left on what did not fit "
-            f"it, against {format_figures(level.after)}: {verdict}."
-        )
     yield _tabulate_levels(gaps)
 
 
@@ -290,7 +275,7 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
         )
         for name in order
     ]
-    names = ("before", "after", "noise floor", "closed")
+    names = ("before", "after", "ordinary", "closed")
     return Table(
         caption=f"Place by place: {', then '.join(gaps)}",
         columns=[
@@ -298,7 +283,7 @@ def _tabulate_levels(gaps: Mapping[str, GapDocument]) -> Table:
             *(f"{role}: {name}" if name == "before" else name for role in gaps for name in names),
         ],
         rows=rows,
-        note="Closed: the share of what stood above the noise floor that is gone; none where "
+        note="Closed: the share of what stood above the ordinary that is gone; none where "
         "hardly anything did.",
     )
 

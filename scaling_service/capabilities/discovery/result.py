@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
@@ -33,7 +33,6 @@ from scaling_service.capabilities.discovery.document import (
     UnexplainedDocument,
     Unit,
 )
-from scaling_service.capabilities.discovery.effects.catalogue import is_answer
 from scaling_service.capabilities.discovery.effects.sizes import Range, look_up_usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
@@ -53,7 +52,9 @@ from scaling_service.capabilities.discovery.search.findings import (
     NamedEffect,
     Unexplained,
     classify_place,
+    turn_into_probability,
 )
+from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
@@ -61,20 +62,6 @@ from scaling_service.core.tables import ResultTable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law
 from scaling_service.numerics.multibody.laws import Array
-
-CARRIES = 0.1
-"""Share from which an effect carries the gap: of what all on markers, or all on forces, explain, or of
-what was left when it was tried, on what did not fit it (chosen: as much as a companion must explain)."""
-
-
-def estimate_probability(named: NamedEffect) -> float:
-    """At most how probable it is that there is something, as likely as not before.
-
-    The calibration of p-values of Sellke, Bayarri & Berger 2001, Am Stat 55:62: no prior of sizes speaks
-    more for an effect.
-    """
-    p = min(max(named.p_family, 1e-300), 1.0)
-    return 1.0 / (1.0 - math.e * p * math.log(p)) if p < 1.0 / math.e else 0.5
 
 
 def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
@@ -99,18 +86,6 @@ def list_bounds(named: NamedEffect) -> Mapping[str, Range]:
     return found
 
 
-def find_carrying(named: Sequence[NamedEffect]) -> Iterator[bool]:
-    """Which effects carry the gap: the first question's answers, the largest, and those beside it."""
-    sums: dict[str, float] = {}
-    for n in named:
-        sums[n.candidate.seen_in] = sums.get(n.candidate.seen_in, 0.0) + n.fitted.gain
-    most = {sort: max(n.fitted.gain for n in named if n.candidate.seen_in == sort) for sort in sums}
-    for n in named:
-        sort, gain = n.candidate.seen_in, n.fitted.gain
-        large = gain >= min(CARRIES * sums[sort], most[sort]) or n.held_out.gain >= CARRIES
-        yield large or is_answer(n.candidate.kind)
-
-
 _MM = 1e3
 _UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
 """Observable to the unit in the results and its factor."""
@@ -133,6 +108,7 @@ class DiscoverResults:
     lasting: Fit  # after, without movements that skin as a whole could as well be
     left_out: tuple[str, ...]  # the names of these
     bones: BoneKnowledge
+    leanings: Sequence[Leaning] = ()  # what the recordings say of every effect of the model
     wall_s: float = 0.0
     hidden: Sequence[HiddenDocument] | None = None  # of a virtual person: what should have been found
 
@@ -158,6 +134,10 @@ class DiscoverResults:
         return f"<p>{escape(self.document.headline)}</p>{self.effects._repr_html_()}"
 
 
+def _finite(sizes: Mapping[str, float]) -> dict[str, float]:
+    return {name: size for name, size in sizes.items() if math.isfinite(size)}
+
+
 def make_discovery_document(
     results: DiscoverResults, files: Sequence[str] = (), notes: Sequence[str] = ()
 ) -> DiscoveryDocument:
@@ -166,8 +146,7 @@ def make_discovery_document(
     fitted, held_out = (
         [name for name, role in prepared.roles.items() if role == of] for of in ("fit", "held_out")
     )
-    carries = find_carrying(found.named)
-    effects = [_make_effect(n, prepared.model, c) for n, c in zip(found.named, carries, strict=True)]
+    effects = [_make_effect(n, prepared.model) for n in found.named]
     gap = BothGaps(fit=_make_gap(found.fit), held_out=_make_gap(found.held_out))
     left = [UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained]
     return DiscoveryDocument(
@@ -176,12 +155,16 @@ def make_discovery_document(
         headline=text.write_headline(
             found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)
         ),
-        smaller=text.describe_smaller(effects),
         reason=found.reason,
         disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
         effects=effects,
         gap=gap,
-        tried=[TriedDocument(**_place(o.candidate), gain=o.held_out.gain) for o in found.tried],
+        tried=[
+            TriedDocument(
+                **_place(o.candidate), gain=o.gain, log_odds=o.odds, smallest_nameable=_finite(o.smallest)
+            )
+            for o in found.tried
+        ],
         unexplained=left,
         bones=_make_bones(results),
         start=prepared.start,
@@ -242,22 +225,21 @@ def _place(candidate: Candidate) -> dict[str, Any]:
     }
 
 
-def _make_effect(named: NamedEffect, model: BodyModel, carries: bool) -> EffectDocument:
+def _make_effect(named: NamedEffect, model: BodyModel) -> EffectDocument:
     candidate, numbers = named.effect.candidate, _judge_numbers(named, model)
     others = [PlacedEffect(**_place(other)) for other in named.equivalents]
     return EffectDocument(
         **_place(candidate),
         name=_name(named, others, numbers),
-        carries=carries,
         parameters=numbers,
-        smallest_nameable={name: size for name, size in named.smallest.items() if math.isfinite(size)},
+        smallest_nameable=_finite(named.smallest),
         confusable_with=others,
         would_separate=named.would_separate or None,
         evidence=EvidenceDocument(
-            gain_held_out=named.held_out.gain,
-            p_held_out=named.held_out.p,
-            p_family_wise=named.p_family,
-            by_blocks=named.held_out.folds,
+            gain_held_out=named.gain,
+            log_odds=named.odds,
+            p_family_wise=1.0 - turn_into_probability(named.odds),
+            by_blocks=named.by_blocks,
             summary=text.describe_evidence(named),
         ),
         belief=_make_belief(named, numbers),
@@ -291,7 +273,7 @@ def _make_belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) ->
         for q in numbers.values()
         if q.usual is not None and not isinstance(q.value, tuple)
     ]
-    effect, member = estimate_probability(named), named.member
+    effect, member = turn_into_probability(named.odds), named.member
     sign, size = estimate_sign_probability(named.effect.size, named.covariance), min(sizes, default=None)
     return BeliefDocument(
         effect=effect,
@@ -354,7 +336,6 @@ def _make_gap(gap: Gap) -> GapDocument:
         markers_mm=levels.get("markers"),
         force_N=levels.get("force"),
         moment_Nm=levels.get("moment"),
-        absorbed=gap.absorbed,
         places=places,
     )
 

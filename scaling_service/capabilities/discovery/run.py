@@ -13,7 +13,8 @@ from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
-from scaling_service.capabilities.discovery.start import prepare
+from scaling_service.capabilities.discovery.search.naming import Origin
+from scaling_service.capabilities.discovery.start import PLAIN_METHODS, prepare
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -98,10 +99,14 @@ def run(
         found = search_effects(
             prepared.model,
             prepared.recordings,
-            prepared.free,
             search,
             progress=report_part(report, _PREPARING, 1.0 - _PREPARING),
             notes=prepared.notes,
+            origin=Origin(
+                given=prepared.calibration is None,
+                placed=prepared.start not in PLAIN_METHODS,
+                declared_kg=prepared.subject.mass_kg,
+            ),
         )
         fit, left_out = without_undetermined(found.after, found.findings)
         bones = learn_bones(correct_model(fit), fit)
@@ -117,6 +122,7 @@ def run(
         lasting=fit,
         left_out=left_out,
         bones=bones,
+        leanings=found.leanings,
         wall_s=time.perf_counter() - clock,
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
-from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
 from scaling_service.capabilities.discovery.evidence.fit import Recording
-from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
-from scaling_service.capabilities.dynamics.start import choose_rigid, scale_model, with_inertia
+from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
 from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
 from scaling_service.capabilities.dynamics.weight import FAR_OFF
 from scaling_service.capabilities.kinetics.forces import (
@@ -26,10 +23,8 @@ from scaling_service.capabilities.kinetics.forces import (
     find_feet,
     read_movement_forces,
 )
-from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.shared.names import OWN
-from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
+from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.progress import Progress
@@ -38,9 +33,9 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Calibration
-from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Trial
+from scaling_service.model.subject import Session, Subject
 from scaling_service.numerics.signals.filters import find_runs
+from scaling_service.numerics.signals.splines import MIN_SAMPLES
 from scaling_service.recording.exchanged import without_exchanges
 from scaling_service.recording.faults import FAULTS
 from scaling_service.recording.plates_feet import BRIEF_S, NOBODY, FootContacts
@@ -142,13 +137,15 @@ def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
     )
 
 
-NOTE = "as calibrated"
-"""Marks what a calibration freed, so that it is not taken for an effect that was named."""
-
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 
-_SAME_CHANGE = {"length": "segment_length", "axis": "joint_axis_tilt", "marker": "marker_offset"}
-"""The group of a calibration's parameter to the effect that is the same change."""
+PLAIN_METHODS = ("MB", "EB")
+"""Scalings that fit no marker's place, and so take up least of what is looked for."""
+
+
+def choose_plain(session: Session) -> str:
+    """The scaling that takes up least of what is looked for."""
+    return "EB" if session.images is not None else "MB"
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -160,7 +157,6 @@ class Prepared:
     model: BodyModel  # of the person's size, without parameters
     # calibration trials fit, evaluation trials are held out; all fit where there are only one kind
     recordings: tuple[Recording, ...]
-    free: tuple[Estimate, ...] = ()  # what the calibration could have explained, at zero
     forces: Mapping[str, TrialForces] = field(default_factory=dict)  # of the recordings that have some
     calibration: Calibration | None = None  # None for the given model
     notes: tuple[str, ...] = ()  # what could not be tried or decided, and why
@@ -191,8 +187,7 @@ def prepare(
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
     sound, exchanged = _without_exchanges(loaded)
-    # A posterior takes up what is looked for
-    start = scale_model(sound, chosen.start or choose_rigid(session), settings, progress=progress)
+    start = scale_model(sound, chosen.start or choose_plain(session), settings, progress=progress)
     scaled = start.calibration is not None
     check_fits(start.model, session.dynamic, scaled=scaled)
     unknown = chosen.inertia is None and None in (subject.height_m, subject.mass_kg)
@@ -207,6 +202,8 @@ def prepare(
         )
         for trial in session.dynamic
     )
+    if session.static is not None and session.static.n_frames >= MIN_SAMPLES:
+        used = (Recording(session.static, "fit"), *used)  # a witness
     unmeasured = [
         said
         for trial in session.dynamic
@@ -227,7 +224,6 @@ def prepare(
         start=start.method,
         model=massive.model,
         recordings=used,
-        free=free_parameters(start.method, start.model, session.calibration, settings.calibration),
         forces=forces,
         calibration=start.calibration,
         notes=tuple(dict.fromkeys(notes)),
@@ -249,27 +245,3 @@ def _without_exchanges(loaded: Loaded) -> tuple[Loaded, tuple[str, ...]]:
     )
     session = replace(session, calibration=calibration, evaluation=evaluation)
     return replace(loaded, session=session), said
-
-
-def free_parameters(
-    method: str, model: BodyModel, trials: Sequence[Trial], settings: CalibrationSettings
-) -> tuple[Estimate, ...]:
-    """What an optimised calibration freed of its trials, as effects of size zero to move along."""
-    row = METHODS.get(method)
-    if not isinstance(row, Optimised):
-        return ()
-    shown = frozenset(label for trial in trials for label in trial.shown_labels)
-    marked = tuple(m.name for m in model.markers if m.name in shown and m.weight > 0.0)
-    scene = Scene(model=model, markers=marked, moving=(), trials=())
-    # one candidate for each thing that was freed, with the columns of its free numbers
-    free: dict[tuple[str, str], set[str]] = {}
-    for parameter in row.freedom.apply(model, shown, settings).parameters:
-        free.setdefault((parameter.group, parameter.target), set()).add(parameter.name[-1])
-    found = []
-    for (group, target), letters in free.items():
-        for candidate in propose_candidates(scene, [_SAME_CHANGE[group]]):
-            if candidate.where == (target,):
-                # a size has one column, whatever its letter
-                columns = tuple(c for c in candidate.columns if group == "length" or c.name[0] in letters)
-                found.append(Estimate(replace(candidate, columns=columns, note=NOTE), np.zeros(len(columns))))
-    return tuple(found)

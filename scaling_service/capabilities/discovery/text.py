@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.discovery.document import (
@@ -23,13 +22,13 @@ from scaling_service.capabilities.discovery.numbers import (
     format_percent,
     format_quantity,
 )
-from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.search.findings import NamedEffect, turn_into_probability
 from scaling_service.core.text import list_few
 from scaling_service.report.blocks import Cell, Row, Table
 from scaling_service.report.methods import spell_name
 
 LEVELS = (
-    ("whitened", "all together", "times the noise floor"),
+    ("whitened", "all together", "times what is ordinary"),
     ("markers_mm", "markers", "mm"),
     ("force_N", "ground force", "N"),
     ("moment_Nm", "ground moment", "N m"),
@@ -133,22 +132,30 @@ def write_headline(
     unseen = "held-out recordings" if held_out else "the recordings (none was held out)"
     if verdict == "nothing":
         tracked = (
-            f": {unseen} are tracked to {format_figures(level.after)} times the noise floor" if level else ""
+            f": {unseen} are tracked to {format_figures(level.after)} times what is ordinary" if level else ""
         )
-        return f"Nothing stands above the noise{tracked}"
+        return f"Ordinary for people; nothing stands out{tracked}"
     if verdict == "unexplained":
-        return "Something stands above the noise, and nothing in the catalogue explains it"
-    count = sum(effect.carries for effect in effects)
+        return "Something stands out of what is ordinary for people, and nothing in the catalogue explains it"
+    count = len({(e.kind, *e.where) for e in effects})  # the same in several recordings is one
     things = "One missing effect was" if count == 1 else f"{count} missing effects were"
-    doubtful = sum(effect.carries and has_doubtful_size(effect) for effect in effects)
-    classes = sum(effect.carries and is_class_named(effect) for effect in effects)
+    doubtful = sum(map(has_doubtful_size, effects))
+    classes = sum(map(is_class_named, effects))
     whose = ("", "") if count == 1 else (f"{classes} of them ", f"{doubtful} of them ")
     doubt = f", {whose[0]}named only as a class of effects" if classes else ""
     doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
     if level is None:
         return f"{things} found{doubt}"
-    fall = f"falls from {format_figures(level.before)} to {format_figures(level.after)} times the noise floor"
-    return f"{things} found{doubt}; the gap on {unseen} {fall}{_describe_most_left(level, left)}"
+    told = f"{_describe_fall(level)}{_describe_most_left(level, left)}"
+    return f"{things} found{doubt}; the gap on {unseen} {told}"
+
+
+def _describe_fall(level: LevelDocument) -> str:
+    """How far the gap falls, where its interval says that it does."""
+    before, after = level.before or 0.0, level.after or 0.0
+    if after < before and (level.high or 0.0) < before:
+        return f"falls from {format_figures(before)} to {format_figures(after)} times what is ordinary"
+    return f"is {format_figures(after)} times what is ordinary, as without, {format_figures(before)}"
 
 
 def _describe_most_left(level: LevelDocument, left: Sequence[UnexplainedDocument]) -> str:
@@ -163,23 +170,16 @@ def _describe_most_left(level: LevelDocument, left: Sequence[UnexplainedDocument
     return f". Most of it is left unexplained, above all at {list_few(most.where)} ({size})"
 
 
-def describe_smaller(effects: Sequence[EffectDocument]) -> str:
-    """In a line, what improves the fit beside what carries the gap; empty where there is nothing."""
-    small = [describe_place(effect) for effect in effects if not effect.carries]
-    things = "One smaller thing improves" if len(small) == 1 else f"{len(small)} smaller things improve"
-    return f"{things} the fit: {list_few(small)}" if small else ""
-
-
 def describe_belief(effect: float, member: float, sign: float | None, size: float | None) -> str:
     """How far an effect may be believed: that it is there, of its class this one, its sign and size.
 
     Examples
     --------
     >>> describe_belief(0.9999, 0.5, 0.98, 0.01)
-    'not by chance: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
+    'not ordinary: > 99 %; this one of its class: 50 %; its sign: 98 %; a size that laboratories meet: 1 %'
     """
     beliefs = (
-        ("not by chance", effect),
+        ("not ordinary", effect),
         ("this one of its class", member if member < 1.0 else None),
         ("its sign", sign),
         ("a size that laboratories meet", size),
@@ -215,17 +215,13 @@ def has_doubtful_size(effect: EffectDocument) -> bool:
 
 def describe_evidence(named: NamedEffect) -> str:
     """What speaks for an effect."""
-    chance = format_chance(named.p_family)
-    family = f"The chance of naming anything in the whole catalogue where nothing is: {chance}."
+    chance = format_chance(1.0 - turn_into_probability(named.odds))
+    ordinary = f"The chance that it is what is ordinary for people: {chance}."
     if isinstance(named.candidate.change, Reweighed):
-        return (
-            f"The momentum balance of all recordings with forces says so; none was held out from it. {family}"
-        )
-    held_out = named.held_out
-    unseen = "blocks of time that did not fit it" if held_out.folds else "recordings that did not fit it"
-    gain = f"{held_out.gain:.0%}" if math.isfinite(held_out.gain) else "an unknown share"
-    by_chance = format_chance(held_out.p)
-    return f"It takes {gain} off the squared disagreement of {unseen} (by chance: {by_chance}). {family}"
+        said = "The momentum balance of all recordings with forces says so; none was held out from it."
+        return f"{said} {ordinary}"
+    unseen = "the recordings (none was held out)" if named.by_blocks else "recordings that did not fit it"
+    return f"It takes {named.gain:.0%} off the squared disagreement of {unseen}. {ordinary}"
 
 
 def describe_classes(effects: Sequence[EffectDocument]) -> Iterator[str]:
@@ -284,13 +280,11 @@ def describe_hidden(document: DiscoveryDocument) -> list[str]:
 # Tables
 
 
-def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Table:
-    """Effect, where, size, and the gap of its places on what was not fitted; or the smaller things."""
+def tabulate_effects(document: DiscoveryDocument) -> Table:
+    """Effect, where, size, and the gap of its places on what was not fitted."""
     unseen = "held-out gap" if document.held_out_trials else "gap"
     rows: list[Row] = []
     for effect in document.effects:
-        if effect.carries != carries:
-            continue
         following = f"\nwith {', '.join(effect.driver)}" if effect.driver else ""
         only = f"\nin {', '.join(effect.trials)} only" if effect.trials else ""
         sizes = [format_quantity(name, quantity, spread=True) for name, quantity in effect.parameters.items()]
@@ -306,9 +300,8 @@ def tabulate_effects(document: DiscoveryDocument, *, carries: bool = True) -> Ta
         cells: list[str | Cell] = [", ".join(effect.where) + following + only, shown, "\n".join(gaps)]
         others = "\nor another of its class" if is_class_named(effect) else ""
         rows.append(Row(effect.kind.replace("_", " ") + others, cells))
-    columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (noise floor)"]
-    caption = "The missing effects" if carries else "Smaller things that improve the fit"
-    return Table(caption=caption, columns=columns, rows=rows, words=True)
+    columns = ["effect", "where", "size ± sd", f"{unseen}: before → after (ordinary)"]
+    return Table(caption="The missing effects", columns=columns, rows=rows, words=True)
 
 
 def list_gaps(document: DiscoveryDocument) -> dict[str, GapDocument]:
@@ -318,7 +311,7 @@ def list_gaps(document: DiscoveryDocument) -> dict[str, GapDocument]:
 
 
 def tabulate_gaps(document: DiscoveryDocument) -> Table:
-    """All of one kind together, before and after, between the noise floor and the black-box bound."""
+    """All of one kind together, before and after, beside what is ordinary."""
     rows = [
         Row(
             f"{role}: {name}, {unit}",
@@ -329,12 +322,14 @@ def tabulate_gaps(document: DiscoveryDocument) -> Table:
         if (level := getattr(gap, field)) is not None
     ]
     return Table(
-        caption="The gap, RMS", columns=["", "before", "after", "noise floor", "black-box bound"], rows=rows
+        caption="The gap, RMS",
+        columns=["", "before", "after", "ordinary", "left by all that is ordinary"],
+        rows=rows,
     )
 
 
 def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
-    """What is left above the noise floor, the first places with the law that describes each."""
+    """What is left beyond what is ordinary, the first places with the law that describes each."""
     rows = [
         Row(
             ", ".join(u.where),
@@ -344,8 +339,8 @@ def tabulate_unexplained(document: DiscoveryDocument, most: int) -> Table:
     ]
     more = len(document.unexplained) - most
     return Table(
-        caption="Above the noise floor, and like no effect of the catalogue",
-        columns=["place", "left over", "noise floor", "the simplest law that describes it"],
+        caption="Beyond what is ordinary, and like no effect of the catalogue",
+        columns=["place", "left over", "ordinary", "the simplest law that describes it"],
         rows=rows,
         note=f"And {more} more places, which are in discovery.json." if more > 0 else "",
         words=True,

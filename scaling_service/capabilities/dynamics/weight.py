@@ -62,8 +62,11 @@ class Weight:
     @property
     def differs(self) -> bool:
         """Whether the declared mass is wrong beyond what plates and clothes explain."""
-        off = abs(self.plates_kg - self.declared_kg)
-        return off > max(NOTICED * self.declared_kg, 1.96 * self.sd_kg)
+        return self.differs_from(self.declared_kg)
+
+    def differs_from(self, declared_kg: float) -> bool:
+        """Whether a declared mass is wrong beyond what plates and clothes explain."""
+        return abs(self.plates_kg - declared_kg) > max(NOTICED * declared_kg, 1.96 * self.sd_kg)
 
     @property
     def lasting(self) -> bool:

@@ -100,8 +100,8 @@ def cases() -> list[Case]:
 
 
 def sample() -> list[Case]:
-    """A few of them: an effect that forces show, nothing, and a disturbance."""
-    wanted = {"force_delay", "white", "marker_late"}
+    """A few of them: an effect that forces show, and nothing."""
+    wanted = {"force_delay", "white"}
     chosen = [c for c in cases() if c.kinds[0] in wanted and c.size in {"large", "none"}]
     return list({c.kinds: c for c in reversed(chosen)}.values())
 

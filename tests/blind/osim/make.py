@@ -1,7 +1,6 @@
 """``python -m tests.blind.osim.make --out BANK``: write the bank by OpenSim, going on where it stopped.
 
-Run it with ``tests.blind.run`` and score it with ``tests.blind.score``, as the other bank. ``records.csv``
-here holds a line for each case as last run.
+Run it with ``tests.blind.run`` and score it with ``tests.blind.score``, as the other bank.
 """
 
 from __future__ import annotations

@@ -104,8 +104,8 @@ def test_the_bank_has_two_sizes_and_a_dozen_disturbances() -> None:
     assert len({c.id for c in cases()}) == len(cases())
 
 
-ALWAYS = "marker_late"
-"""What a change is most likely to break: a disturbance that several effects resemble."""
+ALWAYS = "force_delay"
+"""What every run tries."""
 
 
 @pytest.mark.parametrize(

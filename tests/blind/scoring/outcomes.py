@@ -133,12 +133,12 @@ class Outcome:
         )
 
     def closed(self) -> float | None:
-        """Share of the held-out gap from before to the floor that was closed (whitened)."""
+        """Share of the held-out gap that was closed, down to what all that is ordinary would leave."""
         gap = ((self.result or {}).get("gap") or {}).get("held_out") or {}
         whole = gap.get("whitened")
-        if not whole or any(whole.get(k) is None for k in ("before", "after", "floor")):
+        if not whole or any(whole.get(k) is None for k in ("before", "after", "ceiling")):
             return None
-        closable = whole["before"] - whole["floor"]
+        closable = whole["before"] - whole["ceiling"]
         return (whole["before"] - whole["after"]) / closable if closable > 0 else None
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, fields
 from functools import cache
 from importlib import import_module
@@ -12,8 +12,7 @@ from typing import Any
 
 from scaling_service.capabilities.discovery import effects
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Seen
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.laws.scene import Scene
 
 ENTRY_POINTS = "scaling_service.effects"
@@ -29,15 +28,9 @@ class Effect:
     kind, meaning : str
         The name in results, and what it is in a sentence for a person.
     candidates : callable, optional
-        The places where it could sit and its columns there; of an effect that is a sum of columns.
-    search : callable, optional
-        The likely ones, fitted and tried; of an effect whose course is not known beforehand, so that no
-        column can stand for it.
-    question : callable, optional
-        Asked before the search, of the fit and of what was scored: the effect where the answer is yes. It
-        stays, unless it is asked again without it, once all is named, and the answer is no.
-    seen_in : 'markers' or 'wrench'
-        What that search looks at.
+        The places where it could sit and its columns there; of an effect that is a sum of columns. How large
+        its numbers are in laboratories stands in ``reference_models/effect_sizes.yaml``, or else between the
+        columns' ``low`` and ``high``.
     details : callable, optional
         Numbers that no column holds, by the names of the results.
     spreads : callable, optional
@@ -48,9 +41,6 @@ class Effect:
     meaning: str
     candidates: Callable[[Scene], Iterable[Candidate]] | None = None
     _: KW_ONLY
-    search: Callable[[Fit], Iterable[ScoredCandidate]] | None = None
-    question: Callable[[Fit, Sequence[ScoredCandidate]], ScoredCandidate | None] | None = None
-    seen_in: Seen = "markers"
     details: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
     spreads: Callable[[Estimate, Fit], Mapping[str, float]] | None = None
 
@@ -83,33 +73,6 @@ def propose_candidates(scene: Scene, kinds: Collection[str] | None = None) -> It
     for effect in find_effects().values():
         if effect.candidates is not None and (kinds is None or effect.kind in kinds):
             yield from effect.candidates(scene)
-
-
-def search_effects(fit: Fit, seen_in: Seen) -> Iterator[ScoredCandidate]:
-    """Effects that need a search of their own in an observation, where they are likely."""
-    for effect in find_effects().values():
-        if effect.search is not None and effect.seen_in == seen_in:
-            fit.context.advance()
-            yield from effect.search(fit)
-
-
-def ask_questions(fit: Fit, scored: Sequence[ScoredCandidate]) -> Iterator[ScoredCandidate]:
-    """Effects that a question of their own finds, before the search."""
-    for kind in filter(is_answer, find_effects()):
-        found = ask(kind, fit, scored)
-        if found is not None:
-            yield found
-
-
-def is_answer(kind: str) -> bool:
-    """Whether an effect of this kind is the answer to a question."""
-    return find_effects()[kind].question is not None
-
-
-def ask(kind: str, fit: Fit, scored: Sequence[ScoredCandidate] = ()) -> ScoredCandidate | None:
-    """The question of a kind, asked of a fit and of what was scored; None where the answer is no."""
-    question = find_effects()[kind].question
-    return None if question is None else question(fit, scored)
 
 
 def describe_details(effect: Estimate, after: Fit) -> Mapping[str, float]:

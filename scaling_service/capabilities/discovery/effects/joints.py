@@ -18,6 +18,7 @@ from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, At, JointSpot, SizeSpot
+from scaling_service.model.body import Segment
 
 _THIRD = 2  # of a joint of two turns: the axis about which neither is taken to go
 AXIS_TILT = "joint_axis_tilt"
@@ -37,10 +38,8 @@ def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
     joint's own axis it would change nothing.
     """
     for segment in scene.jointed:
-        own = [j for j in segment.joints if j.turns]
-        if len({t.coordinate for j in own for t in j.law.terms} - {None}) < 3:
-            main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
-            across = [k for k in range(3) if k != main]
+        across = list_across(segment)
+        if len(across) < 3:
             columns = tuple(
                 Column(
                     name=f"{LETTERS[k]}_deg",
@@ -52,6 +51,15 @@ def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
                 for k in across
             )
             yield Candidate(kind=AXIS_TILT, where=(segment.joint_name,), columns=columns)
+
+
+def list_across(segment: Segment) -> list[int]:
+    """Axes about which a joint does not turn anyhow; all three of one that takes any direction."""
+    own = [j for j in segment.joints if j.turns]
+    if len({t.coordinate for j in own for t in j.law.terms} - {None}) >= 3:
+        return [0, 1, 2]
+    main = int(np.argmax(np.abs(own[0].axis))) if len(own) != 2 else _THIRD
+    return [k for k in range(3) if k != main]
 
 
 def _shift_and_return(segment: str, axis: int) -> tuple[Part, Part]:
@@ -68,7 +76,7 @@ def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
         for driver in scene.coordinates_of(segment):
             where = (segment.joint_name,)
             gliding = make_shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
-            turning = make_turns(turn_of(segment.name), driver=driver)
+            turning = tuple(make_turns(turn_of(segment.name), driver=driver)[k] for k in list_across(segment))
             yield Candidate(kind="coupled_motion", where=where, columns=gliding, driver=(driver,))
             yield Candidate(
                 kind="coupled_motion", where=where, columns=turning, driver=(driver,), note="turning"

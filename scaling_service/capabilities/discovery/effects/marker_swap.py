@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -12,119 +12,120 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, find_best_span
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
-from scaling_service.core.threads import map_parallel
+from scaling_service.capabilities.discovery.ordinary.body import make_clusters
+from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
+from scaling_service.capabilities.discovery.ordinary.sums import (
+    list_patterns,
+    place_in_segments,
+    turn_vectors,
+    weigh_frames,
+)
 from scaling_service.numerics.multibody.laws import Array
 
-_CHUNK = 128
-_SAME_S = 0.1  # chosen: times of one script differ by less from trial to trial
-_SHORTEST = 3  # frames; chosen: fewer are a flicker that does no harm
+_PLACE_M = 0.015  # of a marker's place along an axis, whatever model it is (see ``ordinary.body``)
+_RIVALS = 3  # pairs: what a body that is turned to fit them takes for exchanged is among them (chosen)
+_JUMP_M, _NEARER = 0.02, 0.4
+"""By what a marker leaves its course where labels change, and how much nearer the other's course is (chosen:
+20 mm between two frames is 2 m/s at 100 Hz beside what the marker has)."""
+
+_CHUNK = 64  # frames at once
+_RIDGE = 1e-9  # of a pose's own curvature, so that a frame may leave a direction open
+KIND = "marker_swap"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Swap:
-    """Two labels exchanged for some frames."""
+def find_exchanges(item: TrackedTrial) -> list[tuple[float, Candidate]]:
+    """The likeliest exchanges of two labels in a recording, with their log odds.
 
-    exchange: Exchange
-    trials: tuple[str, ...]  # those in which they are; all of them unless given
-    gain: float  # fall of the whitened sum of squares
-    level: float  # whitened square of one number in the other frames
-
-
-def find_swaps(fit: Fit) -> Iterator[ScoredCandidate]:
-    """The best pair and span of every trial, and of all of them where all have the same."""
-    found = [swap for swap in map_parallel(_find_best, fit.tracked) if swap is not None]
-    together = _join_swaps(found)
-    for swap in found if together is None or len(found) < len(fit.tracked) else [*found, together]:
-        yield _score_swap(swap, fit)
-
-
-def _score_swap(swap: Swap, fit: Fit) -> ScoredCandidate:
-    """An exchange takes nothing from the data but its span, so all that it explains counts as held out."""
-    where = (swap.exchange.first, swap.exchange.second)
-    candidate = Candidate(
-        kind="marker_swap", where=where, columns=(), trials=swap.trials, change=swap.exchange
-    )
-    shown = [w for w in fit.tracked if candidate.holds_in(w.name)]
-    square = sum(w.square for w in shown)
-    spans, pairs = len(shown[0].q), math.comb(len(shown[0].markers), 2)
-    alike = max(1.0, fit.settings.block_s * shown[0].trial.rate_hz)
-    strength = swap.gain / max(swap.level, 1.0) / alike
-    p = min(1.0, float(np.exp(math.log(spans * pairs) - 0.5 * min(strength, 1e3))))
-    fitted = Fitted.of_any_course(swap.gain, swap.level, p)
-    return ScoredCandidate(
-        candidate=candidate,
-        fitted=fitted,
-        gains=None,
-        held_out=HeldOut(swap.gain / max(square, 1e-300), p, folds=True),
-    )
-
-
-def _join_swaps(found: Sequence[Swap]) -> Swap | None:
-    """One exchange for all trials, where all have the same pair at the same times."""
-    spans = np.array([(s.exchange.start_s, s.exchange.end_s) for s in found])
-    pairs = {(s.exchange.first, s.exchange.second) for s in found}
-    if len(found) < 2 or len(pairs) > 1 or np.ptp(spans, axis=0).max() > _SAME_S:
-        return None
-    exchange = Exchange(*pairs.pop(), *np.median(spans, axis=0).tolist())
-    return Swap(exchange, (), sum(s.gain for s in found), max(s.level for s in found))
-
-
-def _find_best(item: TrackedTrial) -> Swap | None:
+    With ``R`` what the residuals y of a frame weigh once the pose took what it likes, exchanging two markers
+    moves them by d and -d, which takes ``-2 d'Ry - d'Rd`` off ``y'Ry``. Skin counts with all its size, and
+    markers' places with what the generic model leaves of them.
+    """
     pairs = list(combinations(range(len(item.markers)), 2))
     if not pairs:
-        return None
-    gains, square, freedom = _measure_gains(item, pairs)
+        return []
+    first, second = np.array(pairs, dtype=np.intp).T
+    covariance = _PLACE_M**2 * np.eye(3 * len(item.markers))
+    for cluster in make_clusters(item, share=1.0):
+        covariance[np.ix_(cluster.numbers, cluster.numbers)] += cluster.covariance
+    generators, plain = Generators.of(item, ()), replace(item, floor=np.ones(len(item.markers)))
+    gains = np.concatenate(
+        [_gain(plain, generators, covariance, rows, first, second) for rows in item.chunks(_CHUNK)]
+    )
     spans = [find_best_span(gains[:, k]) for k in range(len(pairs))]
-    k = int(np.argmax([gain for gain, _ in spans]))
-    gain, rows = spans[k]
-    if gain <= 0.0 or rows.stop - rows.start < _SHORTEST:
-        return None
-    first, second = (item.markers[m] for m in pairs[k])
-    times = item.trial.times
-    exchange = Exchange(first, second, float(times[rows.start]), float(times[rows.stop - 1]))
-    outside = np.ones(len(times), dtype=bool)
-    outside[rows] = False
-    level = float(square[outside].sum() / max(freedom[outside].sum(), 1.0)) if outside.any() else 1.0
-    return Swap(exchange, (item.name,), gain, level)
+    weight = weigh_frames(item, item.step)
+    edges = 2.0 * math.log(max(weight * len(gains), 1.0))
+    found = []
+
+    def make(k: int, rows: slice) -> Candidate:
+        names = (item.markers[pairs[k][0]], item.markers[pairs[k][1]])
+        exchange = Exchange(*names, float(item.times[rows.start]), float(item.times[rows.stop - 1]))
+        return Candidate(kind=KIND, where=names, columns=(), trials=(item.name,), change=exchange)
+
+    for k in sorted(range(len(pairs)), key=lambda n: -spans[n][0])[:_RIVALS]:
+        gain, rows = spans[k]
+        if gain > 0.0:
+            found.append((0.5 * weight * gain - math.log(len(pairs)) - edges, make(k, rows)))
+    if found:  # a body that turned round to fit an exchange does not see it any more
+        found += [(found[0][0], make(k, rows)) for k, rows in _follow_jumps(item, first, second)]
+    return found
 
 
-def _measure_gains(item: TrackedTrial, pairs: Sequence[tuple[int, int]]) -> tuple[Array, Array, Array]:
-    """Of every frame what exchanging each pair would take off, (n, n_pairs); its square; its freedom."""
-    generators = Generators.of(item, ())
-    a, b = np.array(pairs, dtype=np.intp).T
+def _follow_jumps(
+    item: TrackedTrial, first: NDArray[np.intp], second: NDArray[np.intp]
+) -> Iterator[tuple[int, slice]]:
+    """Pairs that change places from one frame to the next, by continuity, and from when to when."""
+    x = item.task.measured
+    ahead = np.full_like(x, np.nan)
+    ahead[2:] = 2.0 * x[1:-1] - x[:-2]
 
-    def of(chunk: slice) -> tuple[Array, Array, Array]:
-        return _measure_gains_in(chunk, item, generators, a, b)
+    def measure(a: NDArray[np.intp], b: NDArray[np.intp]) -> Array:
+        return np.asarray(np.square(x[:, a] - ahead[:, b]).sum(axis=2))
 
-    gains, square, freedom = zip(*map_parallel(of, item.chunks(_CHUNK)), strict=True)
-    return np.concatenate(gains), np.concatenate(square), np.concatenate(freedom)
+    stay, change = (measure(first, p) + measure(second, q) for p, q in ((first, second), (second, first)))
+    jumps = (change < _NEARER * stay) & (stay > 2.0 * _JUMP_M**2)
+    for k in np.flatnonzero(jumps.any(axis=0)).tolist():
+        at = [*np.flatnonzero(jumps[:, k]).tolist(), len(x)]
+        yield k, slice(at[0], at[1])
 
 
-def _measure_gains_in(
-    chunk: slice, item: TrackedTrial, generators: Generators, a: NDArray[np.intp], b: NDArray[np.intp]
-) -> tuple[Array, Array, Array]:
-    """The same in some frames.
-
-    An exchange moves the first by d and the second by -d. What the pose hides of that is the square of
-    (H_a / f_a - H_b / f_b)' d, with H the rows of a marker in the pose's basis and f the floors.
-    """
-    gap, _, _, basis = generators.free_of_pose(item, chunk)
-    known, n, count = item.seen[chunk], len(gap), len(item.markers)
-    apart = np.nan_to_num(item.task.measured[chunk][:, b] - item.task.measured[chunk][:, a])
-    pull = gap.reshape(n, count, 3) / item.floor[:, None]
-    slope = ((pull[:, a] - pull[:, b]) * apart).sum(axis=2)
-    rows = basis / np.repeat(item.floor, 3)
-    hidden = (rows.transpose(0, 2, 1) @ rows).reshape(n, count, 3, count, 3)
-    both = hidden[:, a, :, a] + hidden[:, b, :, b] - hidden[:, a, :, b] - hidden[:, b, :, a]
-    size = (apart**2).sum(axis=2) * (item.floor[a] ** -2 + item.floor[b] ** -2)
-    size -= np.einsum("npc,pncd,npd->np", apart, both, apart, optimize=True)
-    gains = np.where(known[:, a] & known[:, b], -2.0 * slope - size, 0.0)
-    return gains, (gap**2).sum(axis=1), 3.0 * known.sum(axis=1) - (basis**2).sum(axis=(1, 2))
+def _gain(
+    item: TrackedTrial,
+    generators: Generators,
+    covariance: Array,
+    rows: slice,
+    a: NDArray[np.intp],
+    b: NDArray[np.intp],
+) -> Array:
+    """What exchanging each pair takes off in some frames, (n, n_pairs)."""
+    gap, pose, _ = generators.at(item, rows)
+    axes, seen = place_in_segments(item, rows), item.seen[rows]
+    gap, pose = turn_vectors(axes, gap), turn_vectors(axes, pose)
+    n, count = seen.shape
+    R = np.zeros((n, 3 * count, 3 * count))
+    for at, here in list_patterns(seen):
+        R[np.ix_(here, at, at)] = np.linalg.inv(covariance[np.ix_(at, at)])
+    shown = np.matmul(pose, R)
+    bend = np.matmul(shown, pose.transpose(0, 2, 1))
+    bend += _RIDGE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(pose.shape[1])
+    R -= np.matmul(shown.transpose(0, 2, 1), np.linalg.solve(bend, shown))
+    pull = np.matmul(R, gap[:, :, None]).reshape(n, count, 3)
+    blocks = R.reshape(n, count, 3, count, 3)
+    measured = item.task.measured[rows]
+    apart = np.nan_to_num(measured[:, b] - measured[:, a])[..., None]
+    of_a, of_b = np.matmul(axes[:, a], apart)[..., 0], -np.matmul(axes[:, b], apart)[..., 0]
+    slope = (pull[:, a] * of_a).sum(axis=2) + (pull[:, b] * of_b).sum(axis=2)
+    size = np.zeros(slope.shape)
+    for times, (i, left), (j, right) in (
+        (1.0, (a, of_a), (a, of_a)),
+        (1.0, (b, of_b), (b, of_b)),
+        (2.0, (a, of_a), (b, of_b)),
+    ):
+        block = blocks[:, i, :, j].transpose(1, 0, 2, 3)
+        size += times * np.einsum("npi,npij,npj->np", left, block, right, optimize=True)
+    return np.where(seen[:, a] & seen[:, b], -2.0 * slope - size, 0.0)
 
 
 def _describe_swap(effect: Estimate, _after: Fit) -> Mapping[str, float]:
@@ -134,11 +135,4 @@ def _describe_swap(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return {"start_s": exchange.start_s, "end_s": exchange.end_s}
 
 
-EFFECTS = (
-    Effect(
-        kind="marker_swap",
-        meaning="two labels are exchanged for a while",
-        search=find_swaps,
-        details=_describe_swap,
-    ),
-)
+EFFECTS = (Effect(kind=KIND, meaning="two labels are exchanged for a while", details=_describe_swap),)

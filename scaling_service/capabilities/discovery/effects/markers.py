@@ -49,10 +49,11 @@ def _make_following_shifts(group: Sequence[str], drivers: Sequence[str]) -> tupl
     )
 
 
-def propose_capture_scale(_scene: Scene) -> Iterator[Candidate]:
-    """The whole recording: a calibration wand of another length."""
+def propose_capture_scale(scene: Scene) -> Iterator[Candidate]:
+    """Whole recordings: a calibration wand of another length."""
     column = Column(name="factor", unit=1.0, parts=(Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
-    yield Candidate(kind="capture_scale", where=("markers",), columns=(column,))
+    for trials in scene.scopes:
+        yield Candidate(kind="capture_scale", where=("markers",), columns=(column,), trials=trials)
 
 
 EFFECTS = (

@@ -10,14 +10,13 @@ from scaling_service.capabilities.discovery.effects._columns import MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
+from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
-from scaling_service.model.body import BodyModel, Segment
-from scaling_service.model.inertia import to_matrix
+from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.motion import TENSOR
 
 _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 
@@ -25,10 +24,7 @@ _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
-        com = np.array(segment.com)
-        tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
-        every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
-        load = Inertial(segment.name, tuple((every / segment.mass).tolist()))
+        load = scale_segment(segment)
         column = Column(name="kg", unit=1.0, load=load, low=-0.9 * segment.mass, high=20.0)
         yield Candidate(kind="segment_mass", where=(segment.name,), columns=(column,))
 
@@ -36,7 +32,7 @@ def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
 def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass."""
     for segment in scene.heavy:
-        loads = [Inertial(segment.name, tuple(_differentiate_inertia(segment, k).tolist())) for k in range(3)]
+        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
         columns = tuple(
             Column(name=f"{letter}_mm", unit=MM, load=load, low=-200.0, high=200.0)
             for letter, load in zip(LETTERS, loads, strict=True)
@@ -111,18 +107,6 @@ def _place_of_load(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     mass = float(effect.size[0])
     place = effect.size[1:] / mass * 1e3 if mass else np.zeros(3)
     return dict(zip(("x_mm", "y_mm", "z_mm"), place.tolist(), strict=True))
-
-
-def _differentiate_inertia(segment: Segment, axis: int) -> Array:
-    """Change of the ten inertial parameters about the segment's origin per metre of its centre of mass."""
-    com, unit = np.array(segment.com), np.eye(3)[axis]
-    tensor = 2.0 * segment.mass * _spread(com, unit)
-    return np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]])
-
-
-def _spread(a: Array, b: Array) -> Array:
-    """The mixed part of a unit mass' tensor at a + b, halved: ``a.b 1 - (a b' + b a') / 2``."""
-    return np.asarray(a @ b * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
 
 
 EFFECTS = (

@@ -2,36 +2,39 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
-from scaling_service.capabilities.discovery.evidence.courses import (
-    FreeCourse,
-    compute_course_error,
-    compute_course_rms,
-    compute_energies,
-    find_common_axis,
-    solve_courses,
-    spread_along,
-)
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.evidence.settings import IDENTIFIABLE
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut, assess_above_zero
 from scaling_service.capabilities.discovery.laws.apply import name_freedom
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
+from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import At, JointSpot
-from scaling_service.capabilities.discovery.observations.tracked import Role
-from scaling_service.core.threads import map_parallel
-from scaling_service.model.body import Vector
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.ordinary.body import find_part
+from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.capabilities.discovery.ordinary.levels import weigh_level, weigh_marker
+from scaling_service.capabilities.discovery.ordinary.sums import White
 from scaling_service.numerics.multibody.laws import Array
 
-MOST = {"rotation": np.radians(20.0), "translation": 0.03}
-"""RMS of a motion that a model could have locked by mistake (chosen: nobody would lock a joint of more)."""
+KIND = "missing_dof"
+_EVERYDAY = {"rotation": math.radians(3.0), "translation": 0.004}
+"""By what a joint strays from a model of fewer freedoms at level one (knee, beside flexion, from pins: 3 to
+10 deg and mm in all: Lafortune 1992, Reinschmidt 1997)."""
+
+_LARGE = {
+    "rotation": math.radians(7.5),
+    "translation": 0.0075,
+}  # half of what ``effect_sizes.yaml`` says is met
+_FACTORS = np.geomspace(1.0, 40.0, 9)  # by which it may be livelier at one joint
+_SHOWN = 1e-3  # share of a direction's square below which the pose hides it
+_DIRECTION = math.log(10.0)  # chosen: directions in space that are told apart at 20 deg
 
 _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
     ("before", "rotation"),
@@ -42,105 +45,110 @@ _PLACES: tuple[tuple[At, Literal["rotation", "translation"]], ...] = (
 _NOTES = {"before": "extra turn", "after": "extra turn about own axes", "start": "extra shift"}
 
 
-def find_locked_motions(fit: Fit) -> Iterator[ScoredCandidate]:
-    """Every joint that turns, with its best directions of turning and of shifting."""
-    jointed = fit.scene.jointed
-    spots = [JointSpot(s.name, at, kind, k) for s in jointed for at, kind in _PLACES for k in range(3)]
-    joints = [(s, *place) for s in jointed for place in _PLACES]
-    courses = map_parallel(partial(solve_courses, spots=spots), fit.tracked)
-    shares = _compute_shares(courses)
-    for k, (segment, at, kind) in enumerate(joints):
-        if shares[k] > IDENTIFIABLE:
-            by_trial = [found[k] for found, _ in courses]
-            made = _find_best_direction(fit, by_trial)
-            if made is not None and spread_along(by_trial, np.array(made[0])) < MOST[kind]:
-                axis, fitted, gains, held_out = made
+def find_free_motions(
+    scene: Scene, base: Base, whites: Sequence[tuple[White, Array]], levels: Mapping[str, float]
+) -> Iterator[tuple[float, Candidate]]:
+    """Every joint that turns, with its best directions of turning and of shifting, and their log odds.
+
+    ``whites``: of every recording, with residuals (n, 3 m) less everything ordinary that lasts.
+    """
+    numbers = {spot: k for k, spot in enumerate(base.spots)}
+    jointed = scene.jointed
+    for segment in jointed:
+        level = min(levels.get(f"glide {find_part(scene.model.bone_of(segment.name))}", 1.0), 1.0)
+        for at, kind in _PLACES:
+            rows = [numbers[JointSpot(segment.name, at, kind, k)] for k in range(3)]
+            found = _weigh_course(whites, rows, level * _EVERYDAY[kind], _LARGE[kind])
+            if found is not None:
+                odds, axis = found
                 motion = FreeMotion(segment.name, at, kind, axis)
-                where = (fit.model.segment(segment.name).joint_name,)
                 candidate = Candidate(
-                    kind="missing_dof", where=where, columns=(), note=_NOTES[at], change=motion
+                    kind=KIND, where=(segment.joint_name,), columns=(), note=_NOTES[at], change=motion
                 )
-                yield ScoredCandidate(candidate=candidate, fitted=fitted, gains=gains, held_out=held_out)
+                yield odds - math.log(len(_PLACES) * len(jointed)) - _DIRECTION, candidate
 
 
-def _compute_shares(courses: Sequence[tuple[list[FreeCourse], Array]]) -> Array:
-    """Of every joint and kind: the largest share of a direction's square that no pose hides."""
-    shown = [
-        np.linalg.eigvalsh(np.sum([each[0][k].curvature.sum(axis=0) for each in courses], axis=0))[-1]
-        for k in range(len(courses[0][0]))
-    ]
-    return np.asarray(np.array(shown) / np.maximum(np.sum([raw for _, raw in courses], axis=0), 1e-300))
-
-
-def _find_best_direction(
-    fit: Fit, courses: Sequence[FreeCourse]
-) -> tuple[Vector, Fitted, Array, HeldOut] | None:
-    """The direction that one joint's residuals keep to, and what a motion along it takes off."""
-    parts: dict[Role, list[FreeCourse]] = {"fit": [], "held_out": []}
-    for item, course in zip(fit.tracked, courses, strict=True):
-        parts[item.role] += [course.cut(rows) for rows in item.blocks(fit.settings.block_s)]
-    fitting, held = parts["fit"], parts["held_out"]
-    axis = find_common_axis(fitting)
-    if axis is None:
+def _weigh_course(
+    whites: Sequence[tuple[White, Array]], rows: Sequence[int], everyday: float, large: float
+) -> tuple[float, tuple[float, float, float]] | None:
+    """Log Bayes factor of a motion of any course along the best direction, against the everyday one."""
+    scores, products, weights, raw = [], [], [], 0.0
+    edges = np.cumsum([len(left) for _, left in whites])[:-1]
+    for white, left in whites:
+        columns = white.columns[:, rows]
+        scores.append(np.matmul(columns, left[:, :, None])[:, :, 0])
+        products.append(np.matmul(columns, columns.transpose(0, 2, 1)))
+        weights.append(np.full(len(left), white.look.weight))
+        raw += float(np.square(white.look.columns[:, rows]).sum())
+    x, X, w = np.concatenate(scores), np.concatenate(products), np.concatenate(weights)
+    shown = np.einsum("n,nij->ij", w, X)
+    if np.trace(shown) <= 0.0:
         return None
-    gains, chance = compute_energies(fitting, axis)
-    crossed = [
-        _log_ratio(new, other)
-        for known, new in ((fitting[0::2], fitting[1::2]), (fitting[1::2], fitting[0::2]))
-        if (other := find_common_axis(known)) is not None and new
-    ]
-    p = assess_above_zero(np.concatenate(crossed)) if crossed else 1.0
-    fitted = Fitted.of_any_course(float(gains.sum()), float(chance.sum()), p)
-    tried = held or fitting
-    gain, noise = compute_energies(held, axis) if held else (gains, chance)
-    share = float((gain - noise).sum() / sum(c.square.sum() for c in tried))
-    held_p = assess_above_zero(_log_ratio(held, axis)) if held else p
-    x, y, z = (float(v) for v in axis)
-    return (x, y, z), fitted, gains, HeldOut(share, held_p, folds=not held)
+    size = np.trace(shown) / 3.0
+    _, vectors = scipy.linalg.eigh(np.einsum("n,ni,nj->ij", w, x, x), shown + _SHOWN * size * np.eye(3))
+    axis = vectors[:, -1] / np.linalg.norm(vectors[:, -1])
+    along, bend = x @ axis, np.einsum("i,nij,j->n", axis, X, axis)
+    if float(w @ bend) < _SHOWN * size:
+        return None
 
+    moving = [np.einsum("nka,k->na", white.columns[:, rows], axis) for white, _ in whites]
 
-def _log_ratio(courses: Sequence[FreeCourse], axis: Array) -> Array:
-    own, chance = compute_energies(courses, axis)
-    return np.asarray(np.log(np.maximum(own, 1e-300) / np.maximum(chance, 1e-300)))
+    def weigh(sd: float) -> float:
+        """With markers that may wander more than their part does, each by itself, beside the motion."""
+        more = sd * sd
+        value = 0.5 * float(w @ (along**2 * more / (1.0 + more * bend) - np.log1p(more * bend)))
+        course = np.split(more * along / (1.0 + more * bend), edges)
+        energy, count = (defaultdict[str, float](float) for _ in range(2))
+        for (white, left), columns, size in zip(whites, moving, course, strict=True):
+            for marker, (square, number) in white.measure(left - size[:, None] * columns).items():
+                energy[marker] += square
+                count[marker] += number
+        return value + sum(weigh_marker(energy[m], n) + 0.5 * energy[m] for m, n in count.items())
 
-
-def is_in_usual_range(effect: Estimate, fit: Fit) -> bool:
-    """Whether all numbers, estimated with everything else, are such as a laboratory could meet."""
-    motion = effect.candidate.change
-    if isinstance(motion, FreeMotion):
-        return bool(compute_course_rms(fit.tracked, name_freedom(effect.candidate)) < MOST[motion.kind])
-    return effect.candidate.plausible(effect.size)
+    ordinary = max(weigh(factor * everyday) + weigh_level(factor) for factor in _FACTORS.tolist())
+    i, j, k = axis.tolist()
+    return weigh(large) - ordinary, (i, j, k)
 
 
 def _describe_motion(effect: Estimate, after: Fit) -> Mapping[str, float]:
     """How much it moves, and along which axis."""
     motion = effect.candidate.change
     assert isinstance(motion, FreeMotion)
-    rms = compute_course_rms(after.tracked, name_freedom(effect.candidate))
+    course = np.concatenate(_list_courses(after.tracked, effect.candidate))
     return {
-        **_size_in_results(motion, rms),
+        **_size_in_results(motion, float(np.sqrt(np.square(course).mean()))),
         **dict(zip(("axis_x", "axis_y", "axis_z"), motion.axis, strict=True)),
     }
 
 
+def _list_courses(tracked: Sequence[TrackedTrial], candidate: Candidate) -> list[Array]:
+    """What the new coordinate does in every recording, (n,) each."""
+    name = name_freedom(candidate)
+    return [item.q[:, item.task.model.coordinate_names.index(name)] for item in tracked]
+
+
 def _estimate_motion_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
-    """How well its RMS is known."""
+    """How well its RMS is known: from how it differs between blocks of time."""
     motion = effect.candidate.change
     assert isinstance(motion, FreeMotion)
-    sd = compute_course_error(after.tracked, name_freedom(effect.candidate), after.settings.block_s)
+    squares = [
+        float(np.square(course[rows]).mean())
+        for item, course in zip(after.tracked, _list_courses(after.tracked, effect.candidate), strict=True)
+        for rows in item.blocks(after.settings.block_s)
+    ]
+    sd = float(np.std(squares, ddof=1) / math.sqrt(len(squares)) / (2.0 * math.sqrt(np.mean(squares))))
     return _size_in_results(motion, sd) if np.isfinite(sd) else {}
 
 
 def _size_in_results(motion: FreeMotion, size: float) -> Mapping[str, float]:
     """In the units of results."""
-    return {"rms_deg": float(np.degrees(size))} if motion.kind == "rotation" else {"rms_mm": 1e3 * size}
+    return {"rms_deg": math.degrees(size)} if motion.kind == "rotation" else {"rms_mm": 1e3 * size}
 
 
 EFFECTS = (
     Effect(
-        kind="missing_dof",
+        kind=KIND,
         meaning="the joint moves in a way that the model locks",
-        search=find_locked_motions,
         details=_describe_motion,
         spreads=_estimate_motion_spreads,
     ),

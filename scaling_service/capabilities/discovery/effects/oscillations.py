@@ -1,49 +1,28 @@
-"""Skin under markers, or part of a segment's mass, that oscillates when the segment accelerates."""
+"""Part of a segment's mass that oscillates when the segment accelerates."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 
 import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.statistics import fit_each
-from scaling_service.capabilities.discovery.evidence.wrench import choose_observation
 from scaling_service.capabilities.discovery.laws.candidates import (
     SHAPES,
     TRIED,
     Candidate,
     Column,
     Estimate,
-    Part,
     describe_oscillation,
-    with_shape_columns,
 )
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import Oscillation
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
-from scaling_service.numerics.multibody.laws import Array
 
 _LONG_M = (
     0.2  # from a segment's origin to its centre of mass; chosen: half of it is more than a hand's breadth
 )
-
-
-def propose_wobbling_skin(scene: Scene) -> Iterator[Candidate]:
-    """Every marker and the groups of every segment, at each frequency and damping tried."""
-    for segment in scene.bearing:
-        for group in scene.groups_on(segment.name):
-            for pair in TRIED:
-                parts = tuple(
-                    Part(MarkerSpot(m, k), Oscillation(m, *pair, k)) for m in group for k in range(3)
-                )
-                column = Column(name="share", unit=1.0, parts=parts, low=0.3, high=3.0, natural=1.0)
-                yield Candidate(
-                    kind="skin_wobble", where=group, columns=(column,), note=describe_oscillation(*pair)
-                )
 
 
 def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
@@ -71,45 +50,11 @@ def _describe_oscillation(effect: Estimate, _after: Fit) -> Mapping[str, float]:
     return dict(zip(SHAPES, pair, strict=True))
 
 
-def _estimate_oscillation_spreads(effect: Estimate, after: Fit) -> Mapping[str, float]:
-    """Standard deviations of size, frequency and damping, which are estimated together.
-
-    A lighter mass that is less damped oscillates as far. Where noise has so large a part in what oscillates
-    that nothing else determines it, that part is not taken off: the deviations are the least there are.
-    """
-    whole = with_shape_columns(effect)
-    known = choose_observation(whole).list_known(after)
-    for freed_of in (known, ()):
-        covariance = _compute_covariance(whole, after, freed_of)
-        if len(covariance) == len(whole.columns) and (np.diag(covariance) > 0.0).all():
-            names = [*(column.name for column in effect.candidate.columns), *SHAPES]
-            units = np.array([*(column.unit for column in effect.candidate.columns), *(1.0 for _ in SHAPES)])
-            return dict(zip(names, (units * np.sqrt(np.diag(covariance))).tolist(), strict=True))
-    return {}
-
-
-def _compute_covariance(whole: Candidate, after: Fit, freed_of: Sequence[Estimate]) -> Array:
-    observation = choose_observation(whole)
-    others = [s.candidate for s in observation.list_known(after) if s.candidate.name != whole.name]
-    evidence = observation.gather(
-        observation.items(after), others, [whole], after.settings.block_s, together=False, known=freed_of
-    )
-    return fit_each(evidence, [whole])[0].spread
-
-
 EFFECTS = (
-    Effect(
-        kind="skin_wobble",
-        meaning="the skin under the marker oscillates when the segment accelerates",
-        candidates=propose_wobbling_skin,
-        details=_describe_oscillation,
-        spreads=_estimate_oscillation_spreads,
-    ),
     Effect(
         kind="wobbling_mass",
         meaning="part of the segment's own mass oscillates on a spring",
         candidates=propose_wobbling_masses,
         details=_describe_oscillation,
-        spreads=_estimate_oscillation_spreads,
     ),
 )

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-
-import numpy as np
+from collections.abc import Iterator
 
 from scaling_service.capabilities.discovery.effects._columns import DEG, MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
@@ -20,16 +18,10 @@ from scaling_service.capabilities.discovery.laws.loads import (
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
-from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.numerics.multibody.laws import Array
 
-_BIASES = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
-MOST_BIAS_N = 300.0
-_MOST_BIAS = (MOST_BIAS_N,) * 3 + (30.0,) * 3
-"""Chosen: about the mean centre of pressure, 300 N some 0.1 m beside it."""
-
-_ARM_M = 0.1  # N m that count as much as a newton (chosen: as the bounds of a bias)
-_CONTRADICTS = 0.5  # share of a bias that the unloaded plate may miss (chosen: nearer to it than to none)
+_BIASES = ("fx_N", "fy_N", "fz_N")
+MOST_BIAS_N = 300.0  # chosen: half a person's weight is no bias
 
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
@@ -37,46 +29,14 @@ _MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that
 
 
 def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
-    """Every plate, of its forces alone and of its moments too, in all recordings and in each."""
+    """Every plate, of its forces, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(name=name, unit=1.0, load=PlateBias(plate, k), low=-most, high=most)
-            for k, (name, most) in enumerate(zip(_BIASES, _MOST_BIAS, strict=True))
+            Column(name=name, unit=1.0, load=PlateBias(plate, k), low=-MOST_BIAS_N, high=MOST_BIAS_N)
+            for k, name in enumerate(_BIASES)
         )
         for trials in scene.scopes_with_forces:
-            yield Candidate(kind="plate_bias", where=(plate,), columns=columns[:3], trials=trials)
-            yield Candidate(
-                kind="plate_bias", where=(plate,), columns=columns, trials=trials, note="with moments"
-            )
-
-
-def contradict_bias(
-    candidate: Candidate, size: Array, wrenches: Iterable[WrenchFit], *, removed: bool = False
-) -> bool:
-    """Whether what a plate shows with nobody on it speaks against a bias of this size.
-
-    ``removed``: whether the readings of the wrenches are without it already.
-    """
-    if candidate.kind != "plate_bias":
-        return False
-    shown = [_list_unloaded_readings(candidate.where[0], w) for w in wrenches if candidate.holds_in(w.name)]
-    readings = np.concatenate([np.zeros((0, 6)), *shown])
-    if not len(readings):
-        return False
-    arms = np.array((1.0,) * 3 + (_ARM_M,) * 3)[: len(size)]
-    left = readings.mean(axis=0)[: len(size)] - (0.0 if removed else size)
-    wrong = np.linalg.norm(left / arms)
-    return bool(wrong > _CONTRADICTS * np.linalg.norm(size / arms))
-
-
-def _list_unloaded_readings(plate: str, fit: WrenchFit) -> Array:
-    """What a plate shows in the frames in which nobody is on it, (n, 6), moment about its middle."""
-    free = fit.contacts.unloaded
-    if free is None or plate not in fit.contacts.ground.plates:
-        return np.zeros((0, 6))
-    read = fit.plate(plate)[free[:, fit.contacts.ground.plates.index(plate)]]
-    read[:, 3:] -= np.cross(fit.centre(plate), read[:, :3])
-    return read
+            yield Candidate(kind="plate_bias", where=(plate,), columns=columns, trials=trials)
 
 
 def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:

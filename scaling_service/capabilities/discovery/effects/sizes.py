@@ -11,15 +11,13 @@ from typing import Any
 import numpy as np
 import scipy
 
-from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.capabilities.discovery.laws.candidates import SHAPES, Candidate
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
 _AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
-_DOUBTFUL = 0.05
-"""Probability below which a size is none that laboratories meet (chosen: the custom)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,7 @@ def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str
     def look_up(name: str) -> Range | None:
         for table, unit in units.items():
             ranges = of_kind.get(table, {})
-            found = ranges.get(name, ranges.get(name.partition("_")[2]))
+            found = ranges.get(name) or next((r for k, r in ranges.items() if name.endswith(f"_{k}")), None)
             if found is not None:
                 return Range(unit * found[0], unit * found[1])
         return None
@@ -71,13 +69,33 @@ def _read_sizes() -> Mapping[str, Any]:
     return found
 
 
-def is_usual(candidate: Candidate, size: Array, covariance: Array, model: BodyModel) -> bool:
-    """Whether laboratories meet every number of an effect (SI, as its columns) of which a range is known."""
+def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | None:
+    """Prior standard deviations of a candidate's numbers about nothing, SI: half of how far 95 of 100 go.
+
+    Where that is not known, half of what the search allows; None of what has neither.
+    """
+    usual, found = look_up_usual_sizes(candidate, model), []
+    for column in candidate.columns:
+        known = _MOMENTS.get(column.name) or usual(column.name) or Range(column.low, column.high)
+        far = max(abs(known.low - column.neutral), abs(known.high - column.neutral))
+        found.append(0.5 * far / column.unit)
+    sds = np.array(found)
+    return sds if len(sds) and np.isfinite(sds).all() and (sds > 0.0).all() else None
+
+
+def is_met(candidate: Candidate, size: Array, model: BodyModel) -> bool:
+    """Whether laboratories meet every number of an effect (SI)."""
     usual = look_up_usual_sizes(candidate, model)
-    sds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    for column, value, sd in zip(candidate.columns, size.tolist(), sds.tolist(), strict=True):
-        known = usual(column.name)
-        shown = column.neutral + column.unit * value
-        if known is not None and known.chance(shown, column.unit * sd) < _DOUBTFUL:
+    for name, shape in zip(SHAPES, candidate.oscillation or (), strict=False):
+        of_shape = usual(name)
+        if of_shape is not None and not of_shape.low <= shape <= of_shape.high:
+            return False
+    for column, value in zip(candidate.columns, size.tolist(), strict=True):
+        known, shown = usual(column.name), column.neutral + column.unit * value
+        if known is not None and not known.low <= shown <= known.high:
             return False
     return True
+
+
+_MOMENTS = {f"{axis}_kgmm": Range(-1e4, 1e4) for axis in "xyz"}
+"""Of a carried load: some 10 kg at the reach of an arm (chosen)."""

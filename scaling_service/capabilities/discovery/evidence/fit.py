@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Contact, Esti
 from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
-from scaling_service.capabilities.discovery.laws.steady_skin import find_oscillating_markers, track_steady
+from scaling_service.capabilities.discovery.laws.swinging import still_skin
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
@@ -59,11 +59,10 @@ class Fit:
     """What is assumed of the body and the recordings, and how well it follows them."""
 
     context: SearchContext
-    # what may take any value beside the effects: the calibration's own parameters
-    free: tuple[Estimate, ...] = ()
     effects: tuple[Estimate, ...] = ()
     tracked: tuple[TrackedTrial, ...] = ()  # the recordings, tracked with all of these
     wrenches: tuple[WrenchFit, ...] = ()  # those of them with forces
+    astray: Mapping[str, float] = field(default_factory=dict)  # markers that draw the pose the less
 
     @property
     def model(self) -> BodyModel:
@@ -75,14 +74,9 @@ class Fit:
         """How strict the search is."""
         return self.context.settings
 
-    @property
-    def estimates(self) -> tuple[Estimate, ...]:
-        """What is free and the effects."""
-        return self.free + self.effects
-
     def model_in(self, trial: str) -> BodyModel:
         """The model as it is in one trial."""
-        return with_effects(self.model, self.estimates, trial)
+        return with_effects(self.model, self.effects, trial)
 
     def without(self, keys: Collection[str]) -> Fit:
         """The same tracking, no longer with effects of some keys; not estimated anew."""
@@ -111,26 +105,25 @@ class Fit:
 
 def fit_recordings(
     context: SearchContext,
-    free: Sequence[Estimate] = (),
     effects: Sequence[Estimate] = (),
     near: Fit | None = None,
 ) -> Fit:
     """Track the recordings with effects of known size added to the model, from where another fit is."""
     starts = {item.name: item for item in near.tracked} if near else {}
-    both = (*free, *effects)
+    astray = near.astray if near else {}
 
     def track_again(recording: Recording) -> TrackedTrial:
-        return _track(context.model, recording, both, starts.get(recording.trial.name))
+        return _track(context.model, recording, effects, starts.get(recording.trial.name), astray)
 
     found = tuple(map_parallel(track_again, context.recordings))
     context.advance()
     return fit_wrenches(
         Fit(
             context=context,
-            free=tuple(free),
             effects=tuple(effects),
             tracked=found,
             wrenches=near.wrenches if near else (),
+            astray=astray,
         )
     )
 
@@ -147,23 +140,22 @@ def fit_wrenches(fit: Fit) -> Fit:
 
 
 def _track(
-    model: BodyModel, recording: Recording, effects: Sequence[Estimate], near: TrackedTrial | None
+    model: BodyModel,
+    recording: Recording,
+    effects: Sequence[Estimate],
+    near: TrackedTrial | None,
+    astray: Mapping[str, float],
 ) -> TrackedTrial:
     trial = correct_trial(recording.trial, effects)
+    if near is not None:
+        trial = still_skin(trial, near, effects)
     known = with_effects(model, effects, trial.name)
-    oscillating = find_oscillating_markers(trial, effects)
-    if near is None or not oscillating:
-        near = TrackedTrial.of(known, trial, recording.role, near)
-
-    def track(changed: Trial, item: TrackedTrial) -> TrackedTrial:
-        return TrackedTrial.of(known, changed, recording.role, item)
-
-    return track_steady(trial, near, effects, track) if oscillating else near
+    return TrackedTrial.of(known, trial, recording.role, near, astray)
 
 
 def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise: Array | None) -> WrenchFit:
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
-    here = [s for s in fit.estimates if s.candidate.holds_in(item.name)]
+    here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(
         tracked=item,
         model=with_inertial_changes(fit.model_in(item.name), here, item.name),
@@ -179,13 +171,6 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
             made = replace(made, touched=before + compute_wrench(made, contact))
     return made
-
-
-def sum_held_out_squares(fit: Fit) -> float:
-    """Whitened sum of squares of markers and forces together in what is held out, else in everything."""
-    items: list[TrackedTrial | WrenchFit] = [*fit.tracked, *fit.wrenches]
-    held_out = [item.square for item in items if item.role == "held_out"]
-    return float(sum(held_out or (item.square for item in items)))
 
 
 def _list_loaded(item: WrenchFit) -> list[str]:

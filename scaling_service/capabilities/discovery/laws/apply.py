@@ -14,7 +14,6 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Estimate,
     Exchange,
     FreeMotion,
-    Masked,
     Reweighed,
     list_loads,
 )
@@ -86,9 +85,6 @@ def correct_trial(trial: Trial, effects: Sequence[Estimate]) -> Trial:
             for column, size in effect.columns:
                 if any(isinstance(part.spot, VolumeSpot) for part in column.parts):
                     markers = markers / (1.0 + size)
-            if isinstance(change, Masked):
-                markers = markers.copy()
-                markers[:, trial.index(change.marker)] = np.nan
             if isinstance(change, Exchange):
                 pair = [trial.index(change.first), trial.index(change.second)]
                 inside = np.flatnonzero((trial.times >= change.start_s) & (trial.times <= change.end_s))

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
-import numpy as np
-
-from scaling_service.capabilities.discovery.laws.loads import Between, Wobbling
-from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Oscillation, Profile
+from scaling_service.capabilities.discovery.laws.loads import Wobbling
+from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
 from scaling_service.capabilities.discovery.laws.spots import At, Spot
 from scaling_service.capabilities.discovery.observations.wrench import Load
 from scaling_service.model.body import Vector
@@ -22,7 +20,6 @@ TRIED = tuple((f, z) for f in (3.0, 4.5, 6.5, 9.0, 13.0, 18.0) for z in (0.1, 0.
 """Frequencies (Hz) and damping ratios tried first; the best is tuned (chosen: from the slow sway of heavy
 tissue to the quick one of a marker on thin skin, lightly and well damped)."""
 
-_APART = 0.05  # of both numbers, for differences; chosen: far below what they are known to
 
 LoadOf = TypeVar("LoadOf")
 
@@ -51,30 +48,10 @@ class Column:
     load: Load | None = None  # of the ground wrench, in place of parts
     low: float = -math.inf  # low, high: what is plausible, as in the results
     high: float = math.inf
-    # the coefficient that physics gives, taken where the data do not speak clearly against it
-    natural: float | None = None
 
     def plausible(self, size: float) -> bool:
         """Whether a coefficient (SI) is one that a laboratory could meet."""
         return self.low <= self.neutral + self.unit * size <= self.high
-
-    @property
-    def oscillators(self) -> Iterator[Oscillation | Wobbling]:
-        """What of it oscillates."""
-        for source in (self.load, *(part.profile for part in self.parts)):
-            if isinstance(source, Oscillation | Wobbling):
-                yield source
-
-    def at(self, frequency_hz: float, damping: float) -> Column:
-        """The same with what oscillates at another frequency and damping."""
-
-        def tune(source: Any) -> Any:
-            if isinstance(source, Oscillation | Wobbling):
-                return replace(source, frequency_hz=frequency_hz, damping=damping)
-            return source
-
-        parts = tuple(replace(part, profile=tune(part.profile)) for part in self.parts)
-        return replace(self, parts=parts, load=tune(self.load))
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +98,12 @@ class Reweighed:
 
 
 @dataclass(frozen=True, slots=True)
-class Masked:
-    """A marker that is left out, for it moves independently."""
+class Swinging:
+    """Markers whose skin swings together when their segment accelerates."""
 
-    marker: str
+    markers: tuple[str, ...]
+    frequency_hz: float
+    damping: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +118,7 @@ class Candidate:
     trials: tuple[str, ...] = ()  # those in which it is; all of them unless given
     note: str = ""  # what a person should know of this one: the frequency it was tried at
     # for what is not a sum of columns
-    change: FreeMotion | Exchange | Contact | Reweighed | Masked | None = None
+    change: FreeMotion | Exchange | Contact | Reweighed | Swinging | None = None
     # whether coefficients, each in its range, are plausible together
     together: Callable[[Array], bool] | None = field(default=None, compare=False)
 
@@ -161,13 +140,11 @@ class Candidate:
     @property
     def oscillation(self) -> tuple[float, float] | None:
         """Frequency (Hz) and damping ratio of what oscillates; None where nothing does."""
-        found = next((source for column in self.columns for source in column.oscillators), None)
+        if isinstance(self.change, Swinging):
+            return self.change.frequency_hz, self.change.damping
+        loads = (column.load for column in self.columns)
+        found = next((load for load in loads if isinstance(load, Wobbling)), None)
         return None if found is None else (found.frequency_hz, found.damping)
-
-    def at(self, frequency_hz: float, damping: float) -> Candidate:
-        """The same oscillating at another frequency and damping."""
-        columns = tuple(column.at(frequency_hz, damping) for column in self.columns)
-        return replace(self, columns=columns, note=describe_oscillation(frequency_hz, damping))
 
     @property
     def name(self) -> str:
@@ -207,41 +184,3 @@ def list_loads(estimates: Iterable[Estimate], kind: type[LoadOf]) -> Iterator[tu
         for column, size in estimate.columns:
             if isinstance(column.load, kind):
                 yield column.load, size
-
-
-def with_shape_columns(effect: Estimate) -> Candidate:
-    """An effect's candidate, for an oscillation with the two numbers that shape it as further columns."""
-    pair = effect.candidate.oscillation
-    if pair is None or not effect.size.any():
-        return effect.candidate
-    slopes = (_differentiate_shape(effect, pair, k) for k in range(len(SHAPES)))
-    return replace(effect.candidate, columns=(*effect.candidate.columns, *slopes))
-
-
-def step_shape(effect: Estimate, step: Array) -> Estimate:
-    """An effect after a step of all columns of :func:`with_shape_columns`."""
-    count = len(effect.size)
-    moved = replace(effect, size=effect.size + step[:count])
-    if len(step) == count or effect.candidate.oscillation is None:
-        return moved
-    frequency, damping = np.array(effect.candidate.oscillation) + step[count:]
-    place = (float(np.clip(frequency, *FREQUENCIES_HZ)), float(np.clip(damping, *DAMPINGS)))
-    return replace(moved, candidate=effect.candidate.at(*place))
-
-
-def _differentiate_shape(effect: Estimate, pair: tuple[float, float], k: int) -> Column:
-    """How the effect changes with its frequency (k = 0) or damping (k = 1)."""
-    step = _APART * pair[k]
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = list(pair)
-        moved[k] += sign * step
-        ends.append(effect.candidate.columns[0].at(moved[0], moved[1]))
-    high, low = ends
-    factor = float(effect.size[0]) / (2.0 * step)
-    load = None
-    if isinstance(high.load, Wobbling) and isinstance(low.load, Wobbling):
-        load = Between(high.load, low.load, factor)
-    up = tuple(replace(part, gain=factor * part.gain) for part in high.parts)
-    down = tuple(replace(part, gain=-factor * part.gain) for part in low.parts)
-    return Column(name=SHAPES[k], unit=1.0, parts=(*up, *down), load=load)

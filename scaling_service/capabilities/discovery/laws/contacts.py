@@ -45,10 +45,6 @@ class Spell:
         """Whitened sum of squares of force and moment."""
         return self.wrench.square_in(self.rows)
 
-    def left_about(self, segment: str, point: Array) -> float:
-        """Whitened square of the moment that a contact at a point of a segment leaves."""
-        return float(solve_force(self.wrench, segment, self.rows, point)[2].sum())
-
 
 def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     """What the contact must be so that nothing is left, (n, 6), moment about the ground origin."""
@@ -118,15 +114,6 @@ def _step_point(
     steep = np.maximum(np.where(shown, value, by_chance), 1e-300)
     low, high = (edge - middle for edge in within)
     return middle + minimise_within(steep, vector, slope, low, high)
-
-
-def compute_costs(parts: Sequence[Spell], fitting: Fitting, scale: float) -> Array:
-    """Twice the negative logarithm of the likelihood of every part, all frames counted, (n_parts,).
-
-    ``scale``: mean whitened square of one number.
-    """
-    every = np.array([_compute_cost(part, fitting.segment, fitting.point) for part in parts])
-    return np.asarray(every[:, 0] / scale + every[:, 1])
 
 
 def _compute_cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 
 _UNIT = np.eye(3)
-_LOADED_N = 20.0  # chosen: above any plate's noise, below any foot's weight
 
 
 class Plate(NamedTuple):
@@ -54,15 +53,6 @@ class Late:
     def column(self, fit: WrenchFit) -> Array:
         """Minus the rate of the measured wrench, (n, 6)."""
         return -np.gradient(fit.measured, fit.times, axis=0)
-
-
-@dataclass(frozen=True, slots=True)
-class Drifting:
-    """The forces come later and later: seconds each second of a trial."""
-
-    def column(self, fit: WrenchFit) -> Array:
-        """Minus the rate of the measured wrench, more with time, (n, 6)."""
-        return np.asarray((fit.times - fit.times[0])[:, None] * Late().column(fit))
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,60 +141,6 @@ class PlateTurn:
 
 
 @dataclass(frozen=True, slots=True)
-class CurvedGain:
-    """A plate's gain grows with its load: share of what it reads for each kN of its vertical force."""
-
-    plate: str
-
-    def column(self, fit: WrenchFit) -> Array:
-        """What the plate reads, times its vertical force in kN, (n, 6)."""
-        read = fit.plate(self.plate)
-        return np.asarray(1e-3 * read[:, 1:2] * read)
-
-
-@dataclass(frozen=True, slots=True)
-class Shear:
-    """A plate's force along a horizontal axis follows its vertical one: s, share or N, after what it follows.
-
-    That is the ``rate`` of the vertical force, that ``force`` itself, or only that there is one (``load``).
-    """
-
-    plate: str
-    axis: int
-    follows: str
-
-    FOLLOWS: ClassVar[tuple[str, ...]] = ("rate", "force", "load")
-
-    def column(self, fit: WrenchFit) -> Array:
-        """A horizontal force where the plate is pressed, (n, 6)."""
-        vertical = fit.plate(self.plate)[:, 1]
-        shapes = {
-            "rate": np.gradient(vertical, fit.times),
-            "force": vertical,
-            "load": (vertical > _LOADED_N).astype(float),
-        }
-        force = np.outer(shapes[self.follows], _UNIT[self.axis])
-        return np.concatenate([force, np.cross(fit.find_pressure(self.plate), force)], axis=1)
-
-
-@dataclass(frozen=True, slots=True)
-class Crossed:
-    """A component of a plate's wrench takes part of the force along an axis: share, or m for a moment."""
-
-    plate: str
-    component: int  # of the wrench
-    axis: int
-
-    def column(self, fit: WrenchFit) -> Array:
-        """A force where the plate is pressed, or a moment, (n, 6)."""
-        read = fit.plate(self.plate)[:, self.axis]
-        if self.component >= 3:
-            return np.outer(read, np.eye(6)[self.component])
-        force = np.outer(read, _UNIT[self.component])
-        return np.concatenate([force, np.cross(fit.find_pressure(self.plate), force)], axis=1)
-
-
-@dataclass(frozen=True, slots=True)
 class Inertial:
     """A segment's inertial parameters change along a direction (10,), ordered as ``Inertias.parameters``."""
 
@@ -251,19 +187,6 @@ class Wobbling:
         return self.frequency_hz, self.damping, self.along
 
 
-@dataclass(frozen=True, slots=True)
-class Between:
-    """How a load changes with a number that shapes it: the difference of two loads, times a factor."""
-
-    high: Wobbling
-    low: Wobbling
-    factor: float
-
-    def column(self, fit: WrenchFit) -> Array:
-        """The difference, (n, 6)."""
-        return self.factor * (self.high.column(fit) - self.low.column(fit))
-
-
 def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
     """The columns of many loads, (n, 6, n_loads): what they have in common is made once."""
     made = np.empty((len(fit.times), 6, len(loads)))
@@ -274,7 +197,7 @@ def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
             changing[k] = load
         elif isinstance(load, Wobbling):
             oscillating.setdefault(load.shape, {})[k] = load.segment
-        elif isinstance(load, Tilt | Between):
+        elif isinstance(load, Tilt):
             made[:, :, k] = load.column(fit)
         else:  # the motion has no part in it: made once for all draws of its noise
             kept = fit.contacts.columns

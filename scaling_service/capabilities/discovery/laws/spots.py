@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial, span, without_span
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
@@ -91,48 +91,7 @@ class VolumeSpot:
         return places
 
 
-@dataclass(frozen=True, slots=True)
-class BentSpot:
-    """The whole measured volume bent about a middle (m, in the room), by the square or cube of the distance.
-
-    A lens pushes what lies at r from its middle c by k s |s|2 with s = r - c. Its parts by powers of r are
-    the columns: r |r|2 (``toward`` is None), for each axis 2 r r_k + e_k |r|2, and r itself.
-    """
-
-    middle: Vector
-    toward: int | None = None
-
-    def field(self, places: Array) -> Array:
-        """What it does to places (n_markers, 3, n_frames), m, per unit."""
-        away: Array = places - np.array(self.middle)[:, None]
-        square = np.square(away).sum(axis=1, keepdims=True)
-        if self.toward is None:
-            return np.asarray(away * square)
-        bent: Array = 2.0 * away * away[:, self.toward : self.toward + 1]
-        bent[:, self.toward] += square[:, 0]
-        return bent
-
-
-@dataclass(frozen=True, slots=True)
-class WarpedSpot:
-    """The whole measured volume warped: along one axis by a product of coordinates about a middle (m)."""
-
-    middle: Vector
-    factors: tuple[int, ...]
-    axis: int
-
-    def field(self, places: Array) -> Array:
-        """What it does to places (n_markers, 3, n_frames), m, per unit."""
-        away: Array = places - np.array(self.middle)[:, None]
-        warped = np.zeros_like(away)
-        warped[:, self.axis] = away[:, list(self.factors)].prod(axis=1)
-        return warped
-
-
-FieldSpot = VolumeSpot | BentSpot | WarpedSpot
-"""What acts on measured places and is not the body's."""
-
-Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot | BentSpot | WarpedSpot
+Spot = JointSpot | MarkerSpot | SizeSpot | VolumeSpot
 
 
 def find_turning_joints(segment: Segment) -> tuple[int, int] | None:
@@ -167,7 +126,7 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
     """
     names = []
     for k, spot in enumerate(spots):
-        if isinstance(spot, FieldSpot):
+        if isinstance(spot, VolumeSpot):
             names.append("")
         elif isinstance(spot, SizeSpot):
             model = free_scale(model, spot.segment, 0.9)
@@ -188,32 +147,6 @@ def with_parameters(model: BodyModel, spots: Sequence[Spot]) -> tuple[BodyModel,
     return model, tuple(names)
 
 
-_EXACT = 1e-11  # of a column's square; chosen: far below what counts as shown, above rounding
-
-
-class PoseFree(NamedTuple):
-    """Residuals and columns of some frames, by floors, freed of what the pose could explain."""
-
-    residuals: Array  # (n, r)
-    columns: Array  # (n, n_spots, r)
-    hidden: Array  # (n, n_spots, q): what the pose takes of the columns, along its basis
-    basis: Array  # (n, q, r)
-
-    def condense(self) -> PoseFree:
-        """The same products of residuals and columns in as many rows as there are spots, if these are fewer.
-
-        The rows are those of the Cholesky factor of the columns' products.
-        """
-        if self.columns.shape[1] >= self.columns.shape[2]:
-            return self
-        bend = self.columns @ self.columns.transpose(0, 2, 1)
-        size = np.einsum("nkk->nk", bend) + np.square(self.hidden).sum(axis=2)
-        np.einsum("nkk->nk", bend)[...] += np.maximum(_EXACT * size, np.finfo(float).tiny)
-        factor = np.linalg.cholesky(bend)
-        residuals = np.linalg.solve(factor, self.columns @ self.residuals[:, :, None])[:, :, 0]
-        return self._replace(residuals=residuals, columns=np.asarray(factor))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Generators:
     """The derivative of all markers with respect to every spot."""
@@ -221,7 +154,7 @@ class Generators:
     tree: Tree
     p: Array
     variables: NDArray[np.intp]
-    volumes: tuple[tuple[int, FieldSpot], ...]
+    volumes: tuple[tuple[int, VolumeSpot], ...]
 
     @classmethod
     def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
@@ -231,21 +164,13 @@ class Generators:
         number = {p.name: k for k, p in enumerate(opened.parameters)}
         free = np.flatnonzero(item.task.free)
         chosen = [tree.n_coordinates + number[name] for name in names if name]
-        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, FieldSpot))
+        volumes = tuple((k, spot) for k, spot in enumerate(spots) if isinstance(spot, VolumeSpot))
         return cls(
             tree,
             list_parameter_values(opened),
             np.concatenate([free, np.array(chosen, dtype=np.intp)]),
             volumes,
         )
-
-    def free_of_pose(self, item: TrackedTrial, rows: Frames) -> PoseFree:
-        """Residuals and the spots' columns in some frames without what the pose takes of them."""
-        residuals, pose, columns = self.at(item, rows)
-        basis = span(pose)
-        hidden = columns @ basis.transpose(0, 2, 1)
-        columns -= hidden @ basis
-        return PoseFree(without_span(residuals, basis), columns, hidden, basis)
 
     def at(self, item: TrackedTrial, rows: Frames) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), by floors."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -25,7 +26,6 @@ from scaling_service.numerics.multibody.tree import (
     place_tree_markers,
     pose_links,
 )
-from scaling_service.numerics.signals.filters import filter_butterworth
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
@@ -86,11 +86,21 @@ class TrackedTrial:
     floor: Array  # (n_markers,), m: standard deviation of the noise of one coordinate of each marker
 
     @classmethod
-    def of(cls, model: BodyModel, trial: Trial, role: Role, near: TrackedTrial | None = None) -> TrackedTrial:
-        """Track a trial with a model, from where a model like this one did; TrialUnusable without markers."""
+    def of(
+        cls,
+        model: BodyModel,
+        trial: Trial,
+        role: Role,
+        near: TrackedTrial | None = None,
+        astray: Mapping[str, float] = MappingProxyType({}),
+    ) -> TrackedTrial:
+        """Track a trial with a model, from where a model like this one did; TrialUnusable without markers.
+
+        ``astray``: markers that wander by some factor more than others, which draw the pose the less.
+        """
         plain = Task.of(model, trial, bounded=False)
         floor = estimate_marker_noise(plain.measured)
-        task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor))
+        task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor, astray))
         return cls(
             trial=trial,
             role=role,
@@ -130,13 +140,6 @@ class TrackedTrial:
         """All frames, so many at once as fit in memory with their columns."""
         return (slice(start, min(start + size, len(self.q))) for start in range(0, len(self.q), size))
 
-    def smooth_rates(self) -> tuple[Array, Array, Array]:
-        """Coordinates, speeds and accelerations of the voluntary movement, each (n_frames, n_coordinates)."""
-        rate = 1.0 / self.step
-        q = filter_butterworth(self.q, rate_hz=rate, cutoff_hz=min(MOVEMENT_HZ, 0.4 * rate), order=4).values
-        speed = np.gradient(q, self.times, axis=0)
-        return q, speed, np.gradient(speed, self.times, axis=0)
-
     @property
     def places(self) -> Array:
         """Of the model's markers, (n_frames, n_markers, 3), m, ground."""
@@ -161,17 +164,6 @@ class TrackedTrial:
         white = order_by_frame(rates)
         white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
         return white
-
-    @cached_property
-    def pose_free(self) -> tuple[Array, Array]:
-        """Residuals by floors without what the pose takes of them, (n, 3 n_markers); their freedom, (n,)."""
-        freed = np.nan_to_num((self.residuals / self.floor[:, None]).reshape(len(self.q), -1))
-        freedom = 3.0 * self.seen.sum(axis=1)
-        for rows in self.chunks(_CHUNK):
-            basis = span(self.pose_columns(rows))
-            freed[rows] = without_span(freed[rows], basis)
-            freedom[rows] -= np.square(basis).sum(axis=(1, 2))
-        return freed, freedom
 
     @cached_property
     def lasting(self) -> LastingNoise:
@@ -210,15 +202,6 @@ class TrackedTrial:
     def noise(self) -> Array:
         """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
         return np.asarray(self.floor * np.sqrt(_compute_growth(*WHITE) / _compute_growth(*self.lasting)))
-
-    @property
-    def sure_noise(self) -> Array:
-        """That of it which is surely no movement, (n_markers,), m.
-
-        Faults that grow with movement look as if a part of the noise lasted. What does last of it is found
-        where movement does not predict it (:mod:`..evidence.noise_floors`).
-        """
-        return self.noise if self.lasting.share == 1.0 else self.floor
 
     @cached_property
     def noise_replicates(self) -> tuple[TrackedTrial, ...]:
@@ -316,10 +299,11 @@ def _spread(steps: Array) -> float:
     return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_compute_growth(*WHITE)))
 
 
-def _weight_markers(task: Task, floor: Array) -> dict[str, float]:
+def _weight_markers(task: Task, floor: Array, astray: Mapping[str, float]) -> dict[str, float]:
     """One over the variance of each marker, the median marker's being one."""
     typical = float(np.median(floor))
-    return {name: (typical / sd) ** 2 for name, sd in zip(task.markers, floor, strict=True)}
+    pairs = zip(task.markers, floor.tolist(), strict=True)
+    return {name: (typical / (astray.get(name, 1.0) * sd)) ** 2 for name, sd in pairs}
 
 
 def _carry_over_motion(task: Task, near: TrackedTrial | None) -> Array | None:

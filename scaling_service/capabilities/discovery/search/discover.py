@@ -1,59 +1,63 @@
-"""Find what is missing, and show what it was.
+"""Find what stands out of what is ordinary for people, and show what it was.
 
-Round after round names are given until nothing passes; then what is superfluous is dropped. What is dropped
-may have stood in the place of something else, so the search goes on where something was.
+Labels first, then the body and its markers, then the weight and the forces. The likeliest is named, the
+recordings are tracked anew with it, and so on until nothing has the odds. Nothing is named whose own places,
+or whose forces or markers as a whole, are worse with it on what did not fit it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.disturbances.disturbance import (
-    Disturbance,
-    find_disturbance,
-    is_better_than_effects,
+from scaling_service.capabilities.discovery.effects.catalogue import (
+    describe_details,
+    estimate_spreads,
 )
-from scaling_service.capabilities.discovery.disturbances.free_marker import find_free_marker
-from scaling_service.capabilities.discovery.effects.catalogue import ask_questions
-from scaling_service.capabilities.discovery.evidence.fit import Fit, Recording, SearchContext, fit_recordings
-from scaling_service.capabilities.discovery.evidence.markers import MARKERS
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidates
+from scaling_service.capabilities.discovery.evidence.fit import (
+    Fit,
+    Recording,
+    SearchContext,
+    fit_recordings,
+)
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.evidence.wrench import WRENCH
-from scaling_service.capabilities.discovery.laws.candidates import Estimate, Masked
-from scaling_service.capabilities.discovery.search.elimination import (
-    drop_insufficient,
-    drop_negligible,
-    drop_predictable,
-    eliminate_backward,
-    settle,
-    withdraw_answers,
+from scaling_service.capabilities.discovery.observations.tracked import ROLES
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.ordinary.forces import Evidence, WrenchTable, measure_noise
+from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
+from scaling_service.capabilities.discovery.search.findings import (
+    Findings,
+    NamedEffect,
+    Unexplained,
+    Verdict,
+    classify_place,
 )
-from scaling_service.capabilities.discovery.search.estimation import (
-    ROUGHLY,
-    estimate,
-    remove,
-    select_observations,
+from scaling_service.capabilities.discovery.search.gaps import (
+    Expected,
+    Yardstick,
+    describe_course,
+    expect_markers,
+    list_disagreements,
+    list_shown,
+    measure_gap,
+    rms_by_place,
 )
-from scaling_service.capabilities.discovery.search.findings import Findings, NamedEffect
-from scaling_service.capabilities.discovery.search.naming import name_effect, name_tuned, tell_classes
-from scaling_service.capabilities.discovery.search.rivals import (
-    find_marker_pair,
-    is_plate_pair,
-    rename,
-    replace_by_plate_pair,
+from scaling_service.capabilities.discovery.search.leanings import Leaning
+from scaling_service.capabilities.discovery.search.markers import BodyTable
+from scaling_service.capabilities.discovery.search.naming import (
+    SCALED_HERE,
+    SHOWN,
+    Named,
+    Origin,
+    is_of_markers,
 )
-from scaling_service.capabilities.discovery.search.selection import score_all, select, try_in_full
-from scaling_service.capabilities.discovery.search.summarise import summarise
+from scaling_service.capabilities.discovery.search.searching import FORCES, LABELS, Search
+from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
-
-_TIMES = 3  # that names are given and looked back at, at most (chosen)
-_DONE, _SETTLING, _MEASURING = 0.8, 0.85, 0.9  # of the work, where its last parts begin (chosen)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,15 +67,16 @@ class Discovery:
     findings: Findings
     before: Fit
     after: Fit
+    leanings: Sequence[Leaning] = ()
 
 
 def discover(
     model: BodyModel,
     recordings: Sequence[Recording],
-    free: Sequence[Estimate] = (),
     settings: DiscoverySettings = DiscoverySettings(),
     progress: Progress | None = None,
     notes: Sequence[str] = (),
+    origin: Origin = SCALED_HERE,
 ) -> Discovery:
     """Search the catalogue for what the model does not have.
 
@@ -81,8 +86,6 @@ def discover(
         Without parameters; with mass where forces are given.
     recordings : sequence of Recording
         Not smoothed, not filled.
-    free : sequence of Estimate
-        What the calibration could have explained, at zero.
     notes : sequence of str
         What is known already of what could not be tried.
 
@@ -92,132 +95,120 @@ def discover(
         A trial shows no marker of the model.
     """
     steps = Steps(report=progress or show_nothing)
-    steps.begin("following the recordings", 0.0, _DONE)
-    before = fit_recordings(
-        SearchContext(model=model, recordings=recordings, settings=settings, advance=steps.advance), free
-    )
-    search = Search(fit=estimate(before, (), ROUGHLY) if free else before, steps=steps)
-    scored = search.finish()
-    steps.begin("settling all numbers", _SETTLING, _MEASURING)
-    named, fit = drop_predictable(search.named, search.fit, before)
-    named, fit = settle(named, fit)
-    named, fit, negligible = drop_negligible(named, fit, before)
-    named, fit, insufficient = drop_insufficient(named, fit, before)
-    fit, seen = _unmask_markers(fit)
-    steps.begin("measuring the gap", _MEASURING, 1.0)
-    findings = summarise(
-        tell_classes(named, fit),
-        scored,
-        search.disturbance,
-        (before, fit, seen),
-        (*notes, *negligible, *insufficient),
-    )
+    steps.begin("following the recordings", 0.0, LABELS)
+    context = SearchContext(model=model, recordings=recordings, settings=settings, advance=steps.advance)
+    before = fit_recordings(context)
+    search = Search(fit=before, origin=origin, steps=steps)
+    search.find_labels()
+    body = search.search_body()
+    forces = search.search_forces()
+    steps.begin("measuring the gap", FORCES, 1.0)
+    findings = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
-    return Discovery(findings, before, fit)
+    return Discovery(findings, before, search.fit, search.list_leanings())
 
 
-@dataclass(slots=True, eq=False, kw_only=True)
-class Search:
-    """What was named so far, and what was tried without success."""
-
-    fit: Fit  # with all that was named
-    steps: Steps
-    named: list[NamedEffect] = field(default_factory=list)
-    refused: set[str] = field(default_factory=set)  # keys of candidates
-    # those of them that may be tried again when more is known of the forces
-    early: set[str] = field(default_factory=set)
-    scored: ScoredCandidates | None = None  # what the last round saw
-    disturbance: Disturbance | None = None  # one that no effect has and that ends the search
-    questioned: bool = False  # whether the questions that come before the search were asked
-
-    def finish(self) -> ScoredCandidates:
-        """Until nothing passes and nothing is superfluous; returns what the last round saw."""
-        for _ in range(_TIMES):
-            while self._round():
-                pass
-            self.steps.begin("looking back", _DONE, _SETTLING)
-            assert self.scored is not None
-            if not self._eliminate(self.scored) or self.disturbance is not None:
-                break
-        self._yield_to_disturbance()
-        assert self.scored is not None
-        return self.scored
-
-    def _yield_to_disturbance(self) -> None:
-        """Take back what was named in the stead of the disturbance: what its law explains better."""
-        law = self.disturbance
-        same = [n for n in self.named if law is not None and n.candidate.seen_in == law.seen_in]
-        if law is None or not same:
-            return
-        without = remove(self.fit, [n.effect for n in same])
-        if is_better_than_effects(law, without, self.fit):
-            self.named = [n for n in self.named if n not in same]
-            self.fit = without
-
-    def _round(self) -> bool:
-        """Name what passes best; whether to go on."""
-        fit, settings = self.fit, self.fit.settings
-        share = _DONE * len(self.named) / settings.most
-        self.steps.begin(f"looking for effect {len(self.named) + 1}", share, _DONE)
-        self.scored = scored = score_all(fit, self.scored)
-        if not self.questioned:
-            self.questioned = True
-            answers = [name_effect(found, fit, scored) for found in ask_questions(fit, scored.best)]
-            if answers:
-                self.named += answers
-                added = [n.effect for n in answers]
-                self.fit = estimate(fit, added, ROUGHLY, observations=select_observations(added))
-                return True
-        selection = select(fit, scored, self.named, self.refused)
-        self.refused |= selection.refused
-        law = find_disturbance(fit, scored)
-        self.disturbance = None if law is None or is_plate_pair(law, fit, scored.count) else law
-        if self.disturbance is not None:
-            return False
-        masked = [e for e in fit.effects if isinstance(e.candidate.change, Masked)]
-        odd = find_free_marker(fit, scored) if len(masked) < settings.most_masked else None
-        name = partial(name_tuned, among=scored)
-        pair = [] if odd is None else find_marker_pair(odd, fit, name, scored.count, self.refused)
-        if odd is not None and not pair:
-            left_out = Estimate(odd.candidate, np.zeros(0))
-            self.fit = MARKERS.refit(fit, fit.free, (*fit.effects, left_out))
-            return True
-        found = pair or selection.named
-        if found:
-            self._try(found, scored)
-        return bool(found)
-
-    def _try(self, found: Sequence[NamedEffect], scored: ScoredCandidates) -> None:
-        """Add what holds, and compare names that were given before with their rivals."""
-        tried = try_in_full(self.fit, found)
-        self.fit = tried.fit
-        self.early |= tried.early
-        self.refused |= tried.refused | tried.early
-        if any(WRENCH.shows(n.candidate) for n in tried.added):
-            self.refused -= self.early
-            self.early.clear()
-        if tried.added:
-            named = [*self.named, *tried.added]
-            self.named, self.fit = rename(named, self.fit, partial(name_tuned, among=scored))
-
-    def _eliminate(self, scored: ScoredCandidates) -> bool:
-        """Whether something of what was named is superfluous; it is dropped, and refused from now on."""
-        if self.named or self.disturbance is None:  # nothing is named in the stead of a disturbance
-            name = partial(name_tuned, among=scored)
-            self.named, self.fit = replace_by_plate_pair(self.named, self.fit, name, scored.count)
-        given = {n.key for n in self.named}
-        self.named, self.fit = withdraw_answers(self.named, self.fit)
-        self.named, self.fit = eliminate_backward(self.named, self.fit)
-        dropped = given - {n.key for n in self.named}
-        self.refused |= dropped
-        return bool(dropped)
+_NOTHING_MORE = "nothing more stands out of what is ordinary for people"
+_REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
+_SPENT = "{} effects of one kind were named, the most that are looked for"
 
 
-def _unmask_markers(fit: Fit) -> tuple[Fit, Fit]:
-    """The fit with every marker again, and one of all markers whose motion the odd ones do not pull."""
-    kept = [e for e in fit.effects if not isinstance(e.candidate.change, Masked)]
-    if len(kept) == len(fit.effects):
-        return fit, fit
-    whole = MARKERS.refit(fit, fit.free, kept)
-    pairs = zip(whole.tracked, fit.tracked, strict=True)
-    return whole, replace(whole, tracked=tuple(replace(item, q=other.q) for item, other in pairs))
+def _summarise(
+    search: Search,
+    before: Fit,
+    body: BodyTable,
+    forces: tuple[WrenchTable, Evidence] | None,
+    notes: Sequence[str],
+) -> Findings:
+    """Where, what, how far the gap closed, and what is left."""
+    after, settings = search.fit, search.settings
+    expected = None
+    if forces is not None:
+        table, none = forces
+        ordinary, left = measure_noise(table, none.levels).tolist(), none.left.tolist()
+        expected = Expected(*(dict(zip(COMPONENTS, values, strict=True)) for values in (ordinary, left)))
+    yardstick = Yardstick(expect_markers(body), expected)
+    folds = not any(item.role == "held_out" for item in before.tracked)
+    gaps = {role: measure_gap(before, after, role, yardstick) for role in (ROLES[:1] if folds else ROLES)}
+    named = tuple(sorted((_finish(one, search) for one in search.named), key=lambda n: -n.odds))
+    unexplained = _list_unexplained(search, body, forces, yardstick)
+    verdict: Verdict = "found" if named else "unexplained" if unexplained else "nothing"
+    spent = sum(is_of_markers(n.candidate) for n in named) >= settings.most
+    taken = {n.key for n in named}
+    tried = sorted((r for r in search.tried.values() if r.candidate.key not in taken), key=lambda r: -r.odds)
+    said = ["no trial was held out: what is named was not tried on others"] if folds else []
+    return Findings(
+        verdict=verdict,
+        disagreements=list_disagreements(before, yardstick),
+        named=named,
+        fit=gaps[ROLES[0]],
+        held_out=gaps[ROLES[0] if folds else ROLES[1]],
+        folds=folds,
+        tried=tuple(tried[:SHOWN]),
+        unexplained=unexplained,
+        reason=_SPENT.format(settings.most) if spent else _NOTHING_MORE,
+        notes=(*notes, *said),
+    )
+
+
+def _finish(one: Named, search: Search) -> NamedEffect:
+    """With its size and numbers as they are in the end."""
+    key = one.ranked.candidate.key
+    effect = next(e for e in search.fit.effects if e.candidate.key == key)
+    return NamedEffect(
+        effect=effect,
+        covariance=search.covariances[key],
+        odds=one.ranked.odds,
+        gain=one.gain,
+        by_blocks=one.by_blocks,
+        smallest=one.smallest,
+        equivalents=one.equivalents,
+        would_separate=find_separating_movement(effect, tuple(one.equivalents), search.fit),
+        details=describe_details(effect, search.fit),
+        spreads=estimate_spreads(effect, search.fit),
+    )
+
+
+def _list_unexplained(
+    search: Search, body: BodyTable, forces: tuple[WrenchTable, Evidence] | None, yardstick: Yardstick
+) -> tuple[Unexplained, ...]:
+    """Places that are livelier than others of the person, and those of what has the odds but no name."""
+    limit, fit = search.settings.unexplained, search.fit
+    names = [item.name for item in fit.tracked]
+    rms, of_forces = (rms_by_place(fit, names, forces=forces) for forces in (False, True))
+    floors = {
+        marker: math.sqrt(
+            np.mean([e.ordinary[marker] ** 2 for e in yardstick.markers.values() if marker in e.ordinary])
+        )
+        for marker in rms
+    }
+    if yardstick.forces is not None:
+        floors |= yardstick.forces.ordinary
+    found: list[tuple[float, tuple[str, ...], str, str]] = [
+        (math.log(body.strays[m]), (m,), m, "") for m in body.list_astray(limit)
+    ]
+    if forces is not None:
+        for component, level in zip(COMPONENTS, forces[1].levels.tolist(), strict=True):
+            if math.log(level) > limit * SPREAD:
+                floors[component] /= level
+                found.append((math.log(level), (component,), component, ""))
+    told = {w for e in fit.effects for w in e.candidate.where} | {w for _, where, *_ in found for w in where}
+    for one in search.list_standing():
+        c = one.candidate
+        if not told & set(c.where):
+            told |= set(c.where)
+            every = COMPONENTS if c.seen_in == "wrench" else list_shown(c.where, fit)
+            shown = [p for p in every if p in rms or p in of_forces]
+            if shown:
+                most = max(shown, key=lambda p: {**rms, **of_forces}[p] / floors[p])
+                found.append((0.0, c.where, most, _REFUSED.format(c.kind.replace("_", " "))))
+    return tuple(
+        Unexplained(
+            where=where,
+            observable=classify_place(place),
+            law=law or describe_course(fit, place) or "it follows no coordinate",
+            rms={**rms, **of_forces}.get(place, 0.0),
+            floor=floors[place],
+        )
+        for _, where, place, law in sorted(found, reverse=True)
+    )

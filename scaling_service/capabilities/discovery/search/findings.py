@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, HeldOut
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.numerics.multibody.laws import Array
@@ -23,16 +22,27 @@ def classify_place(place: str) -> Observable:
     return "force" if place.startswith("f") else "moment"
 
 
+def turn_into_probability(odds: float) -> float:
+    """Of something, from the natural logarithm of its odds.
+
+    Examples
+    --------
+    >>> turn_into_probability(0.0), round(turn_into_probability(3.0), 3)
+    (0.5, 0.953)
+    """
+    return 1.0 / (1.0 + math.exp(-odds)) if odds > -500.0 else 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
     """Where simulation and measurement differ, before anything was added."""
 
     where: str  # a marker, or a component of the ground wrench (``fx`` …)
     observable: Observable
-    rms: float  # rms, floor: SI (m, N, N m): the difference, and what noise alone would leave
+    rms: float  # rms, floor: SI (m, N, N m): the difference, and what is ordinary for people
     floor: float
     share: float  # of all that stands above the floors
-    p: float  # of standing so far above its floor by chance, over all places looked at
+    p: float  # of standing so far above its floor where it is ordinary
     trials: Mapping[str, float] = field(default_factory=dict)  # trial to its RMS (SI)
     when: str = ""  # when it is largest, in words: a trial and a block of time
     along: str = ""  # the coordinate that it follows best, if any, and how
@@ -40,20 +50,18 @@ class Disagreement:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NamedEffect:
-    """An effect that passed."""
+    """An effect that stands out of what is ordinary."""
 
     effect: Estimate  # with its size once everything was estimated together
-    covariance: Array  # (k, k): of its size (SI), whatever the memory of the noise
-    fitted: Fitted  # as it stood when it was named
-    p_family: float  # over the whole catalogue
-    held_out: HeldOut
+    covariance: Array  # (k, k): of its size (SI)
+    odds: float  # logarithm of the odds that it is there, all its places taken into account
+    gain: float  # share of the squares of markers, or of forces, that it took off what did not fit it
+    by_blocks: bool = False  # whether nothing was held out, so that it is the share of all
     # column to the size (as in the results) from which it is named nine times in ten
     smallest: Mapping[str, float] = field(default_factory=dict)
-    # its equivalence class: those that this recording does not tell from it, the nearest first, each with
-    # how likely chance alone makes its lead
+    # its class: those that these recordings do not tell from it, with the differences of their log odds
     equivalents: Mapping[Candidate, float] = field(default_factory=dict)
     would_separate: str = ""  # the ordinary movement that would
-    rivals: tuple[Candidate, ...] = ()  # those that explained most beside it when it was named
     # further numbers by the names of the results (``rms_deg``, ``start_s``, ``frequency_hz``)
     details: Mapping[str, float] = field(default_factory=dict)
     # standard deviations of those of them that have one, and of sizes that are estimated together with these
@@ -66,9 +74,8 @@ class NamedEffect:
 
     @property
     def member(self) -> float:
-        """Probability that it is this one of its class: each lead's chance as a posterior."""
-        chances = [min(p, 0.5) for p in self.equivalents.values()]
-        return 1.0 / (1.0 + sum(p / (1.0 - p) for p in chances))
+        """Probability that it is this one of its class."""
+        return 1.0 / (1.0 + sum(math.exp(min(odds, 0.0)) for odds in self.equivalents.values()))
 
     @property
     def key(self) -> str:
@@ -78,11 +85,9 @@ class NamedEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
-    """Before and after, between what noise leaves and what is not explained."""
+    """Before and after, beside what is ordinary and what is left where that takes what it can."""
 
-    # before, after, floor, ceiling: RMS, SI; ``ceiling`` is what a black-box correction with as many
-    # numbers reaches
-    before: float
+    before: float  # before, after, floor, ceiling: RMS, SI
     after: float
     floor: float
     ceiling: float
@@ -97,19 +102,27 @@ class Gap:
     # ``whitened``, ``markers``, ``force``, ``moment`` (those observed) to their levels
     levels: Mapping[str, Level]
     places: Mapping[str, Level]  # marker or component to its levels
-    # whitened RMS that is reached where the calibration's own parameters take up what they can instead
-    absorbed: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unexplained:
-    """What is left above the floor and matches no effect."""
+    """What is left above what is ordinary and matches no effect."""
 
     where: tuple[str, ...]
     observable: Observable
-    law: str  # the simplest sum of simple functions that describes it, in words and numbers
+    law: str  # its simplest description, in words and numbers
     rms: float  # SI, as the floor
     floor: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Tried:
+    """One of the likeliest that were not named."""
+
+    candidate: Candidate
+    odds: float  # logarithm
+    gain: float  # share of the whitened squares that it alone would take; NaN of what has no columns
+    smallest: Mapping[str, float]  # sizes of its columns from which it would be named
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -119,12 +132,11 @@ class Findings:
     verdict: Verdict
     disagreements: tuple[Disagreement, ...]  # the largest first
     named: tuple[NamedEffect, ...]
-    # fit, held_out: ``held_out`` comes from blocks of time where no trial was held out; then ``folds`` is
-    # true
+    # fit, held_out: ``held_out`` is the same as ``fit`` where no trial was held out; then ``folds`` is true
     fit: Gap
     held_out: Gap
     folds: bool
-    tried: tuple[ScoredCandidate, ...]  # the best that were not named
+    tried: tuple[Tried, ...]
     unexplained: tuple[Unexplained, ...]
     reason: str  # why the search stopped
     notes: tuple[str, ...]  # what could not be tried and why

@@ -1,222 +1,225 @@
-"""A scored candidate becomes a named effect: tuned, with its equivalence class and what it is worth."""
+"""Naming, the likeliest first: labels, then the body and its markers, then the weight and the forces.
+
+Nothing is named whose own places, or whose forces or markers as a whole, are worse with it on what did not
+fit it.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from itertools import product
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
 
+from scaling_service.capabilities.discovery.effects.catalogue import describe_details
+from scaling_service.capabilities.discovery.effects.sizes import (
+    is_met,
+    list_usual_deviations,
+    look_up_usual_sizes,
+)
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.evidence.scoring import ScoredCandidate, ScoredCandidates
-from scaling_service.capabilities.discovery.evidence.statistics import Fitted, assess_lead, fit_each
-from scaling_service.capabilities.discovery.evidence.sums import Evidence, invert_curvature
-from scaling_service.capabilities.discovery.evidence.wrench import choose_observation
+from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import (
-    DAMPINGS,
-    FREQUENCIES_HZ,
     Candidate,
     Estimate,
-    FreeMotion,
+    Seen,
 )
-from scaling_service.capabilities.discovery.observations.performed import MOVEMENTS
-from scaling_service.capabilities.discovery.search.findings import NamedEffect
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
+from scaling_service.capabilities.discovery.search.findings import Tried
+from scaling_service.capabilities.discovery.search.gaps import rms_by_place
+from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leaning
+from scaling_service.capabilities.discovery.search.markers import Ranked
+from scaling_service.core.progress import Steps
 from scaling_service.numerics.multibody.laws import Array
 
-
-def name_tuned(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> NamedEffect | None:
-    """Named at the frequency that explains most; None where no oscillation is plausible."""
-    best = tune(scored, fit)
-    return None if best is None else name_effect(best, fit, among)
+SHOWN = 30  # of what was not named (chosen)
 
 
-def name_effect(scored: ScoredCandidate, fit: Fit, among: ScoredCandidates) -> NamedEffect:
-    """A candidate as a named effect, with the others among which it was selected."""
-    settings, candidate = fit.settings, scored.candidate
-    effect = Estimate(candidate, scored.fitted.size)
-    equivalents = find_equivalents(scored, among.best, settings.equivalence_level)
-    return NamedEffect(
-        effect=effect,
-        covariance=scored.fitted.spread,
-        fitted=scored.fitted,
-        p_family=scored.p_family(among.count),
-        held_out=scored.held_out,
-        smallest=find_smallest_nameable(effect, scored.fitted, settings.level / among.count, settings.power),
-        equivalents=equivalents,
-        rivals=tuple(o.candidate for o in among.best if _are_comparable(o.candidate, candidate)),
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where the model comes from.
 
-
-def _are_comparable(other: Candidate, candidate: Candidate) -> bool:
-    """Whether both are sums of columns of the same sort."""
-    return bool(other.columns and candidate.columns) and other.seen_in == candidate.seen_in
-
-
-def find_equivalents(
-    scored: ScoredCandidate, others: Sequence[ScoredCandidate], level: float
-) -> Mapping[Candidate, float]:
-    """The candidates that explain what this one does so nearly as well that chance could make the difference.
-
-    Each with how likely chance makes so large a lead, the nearest first; a half where that is not known. A
-    motion that may take any course could always stand for one that follows a law, so it does not count.
+    ``given``: it was made for the person elsewhere; ``placed``: its markers' places were fitted;
+    ``declared_kg``: the person's mass, if it was declared.
     """
-    if scored.gains is None:
-        return dict.fromkeys(scored.equivalents, 0.5)
-    own, found = scored.candidate, {}
-    for other in others:
-        one = other.candidate
-        looser = isinstance(one.change, FreeMotion) and own.change is None
-        same = (one.trials, one.seen_in) == (own.trials, own.seen_in)
-        renamed = (one.kind, one.where, one.driver) != (own.kind, own.where, own.driver)
-        if (
-            other.gains is not None
-            and len(other.gains) == len(scored.gains)
-            and same
-            and renamed
-            and not looser
-        ):
-            p = assess_lead(scored.gains, other.gains, scored.fitted.by_chance - other.fitted.by_chance)
-            if p > level:
-                found[one] = p
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+    given: bool = False
+    placed: bool = True
+    declared_kg: float | None = None
 
 
-def tell_classes(named: Sequence[NamedEffect], fit: Fit) -> list[NamedEffect]:
-    """Each with its class once all are known: without what is named itself, and what separates it."""
-    taken = {n.key for n in named}
-    found = []
-    for n in named:
-        others = {c: p for c, p in n.equivalents.items() if c.key not in taken}
-        movement = find_separating_movement(n.effect, tuple(others), fit)
-        found.append(replace(n, equivalents=others, would_separate=movement))
-    return found
+SCALED_HERE = Origin()
+"""A model with fitted markers, of a person whose mass was not declared."""
 
 
-def find_smallest_nameable(
-    effect: Estimate, fitted: Fitted, level: float, power: float
-) -> Mapping[str, float]:
-    """Sizes of the columns, in proportion as found, from which a share would pass the first gate.
+@dataclass(slots=True, eq=False, kw_only=True)
+class Named:
+    """What was named so far."""
 
-    Parameters
-    ----------
-    level : float
-        P-value that one candidate must reach.
-    power : float
-        That share.
-    """
-    k = len(fitted.size)
-    spread = np.sqrt(np.diag(fitted.covariance)) if k else np.zeros(0)
-    if not k or not np.isfinite(fitted.freedom) or fitted.freedom < 2.0 or not spread.all():
-        return {}
-    needed = scipy.stats.f.isf(level, k, fitted.freedom)
-
-    def compute_missed(strength: float) -> float:
-        return float(scipy.stats.ncf.sf(needed, k, fitted.freedom, strength)) - power
-
-    top = 10.0
-    while compute_missed(top) < 0.0 and top < 1e9:
-        top *= 4.0
-    strength = scipy.optimize.brentq(compute_missed, 1e-9, top) if compute_missed(top) > 0.0 else float("inf")
-    found: Array = effect.size
-    own = float(found @ np.linalg.pinv(fitted.covariance) @ found)
-    share = np.sqrt(strength / own) if own > 0.0 else float("inf")
-    return {
-        column.name: abs(column.unit * size) * share
-        for column, size in zip(effect.candidate.columns, found.tolist(), strict=True)
-    }
+    ranked: Ranked
+    gain: float
+    by_blocks: bool
+    equivalents: Mapping[Candidate, float]
+    smallest: Mapping[str, float]
 
 
-def find_separating_movement(effect: Estimate, others: Sequence[Candidate], fit: Fit) -> str:
-    """The movement in which the nearest of the others leaves most of the effect unexplained, or ``""``."""
-    own, settings, observation = effect.candidate, fit.settings, choose_observation(effect.candidate)
-    columns = [c for c in others if c.columns and observation.shows(c)][: settings.separating_nearest]
-    if not own.columns or not columns or not fit.tracked:
-        return ""
-    best = (settings.separating_square, "")
-    every = [replace(c, trials=()) for c in (own, *columns)]
-    for movement in MOVEMENTS:
-        item = observation.perform(fit, movement)
-        if item is not None:
-            shown = observation.gather([item], [], every, settings.separating_block_s, together=True)
-            left = _compute_left(effect.size, shown)
-            if left > best[0]:
-                best = left, movement
-    return best[1]
+@dataclass(slots=True, eq=False, kw_only=True)
+class Naming:
+    """What is assumed by now."""
+
+    fit: Fit
+    origin: Origin
+    steps: Steps
+    named: list[Named] = field(default_factory=list)
+    refused: set[str] = field(default_factory=set)  # keys
+    tried: dict[str, Tried] = field(default_factory=dict)
+    covariances: dict[str, Array] = field(default_factory=dict)
+    leanings: dict[str, Leaning] = field(default_factory=dict)
+    last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
+    reason: str = ""
+
+    @property
+    def settings(self) -> DiscoverySettings:
+        """How strict it is."""
+        return self.fit.settings
+
+    # Naming
+
+    def _name_first(
+        self,
+        ranked: Sequence[Ranked],
+        refit: Callable[[Sequence[Estimate]], Fit],
+        classes: Mapping[str, Mapping[Candidate, float]],
+    ) -> bool:
+        """Name the first that has the odds and does good; whether there was one."""
+        taken = {e.candidate.key for e in self.fit.effects}
+        for one in ranked:
+            key = one.candidate.key
+            if one.odds < self.settings.odds:
+                break
+            if key in self.refused or key in taken:
+                continue
+            size = np.zeros(0) if one.scored is None else one.scored.size
+            if not self._is_met(one.candidate, size):
+                self.refused.add(key)
+                continue
+            effect = Estimate(one.candidate, size)
+            fit = refit((*self.fit.effects, effect))
+            gain, by_blocks = self._measure_gain(fit, one.candidate)
+            usual = look_up_usual_sizes(one.candidate, self.fit.model)
+            shown = ((usual(name), value) for name, value in describe_details(effect, fit).items())
+            if gain is None or any(met and not met.low <= value <= met.high for met, value in shown):
+                self.refused.add(key)
+                continue
+            self.fit = fit
+            self.covariances[key] = np.zeros((0, 0)) if one.scored is None else one.scored.covariance
+            self.named.append(
+                Named(
+                    ranked=one,
+                    gain=gain,
+                    by_blocks=by_blocks,
+                    equivalents=classes.get(key, {}),
+                    smallest=self._find_smallest(one),
+                )
+            )
+            return True
+        return False
+
+    def _is_met(self, candidate: Candidate, size: Array) -> bool:
+        """Whether its size is one that laboratories meet; else it is something else."""
+        met = is_met(candidate, size, self.fit.model)
+        return met and (candidate.together is None or candidate.together(size))
+
+    def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:
+        """Share of the squares that it takes off what did not fit it; None where anything is worse there."""
+        forces = not is_of_markers(candidate)
+        here = [r.trial.name for r in fit.context.recordings if candidate.holds_in(r.trial.name)]
+        unseen = [
+            r.trial.name for r in fit.context.recordings if r.role == "held_out" and r.trial.name in here
+        ]
+        trials = unseen or here
+        old, new = (rms_by_place(f, trials, forces=forces) for f in (self.fit, fit))
+        worst = 1.0 + self.settings.worse
+        own = [w for w in candidate.where if w in old and w in new]
+        if any(new[w] > worst * old[w] for w in own):
+            return None, not unseen
+        groups = (COMPONENTS[:3], COMPONENTS[3:]) if forces else (tuple(old),)
+        gains, fell = [], []
+        for group in groups:
+            a, b = (sum(rms[p] ** 2 for p in group if p in rms) for rms in (old, new))
+            fell.append(b <= worst**2 * a)
+            gains.append(1.0 - b / a if a > 0.0 else 0.0)
+        return (max(gains) if all(fell) and max(gains) > 0.0 else None), not unseen
+
+    def _tell_classes(
+        self, ranked: Sequence[Ranked], compare: Callable[[Ranked, Ranked], float]
+    ) -> dict[str, dict[Candidate, float]]:
+        """Of the first that has the odds: those that these recordings do not tell from it."""
+        first = next((r for r in ranked if r.candidate.key not in self.refused), None)
+        if first is None or first.odds < self.settings.odds or first.scored is None:
+            return {}
+        near = [r for r in ranked if r is not first and r.odds > first.odds - self.settings.class_odds]
+        own = first.candidate
+        alike = {
+            r.candidate: r.odds - first.odds
+            for r in near
+            if (r.candidate.kind, r.candidate.where) != (own.kind, own.where)
+            and abs(compare(first, r)) > self.settings.class_cosine
+        }
+        return {first.candidate.key: alike}
+
+    def _find_smallest(self, one: Ranked) -> dict[str, float]:
+        """Sizes of the columns, in proportion as found, from which a share would be named."""
+        if one.scored is None:
+            return {}
+        s = one.scored
+        scaled = np.eye(len(s.sd)) + s.information * np.outer(s.sd, s.sd)
+        shown = s.information @ s.size
+        strength = float(shown @ (s.sd * np.linalg.solve(scaled, s.sd * shown)))
+        needed = self.settings.odds + (s.bayes - one.odds) + 0.5 * float(np.linalg.slogdet(scaled)[1])
+        if strength <= 0.0 or needed <= 0.0:
+            return {}
+        z = float(scipy.stats.norm.ppf(self.settings.power))
+        share = (z + math.sqrt(z * z + 2.0 * needed)) / math.sqrt(strength)
+        return {
+            column.name: abs(column.unit * size) * share
+            for column, size in zip(one.candidate.columns, s.size.tolist(), strict=True)
+        }
+
+    def _remember(self, ranked: Sequence[Ranked], square: float) -> None:
+        """What was tried, as it was last, and what of the squares it would take."""
+        for r in ranked[:SHOWN]:
+            s = r.scored
+            gain = float("nan") if s is None else float(s.size @ s.information @ s.size) / square
+            self.tried[r.candidate.key] = Tried(
+                candidate=r.candidate, odds=r.odds, gain=gain, smallest=self._find_smallest(r)
+            )
+        for r in ranked:
+            if r.scored is not None and r.candidate.kind in OF_MODELS and not r.candidate.trials:
+                s = r.scored
+                self.leanings[r.candidate.key] = Leaning.of(r.candidate, s.size, s.covariance, s.sd)
+
+    def list_standing(self) -> list[Ranked]:
+        """What has the odds and was refused: of a size that nobody meets, or worse on unseen recordings."""
+        every = [r for ranked in self.last.values() for r in ranked]
+        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in self.refused]
+
+    def list_leanings(self) -> list[Leaning]:
+        """What the recordings say of every effect of the model, named or not."""
+        for effect in self.fit.effects:
+            key, sd = effect.candidate.key, list_usual_deviations(effect.candidate, self.fit.model)
+            if key in self.leanings and sd is not None:
+                self.leanings[key] = Leaning.of(effect.candidate, effect.size, self.covariances[key], sd)
+        return list(self.leanings.values())
 
 
-def _compute_left(size: Array, shown: Evidence) -> float:
-    """Whitened square of the first candidate, of that size, that the best of the others cannot explain."""
-    own, *rest = shown.groups
-    total = np.sum([s.own for s in shown.blocks], axis=0)
-    signal = float(size @ total[own, own] @ size)
-    left = []
-    for rows in rest:
-        along = total[rows, own] @ size
-        inverse = invert_curvature(total[rows, rows], shown.raw[rows])[0]
-        left.append(signal - float(along @ inverse @ along))
-    return min(left)
+def is_of_forces(candidate: Candidate) -> bool:
+    """Whether a candidate is a sum of columns of the wrench."""
+    return bool(candidate.columns) and all(column.load is not None for column in candidate.columns)
 
 
-_STEPS = (0.5, 0.25, 0.12, 0.06)
-"""Shares by which both are changed, round after round; the last is finer than their own deviation."""
-
-Pair = tuple[float, float]
-
-
-def tune(scored: ScoredCandidate, fit: Fit) -> ScoredCandidate | None:
-    """The candidate at the frequency and damping at which it explains most; any other as it is.
-
-    None where that is at the edge of what is tried, or needs an implausible size: then it is no oscillation.
-    """
-    start = scored.candidate.oscillation
-    if start is None:
-        return scored
-    best = _search_best(start, scored.candidate, fit, _free)
-    if scored.candidate.columns[0].natural is not None:
-        natural = _search_best(start, scored.candidate, fit, _compute_natural_gain)
-        if _compute_natural_gain(*natural[1:]) > (1.0 - fit.settings.natural_lead) * _free(*best[1:]):
-            best = natural
-    pair, candidate, fitted = best
-    inside = all(low < x < high for x, (low, high) in zip(pair, (FREQUENCIES_HZ, DAMPINGS), strict=True))
-    if not inside or not candidate.plausible(fitted.size):
-        return None
-    return replace(scored, candidate=candidate, fitted=fitted)
-
-
-def _free(_candidate: Candidate, fitted: Fitted) -> float:
-    """What it takes off at the size that fits best."""
-    return fitted.gain
-
-
-def _compute_natural_gain(candidate: Candidate, fitted: Fitted) -> float:
-    """What it takes off at its natural size."""
-    natural, size = candidate.columns[0].natural, float(fitted.size[0]) if len(fitted.size) else 0.0
-    assert natural is not None
-    return fitted.gain * (1.0 - ((natural - size) / size) ** 2) if size else 0.0
-
-
-def _search_best(
-    start: Pair, candidate: Candidate, fit: Fit, worth: Callable[[Candidate, Fitted], float]
-) -> tuple[Pair, Candidate, Fitted]:
-    """A search on grids that grow finer about the best so far."""
-    observation, pair = choose_observation(candidate), start
-    for step in _STEPS:
-        tried = sorted(
-            {_vary_pair(pair, step * a, step * b) for a, b in product((-1, -0.5, 0, 0.5, 1), repeat=2)}
-        )
-        choice = [candidate.at(*each) for each in tried]
-        found = fit_each(observation.gather_beside(fit, choice, together=False), choice)
-        k = max(range(len(choice)), key=lambda i: worth(choice[i], found[i]))
-        pair, best = tried[k], (tried[k], choice[k], found[k])
-    return best
-
-
-def _vary_pair(pair: Pair, a: float, b: float) -> Pair:
-    """A pair changed by shares, within what is tried."""
-    return _clip(pair[0] * (1.0 + a), FREQUENCIES_HZ), _clip(pair[1] * (1.0 + b), DAMPINGS)
-
-
-def _clip(value: float, bounds: Pair) -> float:
-    return min(max(value, bounds[0]), bounds[1])
+def is_of_markers(candidate: Candidate) -> bool:
+    """Whether a candidate shows among the markers."""
+    return candidate.seen_in == "markers"

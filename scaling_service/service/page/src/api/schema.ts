@@ -398,7 +398,6 @@ export interface DiscoveryDocument {
   sizes: Record<string, number>;
   verdict: "found" | "nothing" | "unexplained";
   headline: string;
-  smaller: string;
   reason: string;
   disagreements: Array<DisagreementDocument>;
   effects: Array<EffectDocument>;
@@ -470,7 +469,7 @@ export interface EffectDocument {
 
 export interface EvidenceDocument {
   gain_held_out: number | null;
-  p_held_out: number | null;
+  log_odds: number | null;
   p_family_wise: number | null;
   by_blocks: boolean;
   summary: string;
@@ -589,7 +588,6 @@ export interface GapDocument {
   markers_mm: LevelDocument | null;
   force_N: LevelDocument | null;
   moment_Nm: LevelDocument | null;
-  absorbed: number | null;
   places: Record<string, PlaceLevelDocument>;
 }
 
@@ -1511,6 +1509,8 @@ export interface TriedDocument {
   trials: Array<string> | null;
   note: string;
   gain: number | null;
+  log_odds: number | null;
+  smallest_nameable: Record<string, number>;
 }
 
 export interface TrustNote {

@@ -38,9 +38,9 @@ const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 const isExample = ({ subject, input_hashes }: DiscoveryDocument): boolean =>
   /^example(_\d+)?$/.test(subject) && "image_markers.csv" in input_hashes;
 
-/** Sizes that are doubtful, of the effects that carry the gap. */
+/** Sizes that are doubtful. */
 const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
-  effects.flatMap(({ carries, belief }) => (carries ? belief?.cautions ?? [] : []));
+  effects.flatMap(({ belief }) => belief?.cautions ?? []);
 
 const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
   callout(document.headline, cautionsOf(document).length > 0 ? "fair" : TONES[document.verdict], ...more);
@@ -49,20 +49,17 @@ const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]):
 function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
-  const main = effects.filter(({ carries }) => carries);
-  const small = effects.filter(({ carries }) => !carries);
   const cautions = cautionsOf(document);
   const left = few(unexplained.flatMap((one) => one.where));
   return [
     h("p", { class: "quiet" }, subtitle(document)),
     summary(
       document,
-      main.length > 0 && h("ol", null, ...main.map(({ name, belief }) => h("li", null, name, belief != null && h("div", { class: "quiet" }, belief.summary)))),
-      left !== "" && h("p", null, `Still above the noise floor, and like no effect that is known: ${left}.`),
+      effects.length > 0 && h("ol", null, ...effects.map(({ name, belief }) => h("li", null, name, belief != null && h("div", { class: "quiet" }, belief.summary)))),
+      left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
-    small.length > 0 ? folded(document.smaller, bullets(small.map(({ name }) => name))) : h("span"),
     hidden.length > 0 ? folded("What the example had hidden", bullets(hidden)) : h("span"),
     bones(document),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),

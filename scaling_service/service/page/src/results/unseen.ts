@@ -9,7 +9,7 @@ import { cell, table, type Cell } from "../ui/table.ts";
 import { figures } from "../ui/words.ts";
 
 const QUANTITIES = [
-  ["whitened", "all together", "times the noise floor"],
+  ["whitened", "all together", "times what is ordinary"],
   ["markers_mm", "markers", "mm"],
   ["force_N", "ground force", "N"],
   ["moment_Nm", "moment", "N m"],
@@ -17,7 +17,7 @@ const QUANTITIES = [
 
 export function unseen({ gap, held_out_trials }: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
   const judged = held_out_trials.length > 0 ? `recordings that were not fitted (${held_out_trials.join(", ")})` : "blocks of time that were not fitted";
-  place.append(h("p", null, `What counts is the gap on ${judged}: before, after what was named was added, what noise alone would leave (noise floor), and what a correction with as many numbers reaches that knows nothing of bodies (black-box bound).`));
+  place.append(h("p", null, `What counts is the gap on ${judged}: before, after what was named was added, what is ordinary for people (ordinary), and what is left where all that is ordinary takes what it can (left by it).`));
   const drawings = QUANTITIES.flatMap(([key, title, unit]) => {
     const level = gap.held_out[key];
     return level === null ? [] : [drawn(title, unit, level, signal)];
@@ -29,8 +29,8 @@ function drawn(title: string, unit: string, level: LevelDocument, signal: AbortS
   const bars: Bar[] = [
     { name: "before", value: level.before, colour: BEFORE },
     { name: "after", value: level.after, colour: AFTER },
-    { name: "noise floor", value: level.floor, colour: FLOOR },
-    { name: "black-box bound", value: level.ceiling, colour: CEILING },
+    { name: "ordinary", value: level.floor, colour: FLOOR },
+    { name: "left by it", value: level.ceiling, colour: CEILING },
   ];
   return figure({
     title: `Held out: ${title}, ${unit}`,
@@ -48,7 +48,7 @@ function cells(level: LevelDocument): Cell[] {
     cell(figures(level.floor), level.floor), cell(figures(level.ceiling), level.ceiling)];
 }
 
-const COLUMNS = ["before", "after", "95 % of after", "noise floor", "black-box bound"].map((title) => ({ title }));
+const COLUMNS = ["before", "after", "95 % of after", "ordinary", "left by it"].map((title) => ({ title }));
 
 function levels(gap: { fit: GapDocument; held_out: GapDocument }): HTMLElement {
   const rows = (["held_out", "fit"] as const).flatMap((role) =>

@@ -17,11 +17,7 @@ const NORMAL_95 = 1.96;
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
   if (document.effects.length === 0) place.append(h("p", null, `No effect was named: ${document.reason}.`));
   if (document.effects.length + document.tried.length > 0) place.append(candidates(document, signal));
-  const main = document.effects.filter(({ carries }) => carries);
-  main.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect)));
-  for (const effect of document.effects) {
-    if (!effect.carries) place.append(folded(`Smaller: ${placed(effect)}`, ...chapter(effect)));
-  }
+  document.effects.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect)));
   if (document.unexplained.length > 0) place.append(unexplained(document));
   place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
 }
@@ -89,9 +85,9 @@ const namesWidth = (): number => Math.min(330, 0.4 * innerWidth);
 
 function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
   return table({
-    caption: "Above the noise floor, and like no effect that is known",
+    caption: "Beyond what is ordinary, and like no effect that is known",
     name: "unexplained",
-    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "noise floor" }],
+    columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "ordinary" }],
     rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
 }

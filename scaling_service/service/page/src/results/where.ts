@@ -20,7 +20,7 @@ export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal,
     place.append(h("p", null, h("b", null, `Model and recordings disagree most at ${most.where}: ${figures(most.rms)} ${most.unit}, where noise alone would leave ${figures(most.floor)} ${most.unit}.`)));
   }
   place.append(h("p", null,
-    "The model follows every recording as closely as it can. What is left over is compared with the noise floor: what the noise of the recording itself would leave. Places whose bar ends at the mark are explained."));
+    "The model follows every recording as closely as it can. What is left over is compared with what is ordinary for people as lively as this person: skin that slides, markers beside their landmarks, joints that differ from any model's. Places whose bar ends below the mark are ordinary."));
   for (const [observable, title, unit] of OBSERVABLES) {
     const chosen = disagreements.filter((one) => one.observable === observable);
     if (chosen.length > 0) place.append(ranked(chosen, title, unit, signal));
@@ -36,7 +36,7 @@ function ranked(places: readonly DisagreementDocument[], title: string, unit: st
     name: `disagreements_${unit.replace(" ", "")}`,
     alt: `Bars of ${bars.length} places, the largest first: ${order.slice(0, 3).map((one) => `${one.where} ${figures(one.rms)}`).join(", ")} ${unit}.`,
     height: barsHeight(bars.length),
-    drawing: (ink) => drawBars(ink, { bars, axis: `RMS of what is left over, ${unit}`, unit, marks: "noise floor" }),
+    drawing: (ink) => drawBars(ink, { bars, axis: `RMS of what is left over, ${unit}`, unit, marks: "ordinary" }),
     rows: () => [["place", `rms_${unit}`, `floor_${unit}`], ...order.map((one) => [one.where, one.rms, one.floor])],
   }, signal).element;
 }
@@ -45,7 +45,7 @@ function all(places: readonly DisagreementDocument[]): HTMLElement {
   return table({
     caption: "Where, when, and along with what",
     name: "disagreements",
-    columns: [{ title: "place" }, { title: "left over" }, { title: "noise floor" }, { title: "share" }, { title: "by chance" },
+    columns: [{ title: "place" }, { title: "left over" }, { title: "ordinary" }, { title: "share" }, { title: "by chance" },
       { title: "most", words: true }, { title: "follows", words: true }],
     rows: places.map((one) => [
       cell(one.where),
@@ -57,6 +57,6 @@ function all(places: readonly DisagreementDocument[]): HTMLElement {
       cell(one.along || "–"),
     ]),
     filter: true,
-    note: "Share: of all that stands above the noise floors. By chance: p over all places looked at.",
+    note: "Share: of all that stands above the ordinary. By chance: p of so much where it is ordinary.",
   });
 }

@@ -14,8 +14,8 @@ const TERMS: Record<string, string> = {
   ...METHODS,
   "held-out": "recordings that no method was fitted to: the only ones that show how a model does on new data",
   "kinematic error": "the mean distance between each measured marker and the model's, over frames and markers",
-  "noise floor": "what the noise of the recording alone would leave between model and measurement",
-  "black-box bound": "what a correction with as many numbers reaches that knows nothing of bodies",
+  ordinary: "what is left between model and measurement of people as lively as this person: by skin, palpation, joints, masses and cameras",
+  "left by it": "what is left where everything ordinary takes what it can",
 };
 
 const FOUND = new RegExp(`\\b(${Object.keys(TERMS).sort((a, b) => b.length - a.length).join("|")})\\b`, "i");

@@ -1,0 +1,162 @@
+"""Skin under a marker or a cluster that swings when its segment accelerates, as an oscillator."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.effects.catalogue import Effect
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import (
+    DAMPINGS,
+    FREQUENCIES_HZ,
+    SHAPES,
+    TRIED,
+    Candidate,
+    Estimate,
+    Swinging,
+    describe_oscillation,
+)
+from scaling_service.capabilities.discovery.laws.scene import Scene
+from scaling_service.capabilities.discovery.laws.spots import MarkerSpot
+from scaling_service.capabilities.discovery.laws.swinging import Pulled
+from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.capabilities.discovery.ordinary.levels import weigh_marker
+from scaling_service.capabilities.discovery.ordinary.sums import White
+from scaling_service.numerics.multibody.laws import Array
+
+KIND = "skin_wobble"
+_FEWEST_S = 0.5  # of a recording: shorter than this nothing comes to rest (chosen: two periods at 4 Hz)
+
+
+def find_swinging_skin(
+    scene: Scene, base: Base, whites: Sequence[tuple[White, Array]]
+) -> Iterator[tuple[float, Candidate]]:
+    """The likeliest swing of every marker and group of markers, with its log odds.
+
+    ``whites``: of every recording, with residuals (n, 3 m) less everything ordinary that lasts, no marker
+    taken for livelier than its part; how much each is, is learnt beside every candidate.
+    """
+    looks = [
+        _Skin.of(w, left, base, w.look.item.markers)
+        for w, left in whites
+        if w.look.item.step * len(w.look.item.q) > _FEWEST_S
+    ]
+    groups = [g for segment in scene.bearing for g in scene.groups_on(segment.name)]
+    if not looks or not groups:
+        return
+    weighed: dict[tuple[str, ...], tuple[float, tuple[float, float]]] = {}
+    for pair in TRIED:
+        moved = [look.move(pair) for look in looks]
+        for group in groups:
+            odds = _weigh(looks, moved, group)
+            weighed[group] = max(weighed.get(group, (-math.inf, pair)), (odds, pair))
+    best = max(groups, key=lambda g: weighed[g][0])
+    for group in groups:
+        odds, pair = weighed[group]
+        if group == best and odds > 0.0:
+            odds, pair = _tune([_Skin.of(s.white, s.left, base, group) for s in looks], group, pair)
+        change = Swinging(group, *pair)
+        candidate = Candidate(
+            kind=KIND, where=group, columns=(), note=describe_oscillation(*pair), change=change
+        )
+        yield odds - math.log(len(groups) * len(TRIED)), candidate
+
+
+def tune_swing(base: Base, whites: Sequence[tuple[White, Array]], candidate: Candidate) -> Candidate:
+    """The same with the likeliest frequency and damping, of recordings that are freed of its swing."""
+    change = candidate.change
+    assert isinstance(change, Swinging)
+    pair, with_it = (change.frequency_hz, change.damping), []
+    for white, left in whites:
+        skin = _Skin.of(white, left, base, change.markers)
+        moved = sum(skin.move(pair).values(), np.zeros(()))
+        with_it.append(replace(skin, left=left + moved))
+    anew = _tune(with_it, change.markers, pair)[1]
+    return replace(candidate, note=describe_oscillation(*anew), change=Swinging(change.markers, *anew))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Skin:
+    """Some markers of a recording that may swing."""
+
+    white: White
+    left: Array  # (n, 3 m): residuals less everything ordinary that lasts
+    pulled: Pulled
+    spots: NDArray[np.intp]  # (m, 3): along the axes of their segments
+
+    @classmethod
+    def of(cls, white: White, left: Array, base: Base, markers: Sequence[str]) -> _Skin:
+        numbers = {spot: k for k, spot in enumerate(base.spots)}
+        known = [m for m in markers if m in white.look.item.markers and MarkerSpot(m, 0) in numbers]
+        spots = np.array([[numbers[MarkerSpot(m, axis)] for axis in range(3)] for m in known], dtype=np.intp)
+        return cls(white, left, Pulled.of(white.look.item, known), spots.reshape(-1, 3))
+
+    def move(self, pair: tuple[float, float]) -> dict[str, Array]:
+        """What the swing of every marker does to the whitened residuals, (n, 3 m)."""
+        if not len(self.spots):
+            return {}
+        moved = self.pulled.swing(*pair)[self.white.look.rows]
+        return {
+            marker: np.einsum("na,nac->nc", moved[:, k], self.white.columns[:, self.spots[k]])
+            for k, marker in enumerate(self.pulled.markers)
+        }
+
+
+def _weigh(
+    looks: Sequence[_Skin],
+    moved: Sequence[Mapping[str, Array]],
+    group: Sequence[str],
+) -> float:
+    """Log Bayes factor of the swing of a group, levels of markers learnt anew beside it."""
+    before, after, count = (defaultdict[str, float](float) for _ in range(3))
+    for look, each in zip(looks, moved, strict=True):
+        shown = [each[m] for m in group if m in each]
+        rest = look.left - np.sum(shown, axis=0) if shown else look.left
+        for table, values in ((before, look.left), (after, rest)):
+            for marker, (energy, number) in look.white.measure(values).items():
+                table[marker] += energy
+                count[marker] += 0.5 * number
+    return math.fsum(weigh_marker(after[m], n) - weigh_marker(before[m], n) for m, n in count.items())
+
+
+def _tune(
+    looks: Sequence[_Skin],
+    group: tuple[str, ...],
+    pair: tuple[float, float],
+) -> tuple[float, tuple[float, float]]:
+    """The likeliest frequency and damping of a group, and its log Bayes factor there."""
+
+    def turn_back(x: Array) -> tuple[float, float]:
+        f, z = np.exp(x).tolist()
+        return min(max(f, FREQUENCIES_HZ[0]), FREQUENCIES_HZ[1]), min(max(z, DAMPINGS[0]), DAMPINGS[1])
+
+    def cost(x: Array) -> float:
+        return -_weigh(looks, [look.move(turn_back(x)) for look in looks], group)
+
+    found = scipy.optimize.minimize(
+        cost, np.log(pair), method="Nelder-Mead", options={"xatol": 0.01, "fatol": 0.1, "maxfev": 60}
+    )
+    return -float(found.fun), turn_back(found.x)
+
+
+def _describe_swing(effect: Estimate, _after: Fit) -> Mapping[str, float]:
+    """At which frequency and damping it swings."""
+    change = effect.candidate.change
+    assert isinstance(change, Swinging)
+    return dict(zip(SHAPES, (change.frequency_hz, change.damping), strict=True))
+
+
+EFFECTS = (
+    Effect(
+        kind=KIND,
+        meaning="the skin under the marker oscillates when the segment accelerates",
+        details=_describe_swing,
+    ),
+)

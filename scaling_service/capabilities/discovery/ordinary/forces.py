@@ -1,0 +1,340 @@
+"""The wrench on the ground against what is ordinary: its noise, plates, and the masses of persons.
+
+All recordings with forces are one stack of rows, few enough for the levels of all components to be learnt
+with every candidate, so that none hides in the noise that it makes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate
+from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
+from scaling_service.capabilities.discovery.laws.loads import (
+    Inertial,
+    Late,
+    PlateBias,
+    PlateGain,
+    PlateShift,
+    PlateTurn,
+    Tilt,
+    compute_columns,
+)
+from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
+from scaling_service.capabilities.discovery.ordinary.body import find_part
+from scaling_service.capabilities.discovery.ordinary.columns import factorise
+from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
+from scaling_service.capabilities.discovery.ordinary.odds import Scored
+from scaling_service.numerics.multibody.laws import Array
+
+NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
+"""By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.
+2017: 10 to 20 N and 10 to 25 N m RMS in squats and walks)."""
+
+_OF_KG = 65.0
+_OF_MOVEMENT = 0.1  # of the wrench's own deviation, that and more (low)
+_LASTING_S = np.array([0.12, 0.12, 0.12, 0.4, 0.4, 0.4])  # time of correlation to 1/e (low)
+_RATE = 4.0  # frames looked at per period of the filter (chosen: products of what passes it need two)
+_SHIFT_M, _GAIN, _LATE_S, _TURN = 0.003, 0.004, 0.003, math.radians(0.5)
+"""Plates as installed: Cappello 2011 (2 to 14 mm of the centre of pressure at most), makers' 0.5 %; a third
+of a frame; chosen: laid to half a degree."""
+
+_BIAS = np.array([1.5, 1.5, 1.5, 0.7, 0.7, 0.7])  # N, N m: drift since the last zero (low)
+_VERTICAL = math.radians(0.2)  # chosen: a calibration frame's level
+_MASS, _SEGMENT = 0.005, 0.1
+"""Of a declared mass, as clothes and a day differ; and of a segment's, about the total (tables differ by 10
+%)."""
+
+_CENTRES_M: Mapping[str, float] = {"trunk": 0.025, "pelvis": 0.020, "legs": 0.012, "arms": 0.012}
+_SIDEWAYS = 0.3
+"""Of centres of mass along each axis (tables disagree about the trunk's by 50 mm: de Leva 1996, Dumas 2007);
+persons are nearly symmetric."""
+
+_PASSES = 6  # of learning levels (chosen: they settle to a per cent)
+
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    """A load in some trials, in all of them unless given."""
+
+    load: Load
+    trials: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Touch:
+    """A force of any course about a constant one at a point of a segment, in some frames of a recording."""
+
+    segment: str
+    trial: str
+    frames: NDArray[np.bool_]  # (n,): of the recording
+    columns: Array  # (n, 6, 3): of a force along each axis, moment about the trunk
+    sd: float  # of the constant force along each, N
+    wandering: Array  # (3,): of its course about that, as it is seen, N
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Evidence:
+    """Of some recordings: logarithm of how likely they are, and what is told of further numbers."""
+
+    value: float
+    size: Array
+    covariance: Array
+    levels: Array  # (6,): of the components' noise
+    left: Array  # (6,): RMS of what is left where everything takes what it can, N and N m
+    directions: (
+        Array  # (n_columns, m): of unit variance at the likeliest levels, of what is ordinary and named
+    )
+    masses: float  # level of what masses differ by
+    unlearnt: float = -math.inf  # the value where all levels are one
+
+
+class WrenchTable:
+    """All recordings with forces, and the columns of everything ordinary and of candidates."""
+
+    def __init__(self, fit: Fit, candidates: Sequence[Candidate]) -> None:
+        self.fit = fit
+        self._keys: dict[_Key, int] = {}
+        spreads = [("plates", *s) for s in self._expect_plates()] + [
+            ("masses", *s) for s in self._expect_masses()
+        ]
+        self.numbers: list[list[int]] = [
+            [self._number(column.load, c.trials) for column in c.columns if column.load] for c in candidates
+        ]
+        blocks, owners = [], []
+        for owner, rows, covariance in spreads:
+            factor = factorise(covariance)
+            block = np.zeros((len(self._keys), factor.shape[1]))
+            block[rows] = factor
+            blocks.append(block)
+            owners += [owner] * factor.shape[1]
+        self.ordinary = np.concatenate(blocks, axis=1)
+        self.owners = {o: np.flatnonzero(np.array(owners) == o) for o in dict.fromkeys(owners)}
+        masses = self._add_masses()
+        made = [self._tabulate(item) for item in fit.wrenches]
+        self.gap, self.columns, self.sd, self.weight = (
+            np.concatenate([item[k] for item in made]) for k in range(4)
+        )
+        frames = [item[4] for item in made]
+        ends = np.cumsum([0, *map(len, frames)]).tolist()
+        self._frames = {
+            item.name: (start, used)
+            for item, start, used in zip(fit.wrenches, ends[:-1], frames, strict=True)
+        }
+        self._append_weights(masses)
+
+    def _number(self, load: Load, trials: tuple[str, ...] = ()) -> int:
+        return self._keys.setdefault(_Key(load, trials), len(self._keys))
+
+    def _expect_plates(self) -> list[tuple[list[int], Array]]:
+        found: list[tuple[list[int], Array]] = []
+        trials = [item.name for item in self.fit.wrenches]
+        for plate in self.fit.scene.plates:
+            found.append(([self._number(PlateShift(plate, k)) for k in range(3)], _SHIFT_M**2 * np.eye(3)))
+            found.append(([self._number(PlateGain(plate))], np.array([[_GAIN**2]])))
+            found.append(([self._number(PlateTurn(plate, k)) for k in range(3)], _TURN**2 * np.eye(3)))
+            for trial in trials:
+                rows = [self._number(PlateBias(plate, k), (trial,)) for k in range(6)]
+                found.append((rows, np.diag(np.square(_BIAS))))
+        found += [([self._number(Late(), (trial,))], np.array([[_LATE_S**2]])) for trial in trials]
+        found.append(([self._number(Tilt(k)) for k in (0, 2)], _VERTICAL**2 * np.eye(2)))
+        return found
+
+    def _expect_masses(self) -> list[tuple[list[int], Array]]:
+        heavy = self.fit.scene.heavy
+        masses = np.array([s.mass for s in heavy])
+        share = masses / masses.sum()
+        about_total = np.eye(len(masses)) - np.outer(share, np.ones(len(masses)))
+        apart = about_total @ np.diag(np.square(_SEGMENT * masses)) @ about_total.T
+        together = (_MASS * masses.sum()) ** 2 * np.outer(share, share)
+        found = [([self._number(scale_segment(s)) for s in heavy], apart + together)]
+        for s in heavy:
+            size = _CENTRES_M[find_part(self.fit.model.bone_of(s.name))] * np.array([1.0, 1.0, _SIDEWAYS])
+            rows = [self._number(Inertial(s.name, differentiate_centre(s, k))) for k in range(3)]
+            found.append((rows, np.diag(np.square(size))))
+        return found
+
+    def _add_masses(self) -> Array:
+        """All segments in proportion, (n_columns,), per share of the body's mass."""
+        found = defaultdict[int, float](float)
+        for s in self.fit.scene.heavy:
+            found[self._number(scale_segment(s))] += s.mass
+        return np.array([found[k] for k in range(len(self._keys))])
+
+    def _append_weights(self, masses: Array) -> None:
+        """A column for each recording: all segments in proportion there."""
+        whole = self.columns @ masses
+        each = np.zeros((*whole.shape, len(self._frames)))
+        for k, (start, used) in enumerate(self._frames.values()):
+            rows = slice(start, start + len(used))
+            each[rows, :, k] = whole[rows]
+        self.columns = np.concatenate([self.columns, each], axis=2)
+        self.ordinary = np.pad(self.ordinary, ((0, each.shape[2]), (0, 0)))
+
+    def _tabulate(self, item: WrenchFit) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
+        """Residuals (n, 6), columns (n, 6, n_columns), deviations, weights (n, 6), frames (n,) of one."""
+        thin = max(1, int(item.tracked.trial.rate_hz / (_RATE * item.cutoff_hz)))
+        used = np.flatnonzero(item.usable)[::thin]
+        here = {key.load: None for key in self._keys if not key.trials or item.name in key.trials}
+        place = {load: k for k, load in enumerate(here)}
+        made = item.filter(compute_columns(list(here), item))[used]
+        about = item.about[used, None]
+        made[:, 3:] -= np.cross(about, made[:, :3].transpose(0, 2, 1)).transpose(0, 2, 1)
+        columns = np.zeros((len(used), 6, len(self._keys)))
+        for key, k in self._keys.items():
+            if not key.trials or item.name in key.trials:
+                columns[:, :, k] = made[:, :, place[key.load]]
+        measured = item.move_moment(item.filter(item.measured))[used]
+        moved = measured.std(axis=0) if len(used) else np.zeros(6)
+        sd = np.hypot(NOISE * item.mass / _OF_KG, _OF_MOVEMENT * moved)
+        weight = np.minimum(1.0, item.step * thin / (2.0 * _LASTING_S))
+        shape = (len(used), 6)
+        wide = np.broadcast_to(sd, shape), np.broadcast_to(weight, shape)
+        return item.residuals[used], columns, *wide, used
+
+    def expand(self, numbers: Sequence[int]) -> Array:
+        """Some columns, (n_columns, k)."""
+        found = np.zeros((self.columns.shape[2], len(numbers)))
+        found[list(numbers), range(len(numbers))] = 1.0
+        return found
+
+    def weigh_body(self, *, each: bool) -> Array:
+        """The body's mass, (n_columns, k), in shares of it: in each recording another, or the same in all."""
+        count = len(self._frames)
+        found = np.zeros((self.columns.shape[2], count))
+        found[-count:] = np.eye(count)
+        return found if each else found.sum(axis=1, keepdims=True)
+
+    def weigh(self, named: Array, extra: Array, sd: Array, touches: Sequence[Touch] = ()) -> Evidence:
+        """Evidence at the likeliest levels.
+
+        ``named`` (n_columns, j): of unit variance; ``extra`` (n_columns, k): of independent deviations
+        ``sd``; ``touches``: beside what plates measure.
+        """
+        touched = [(*self._find_rows(touch), touch) for touch in touches]
+        steady = np.zeros((len(self.gap), 6, 3 * len(touched)))
+        for j, (rows, found, touch) in enumerate(touched):
+            steady[rows, :, 3 * j : 3 * j + 3] = touch.sd * found
+        directions = np.concatenate([self.ordinary, named, extra * sd], axis=1)
+        columns = np.concatenate([steady, self.columns @ directions], axis=2)
+        noise = np.ones(6)
+        levels = dict.fromkeys(self.owners, 1.0)
+        scale = np.ones(columns.shape[2])
+        owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
+        k = len(sd)
+        best = Evidence(
+            value=-math.inf,
+            size=np.zeros(k),
+            covariance=np.zeros((k, k)),
+            levels=noise,
+            left=noise,
+            directions=directions,
+            masses=1.0,
+        )
+        unlearnt = -math.inf
+        for turn in range(_PASSES):
+            for owner, at in owned.items():
+                scale[at] = levels[owner]
+            by_noise = 1.0 / (self.sd * noise)
+            white, gap = columns * by_noise[:, :, None] * scale, self.gap * by_noise
+            freed, cost = self._free_touched([(r, t.wandering * f) for r, f, t in touched], by_noise)
+            white, gap = freed @ white, np.matmul(freed, gap[:, :, None])[:, :, 0]
+            white, gap = white * np.sqrt(self.weight)[:, :, None], gap * np.sqrt(self.weight)
+            count = (self.weight * np.square(freed).sum(axis=2)).sum(axis=0)
+            flat = white.reshape(-1, white.shape[2])
+            factor = np.linalg.cholesky(np.eye(flat.shape[1]) + flat.T @ flat)
+            inverse = np.linalg.inv(factor)
+            inverse = inverse.T @ inverse
+            strength = inverse @ (flat.T @ gap.ravel())
+            left = gap - white @ strength
+            value = -0.5 * float(gap.ravel() @ (gap.ravel() - flat @ strength))
+            value -= float(np.log(np.diag(factor)).sum() + self.weight.sum(axis=0) @ np.log(noise)) + cost
+            value += sum(map(weigh_level, (*noise.tolist(), *levels.values())))
+            if not turn:
+                unlearnt = value
+            if value > best.value:
+                last = slice(flat.shape[1] - k, None)
+                rms = np.sqrt(np.square(left / (by_noise * np.sqrt(self.weight))).mean(axis=0))
+                size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
+                best = Evidence(
+                    value=value,
+                    size=size,
+                    covariance=covariance,
+                    levels=noise,
+                    left=rms,
+                    directions=directions * scale[steady.shape[2] :],
+                    masses=levels["masses"],
+                    unlearnt=unlearnt,
+                )
+            unsure = np.einsum("nak,kl,nal->a", white, inverse, white, optimize=True)
+            energy = np.square(left).sum(axis=0) + unsure
+            noise = np.array([learn_level(*each) for each in zip(noise.tolist(), energy, count, strict=True)])
+            for owner, at in owned.items():
+                told = float((1.0 - np.diag(inverse)[at]).sum())
+                anew = learn_level(levels[owner], float(np.square(strength[at]).sum()), told, 1.0)
+                levels[owner] = math.sqrt(levels[owner] * anew)
+        return best
+
+    def _find_rows(self, touch: Touch) -> tuple[NDArray[np.intp], Array]:
+        """The rows of the table that it touches, and what a force of 1 N does there, (n, 6, 3)."""
+        start, used = self._frames[touch.trial]
+        inside = np.flatnonzero(touch.frames[used])
+        return start + inside, touch.columns[used[inside]]
+
+    def _free_touched(
+        self, touched: Sequence[tuple[NDArray[np.intp], Array]], by_noise: Array
+    ) -> tuple[Array, float]:
+        """What frees every row of what touches may take, (n, 6, 6), and half the log determinant of that."""
+        spread = np.broadcast_to(np.eye(6), (len(self.gap), 6, 6)).copy()
+        for rows, columns in touched:
+            white = columns * by_noise[rows][:, :, None]
+            spread[rows] += white @ white.transpose(0, 2, 1)
+        any_here = np.flatnonzero(np.isin(np.arange(len(self.gap)), [r for rows, _ in touched for r in rows]))
+        values, vectors = np.linalg.eigh(spread[any_here])
+        freed = np.broadcast_to(np.eye(6), spread.shape).copy()
+        freed[any_here] = (vectors / np.sqrt(values)[:, None]) @ vectors.transpose(0, 2, 1)
+        independent = self.weight[any_here].mean(axis=1)
+        return freed, 0.5 * float((independent[:, None] * np.log(values)).sum())
+
+    def score_roughly(
+        self, none: Evidence, choice: Sequence[Sequence[int]], sds: Sequence[Array]
+    ) -> list[Scored]:
+        """Candidates (the numbers of their columns), each by itself, at the levels that hold without any."""
+        by_noise = np.sqrt(self.weight) / (self.sd * none.levels)
+        known = (self.columns @ none.directions * by_noise[:, :, None]).reshape(-1, none.directions.shape[1])
+        gap, found = (self.gap * by_noise).ravel(), []
+        inner = np.linalg.inv(np.eye(known.shape[1]) + known.T @ known)
+        left = gap - known @ (inner @ (known.T @ gap))
+        for numbers, sd in zip(choice, sds, strict=True):
+            own = (self.columns[:, :, list(numbers)] * by_noise[:, :, None]).reshape(-1, len(numbers))
+            along = known.T @ own
+            found.append(Scored.of(own.T @ left, own.T @ own - along.T @ inner @ along, sd))
+        return found
+
+    def score_livelier(self, none: Evidence, numbers: Sequence[int], sd: Array) -> float:
+        """How much likelier recordings are if everybody's share of a candidate is livelier here.
+
+        What that costs is taken off. ``sd``: everybody's share where masses differ as between people.
+        """
+        best = 0.0
+        for factor in FACTORS:
+            (found,) = self.score_roughly(none, [numbers], [factor * none.masses * sd])
+            best = max(best, found.bayes + weigh_level(factor))
+        return best
+
+    def explain(self, numbers: Sequence[int], size: Array) -> Array:
+        """What some columns of a size make of the wrench, (n, 6)."""
+        return np.asarray(self.columns[:, :, list(numbers)] @ size)
+
+
+def measure_noise(table: WrenchTable, levels: Array) -> Array:
+    """What is ordinary of each component, (6,): noise, plates and masses together, N and N m."""
+    spread = np.square(table.columns @ table.ordinary).sum(axis=2)
+    return np.asarray(np.sqrt((np.square(table.sd * levels) + spread).mean(axis=0)))

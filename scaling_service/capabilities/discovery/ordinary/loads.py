@@ -1,0 +1,102 @@
+"""Candidates of the wrench, touches and the body's mass against what is ordinary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable, measure_noise
+from scaling_service.capabilities.discovery.ordinary.odds import Scored
+from scaling_service.numerics.multibody.laws import Array
+
+EVERYBODYS = ("wobbling_mass",)
+"""What every living body has, so that only much more of it, or of a body that is quiet elsewhere, is named:
+most of a thigh and of a trunk is soft (Gruber 1998, Pain and Challis 2006). Half of what is met is
+everybody's."""
+
+_AGAIN = 16  # of the likeliest, for which levels are learnt anew (chosen: the lead is among them)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Loads:
+    """Candidates of the wrench against what is ordinary."""
+
+    table: WrenchTable
+    none: Evidence  # without any of them
+    scored: Sequence[Scored]  # each by itself beside what is named, everybody's share of it taken off
+    mass: float  # log Bayes factor of the body's mass
+    touched: Sequence[float]  # log Bayes factors of touches, alone or as one of all of the same segment
+    named: Sequence[tuple[Estimate, Array]]  # estimated together, with the covariance of their sizes
+
+    @property
+    def square(self) -> float:
+        """Whitened sum of squares of all rows."""
+        scale = np.sqrt(self.table.weight) / (self.table.sd * self.none.levels)
+        return max(float(np.square(self.table.gap * scale).sum()), np.finfo(float).tiny)
+
+
+def score_loads(
+    fit: Fit,
+    choice: Sequence[tuple[Candidate, Array]],
+    named: Sequence[tuple[Estimate, Array]],
+    *,
+    mass_sd: float,
+    weighed: bool,
+    each: bool,
+    touching: Sequence[Touch],
+    touches: Callable[[Array], Sequence[Touch]],
+) -> Loads:
+    """Candidates of the wrench; those that are likely with all levels learnt beside them.
+
+    Parameters
+    ----------
+    choice, named : sequence
+        With the prior deviations of their numbers.
+    mass_sd : float
+        Of the body's mass, a share, where it is wrong; ``weighed``: whether it is known to be; ``each``:
+        whether recordings disagree about it.
+    touching : sequence of Touch
+        Those that are named.
+    touches : callable
+        By what is ordinary of each component (6,), those to be weighed.
+    """
+    table = WrenchTable(fit, [*(c for c, _ in choice), *(e.candidate for e, _ in named)])
+    own = table.numbers[len(choice) :]
+    for (effect, _), numbers in zip(named, own, strict=True):
+        # the prior is about zero, not about the estimate
+        table.gap = table.gap + table.explain(numbers, effect.size)
+    columns = table.expand([n for numbers in own for n in numbers])
+    sd = np.concatenate([np.zeros(0), *(sd for _, sd in named)])
+    whole = table.weigh_body(each=each)
+    known = np.concatenate([columns * sd, whole * mass_sd], axis=1) if weighed else columns * sd
+    nothing = np.zeros((len(columns), 0))
+    together = table.weigh(whole * mass_sd if weighed else nothing, columns, sd, touching)
+    none = table.weigh(known, nothing, np.zeros(0), touching)
+    places, sds = table.numbers[: len(choice)], [sd for _, sd in choice]
+    scored = table.score_roughly(none, places, sds)
+    for k in sorted(range(len(scored)), key=lambda k: -scored[k].bayes)[:_AGAIN]:
+        one = table.weigh(known, table.expand(places[k]), sds[k], touching)
+        bayes = one.value - none.value
+        if choice[k][0].kind in EVERYBODYS:
+            bayes -= table.score_livelier(none, places[k], 0.5 * sds[k])
+        scored[k] = replace(scored[k], bayes=bayes, size=one.size, covariance=one.covariance)
+    of_mass = table.weigh(known, whole, np.full(whole.shape[1], mass_sd), touching).value - none.value
+    tried = touches(measure_noise(table, np.minimum(none.levels, 1.0)))
+    of_touch = [
+        max(
+            table.weigh(known, nothing, np.zeros(0), [*touching, *chosen]).value / len(chosen)
+            - none.value / len(chosen)
+            for chosen in ([t], [other for other in tried if other.segment == t.segment])
+        )
+        for t in tried
+    ]
+    estimated, at = [], 0
+    for effect, own_sd in named:
+        rows = slice(at, at + len(own_sd))
+        at += len(own_sd)
+        estimated.append((Estimate(effect.candidate, together.size[rows]), together.covariance[rows, rows]))
+    return Loads(table=table, none=none, scored=scored, mass=of_mass, touched=of_touch, named=estimated)

@@ -1,0 +1,213 @@
+"""How much likelier recordings are with a candidate than with what is ordinary alone, in closed form.
+
+With ``G``, ``g`` the sums of a recording and ``P = A A'`` what is ordinary, ``K = G - G A (1 + A'GA)^-1
+A'G``. A candidate ``L b`` with ``b ~ N(0, S)`` has ``X = L'KL``, ``x = L'k`` and the log Bayes factor
+``x'(S^-1 + X)^-1 x / 2 - log det(1 + S X) / 2``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.ordinary.columns import Combination
+from scaling_service.capabilities.discovery.ordinary.levels import (
+    find_most,
+    learn_level,
+    weigh_level,
+)
+from scaling_service.capabilities.discovery.ordinary.sums import Sums
+from scaling_service.numerics.multibody.laws import Array
+
+_LIVELIER = 3.0  # times, from where the level of one place is learnt
+_PASSES = 6  # of learning levels (chosen: they settle to a per cent)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Scored:
+    """A candidate against what is ordinary."""
+
+    bayes: float  # logarithm of the Bayes factor
+    size: Array  # (k,)
+    covariance: Array  # (k, k): of the size
+    sd: Array  # (k,): its prior deviations
+    information: Array  # (k, k): that the recordings have of it
+
+    @classmethod
+    def of(cls, x: Array, X: Array, sd: Array) -> Scored:
+        """Of numbers of independent deviations about zero, from their scores and products."""
+        scaled = np.eye(len(sd)) + X * np.outer(sd, sd)
+        inverse = np.linalg.inv(scaled)
+        size = sd * (inverse @ (sd * x))
+        bayes = 0.5 * float(x @ size) - 0.5 * float(np.linalg.slogdet(scaled)[1])
+        return cls(bayes=bayes, size=size, covariance=np.outer(sd, sd) * inverse, sd=sd, information=X)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """Some recordings, with all that is another in each of them integrated out."""
+
+    sums: Sequence[Sums]
+    common: Array  # (n, m): directions of unit variance of what is the same in all
+    owners: Sequence[str]  # whose level each has
+    own: Sequence[Array]  # of each recording, (n, any): what is another in it
+    levels: Mapping[str, float]
+
+    @cached_property
+    def parts(self) -> list[tuple[Array, Array]]:
+        """Products and scores of each recording."""
+        found = []
+        for s, mine in zip(self.sums, self.own, strict=True):
+            shown = s.products @ mine
+            inner = np.linalg.inv(np.eye(mine.shape[1]) + mine.T @ shown)
+            found.append(
+                (s.products - shown @ inner @ shown.T, s.scores - shown @ (inner @ (mine.T @ s.scores)))
+            )
+        return found
+
+    def add_up(self, trials: Sequence[str] = ()) -> tuple[Array, Array]:
+        """Products and scores over some recordings, all unless given."""
+        if not trials:
+            return self._total
+        chosen = [p for p, s in zip(self.parts, self.sums, strict=True) if s.trial in trials]
+        return np.sum([p[0] for p in chosen], axis=0), np.sum([p[1] for p in chosen], axis=0)
+
+    @cached_property
+    def _total(self) -> tuple[Array, Array]:
+        return np.sum([p[0] for p in self.parts], axis=0), np.sum([p[1] for p in self.parts], axis=0)
+
+    @cached_property
+    def inner(self) -> Array:
+        """Covariance of the strengths, (m, m): (1 + A'GA)^-1."""
+        return np.asarray(np.linalg.inv(np.eye(self.common.shape[1]) + self._common_products))
+
+    @cached_property
+    def _common_products(self) -> Array:
+        return np.asarray(self.common.T @ self._total[0] @ self.common)
+
+    @cached_property
+    def strengths(self) -> Array:
+        """Of the common directions, in their deviations, (m,)."""
+        return np.asarray(self.inner @ (self.common.T @ self._total[1]))
+
+    @property
+    def determined(self) -> Array:
+        """How much of each direction the recordings tell, 0 to 1, (m,)."""
+        return np.asarray(1.0 - np.diag(self.inner))
+
+    @property
+    def coefficients(self) -> Array:
+        """Of the columns, what is the same in all recordings, (n,)."""
+        return np.asarray(self.common @ self.strengths)
+
+    @cached_property
+    def evidence(self) -> float:
+        """Logarithm of how likely the recordings are, but for what levels of what wanders make of it."""
+        value = 0.5 * float(self.strengths @ (self.common.T @ self._total[1]))
+        value -= 0.5 * float(np.linalg.slogdet(np.eye(self.common.shape[1]) + self._common_products)[1])
+        for s, mine in zip(self.sums, self.own, strict=True):
+            shown = np.eye(mine.shape[1]) + mine.T @ s.products @ mine
+            pull = mine.T @ s.scores
+            value += 0.5 * float(pull @ np.linalg.solve(shown, pull)) - 0.5 * float(
+                np.linalg.slogdet(shown)[1]
+            )
+            value -= 0.5 * s.square
+        return value
+
+    def estimate_own(self, k: int) -> tuple[Array, Array]:
+        """Strengths of what is another in recording k, and how much of each is told, both (any,)."""
+        strengths, told, _ = self.solve_own(k)
+        return strengths, told
+
+    def solve_own(self, k: int) -> tuple[Array, Array, Array]:
+        """The same with their covariance, (any, any)."""
+        s, mine = self.sums[k], self.own[k]
+        inner = np.linalg.inv(np.eye(mine.shape[1]) + mine.T @ s.products @ mine)
+        strengths = inner @ (mine.T @ (s.scores - s.products @ self.coefficients))
+        return strengths, 1.0 - np.diag(inner), np.asarray(inner)
+
+    def project(self, L: Array, trials: Sequence[str] = ()) -> tuple[Array, Array]:
+        """Scores x (k,) and products X (k, k) of effects in some trials, L (n, k)."""
+        G, g = self.add_up(trials)
+        shown = G @ L
+        along = self.common.T @ shown
+        return L.T @ g - along.T @ self.strengths, L.T @ shown - along.T @ (self.inner @ along)
+
+    def score_each(
+        self, combinations: Sequence[Combination], sds: Sequence[Array], trials: Sequence[str] = ()
+    ) -> list[Scored]:
+        """Candidates that hold in the same trials, each by itself."""
+        size = self.common.shape[0]
+        L = np.concatenate([c.expand(size) for c in combinations], axis=1)
+        x, X = self.project(L, trials)
+        edges = np.cumsum([0, *(c.count for c in combinations)]).tolist()
+        return [
+            Scored.of(x[a:b], X[a:b, a:b], sd) for a, b, sd in zip(edges[:-1], edges[1:], sds, strict=True)
+        ]
+
+    def score_livelier(self, L: Array, level: str) -> float:
+        """How much likelier recordings are where something ordinary is livelier at one place.
+
+        All levels are learnt anew beside it, as beside a candidate; what the prior says of a place that
+        differs from the others of its level is taken off. ``L`` (n, k): its directions at level one.
+        """
+        G, g = self._total
+        shown = G @ L
+        evidence = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, np.ones(L.shape[1]), level)[0]
+        return max(evidence - self._learnt, 0.0)
+
+    def score_learning(self, combination: Combination, sd: Array, trials: Sequence[str] = ()) -> Scored:
+        """A candidate, with levels learnt anew beside it: nothing hides in what it makes of them."""
+        L = combination.expand(self.common.shape[0])
+        G, g = self.add_up(trials)
+        shown = G @ L
+        evidence, size, covariance = self._learn(L.T @ shown, self.common.T @ shown, L.T @ g, sd)
+        X = self.project(L, trials)[1]
+        bayes = evidence - self._learnt
+        return Scored(bayes=bayes, size=size, covariance=covariance, sd=sd, information=X)
+
+    @cached_property
+    def _learnt(self) -> float:
+        none = np.zeros(0)
+        return self._learn(np.zeros((0, 0)), np.zeros((self.common.shape[1], 0)), none, none)[0]
+
+    def _learn(self, X: Array, C: Array, x: Array, sd: Array, place: str = "") -> tuple[float, Array, Array]:
+        """Log evidence at the likeliest levels, with further numbers; their size and covariance.
+
+        ``C`` (m, k): products of what is common with them. ``place``: the level that they follow, if they do;
+        they have one of their own then, about that.
+        """
+        n = self.common.shape[1]
+        full = np.block([[self._common_products, C * sd], [(C * sd).T, X * np.outer(sd, sd)]])
+        right = np.concatenate([self.common.T @ self._total[1], sd * x])
+        owners = np.array(self.owners)
+        rows = {o: np.flatnonzero(owners == o) for o in dict.fromkeys(self.owners) if o in self.levels}
+        levels = {o: self.levels[o] for o in rows}
+        own = _LIVELIER if place else 1.0  # against the level that it follows
+        best = (-math.inf, np.zeros(len(sd)), np.zeros((len(sd), len(sd))))
+        for _ in range(_PASSES):
+            scale = np.ones(len(right))
+            for o, at in rows.items():
+                scale[at] = levels[o] / self.levels[o]
+            if place:
+                scale[n:] = own * levels[place]
+            factor = np.linalg.cholesky(np.eye(len(right)) + full * np.outer(scale, scale))
+            inverse = scipy.linalg.cho_solve((factor, True), np.eye(len(right)))
+            z = inverse @ (scale * right)
+            value = 0.5 * float(z @ (scale * right)) - float(np.log(np.diag(factor)).sum())
+            value += sum(map(weigh_level, (*levels.values(), own)))
+            if value > best[0]:
+                best = (value, sd * z[n:], np.outer(sd, sd) * inverse[n:, n:])
+            told = 1.0 - np.diag(inverse)
+            energy = np.square(z)
+            if place:
+                own = learn_level(own, float(energy[n:].sum()), float(told[n:].sum()))
+            for o, at in rows.items():
+                anew = learn_level(levels[o], float(energy[at].sum()), float(told[at].sum()), find_most(o))
+                levels[o] = math.sqrt(levels[o] * anew)
+        return best

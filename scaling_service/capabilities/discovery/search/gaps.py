@@ -1,0 +1,324 @@
+"""How far simulation and measurement are apart, before and after, beside what is ordinary for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial, span, without_span
+from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.capabilities.discovery.ordinary.sums import Look
+from scaling_service.capabilities.discovery.search.findings import Disagreement, Gap, Level, classify_place
+from scaling_service.capabilities.discovery.search.markers import BodyTable
+from scaling_service.numerics.multibody.laws import Array
+
+_NORMAL_95 = 1.96
+_DRAWS = 32  # of ordinary persons; chosen: over some thirty frames they tell a deviation to 3 %
+_CORRELATED = (
+    0.3  # share of a residual's variance that a coordinate explains, from which it is reported (chosen)
+)
+_FEWEST = 5  # frames of a block that are told as a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """What is ordinary at the places of a recording, and what it leaves at its best, RMS, SI."""
+
+    ordinary: Mapping[str, float]
+    left: Mapping[str, float]
+
+
+def expect_markers(body: BodyTable) -> dict[str, Expected]:
+    """Of every recording: by persons drawn from what is ordinary at the levels learnt; their poses follow."""
+    stream, found = np.random.default_rng(0), {}
+    for k, white in enumerate(body.whites):
+        look = white.look
+        both = (body.ordinary.common, body.ordinary.own)
+        directions = np.concatenate([s.expand(len(body.base), body.levels)[0] for s in both], axis=1)
+        drawn = directions @ stream.normal(size=(directions.shape[1], _DRAWS))
+        wander = np.linalg.cholesky(look.make_covariance(body.loose))
+        total = np.zeros(len(look.item.markers))
+        for coefficients in drawn.T:
+            moved = white.spread_over_spots(body.base, coefficients)
+            stray = np.matmul(moved[:, None], look.columns)[:, 0]
+            total += _measure_strays(look, stray + stream.normal(size=stray.shape) @ wander.T) / _DRAWS
+        explained = white.spread_over_spots(body.base, body.estimate(k))
+        rest = _measure_strays(look, look.gap - np.matmul(explained[:, None], look.columns)[:, 0])
+        ordinary, left = (
+            dict(zip(look.item.markers, np.sqrt(x).tolist(), strict=True)) for x in (total, rest)
+        )
+        found[look.item.name] = Expected(ordinary, left)
+    return found
+
+
+def _measure_strays(look: Look, stray: Array) -> Array:
+    """Mean squared distance of every marker, (m,), m2, from strays (n, 3 m) that the pose follows."""
+    shown = np.repeat(look.seen, 3, axis=1)
+    free = without_span(np.where(shown, stray, 0.0), span(look.pose * shown[:, None]))
+    square = np.square(free).reshape(len(free), -1, 3).sum(axis=(0, 2))
+    return np.asarray(square / np.maximum(look.seen.sum(axis=0), 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Tally:
+    """Squares of residuals (n_blocks, n_places), frames they are sums over, and trials of the blocks."""
+
+    places: tuple[str, ...]
+    square: Array
+    frames: Array
+    trials: tuple[str, ...]
+    starts: tuple[float, ...]
+
+    def rms(self, columns: slice | list[int]) -> float:
+        """Of some places together."""
+        return float(np.sqrt(self.square[:, columns].sum() / max(self.frames[:, columns].sum(), 1.0)))
+
+
+def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
+    """Of all places over the trials of a role; None where nothing is observed."""
+    items: Sequence[TrackedTrial | WrenchFit] = fit.wrenches if forces else fit.tracked
+    names = COMPONENTS if forces else tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
+    rows, trials, starts = [], [], []
+    for item in items:
+        if role is not None and item.role != role:
+            continue
+        square, seen = np.zeros((len(item.times), len(names))), np.zeros((len(item.times), len(names)))
+        if isinstance(item, WrenchFit):
+            seen[item.usable] = 1.0
+            square[item.usable] = np.square(item.residuals[item.usable])
+        else:
+            at = [names.index(m) for m in item.markers]
+            seen[:, at] = item.seen
+            square[:, at] = np.nan_to_num(np.square(item.residuals).sum(axis=2))
+        for part in item.blocks(fit.settings.block_s):
+            if seen[part].any():
+                rows.append((square[part].sum(axis=0), seen[part].sum(axis=0)))
+                trials.append(item.name)
+                starts.append(float(item.times[part.start]))
+    if not rows:
+        return None
+    square, frames = (np.array(x) for x in zip(*rows, strict=True))
+    return _Tally(places=names, square=square, frames=frames, trials=tuple(trials), starts=tuple(starts))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Yardstick:
+    """What is ordinary at every place, and what it leaves where it takes what it can: RMS, SI."""
+
+    markers: Mapping[str, Expected]  # by trial
+    forces: Expected | None = None  # of all trials
+
+    def floors(self, tally_places: Sequence[str], trials: Sequence[str], *, left: bool = False) -> Array:
+        """Of blocks of time (n_blocks, n_places); NaN where nothing is known."""
+
+        def of(trial: str) -> list[float]:
+            known = self.forces if tally_places == COMPONENTS else self.markers.get(trial)
+            table = {} if known is None else known.left if left else known.ordinary
+            return [table.get(place, float("nan")) for place in tally_places]
+
+        rows = {trial: of(trial) for trial in dict.fromkeys(trials)}
+        return np.array([rows[trial] for trial in trials])
+
+
+_PARTS: Mapping[str, tuple[bool, slice]] = {
+    "markers": (False, slice(None)),
+    "force": (True, slice(0, 3)),
+    "moment": (True, slice(3, 6)),
+}
+
+
+def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Gap:
+    """Levels of all observables and places of the trials of a role."""
+    levels, places, whitened = {}, {}, []
+    for name, (forces, part) in _PARTS.items():
+        old, new = (_tally(fit, role, forces=forces) for fit in (before, after))
+        if old is None or new is None:
+            continue
+        floor = yardstick.floors(old.places, old.trials)
+        left = yardstick.floors(old.places, old.trials, left=True)
+        levels[name] = _measure(old, new, floor, left, part)
+        numbers = range(len(old.places))[part]
+        for k in numbers:
+            places[old.places[k]] = _measure(old, new, floor, left, slice(k, k + 1))
+        whitened.append((old, new, floor, left, part))
+    if whitened:
+        levels = {"whitened": _measure_whitened(whitened), **levels}
+    return Gap(levels, places)
+
+
+def _measure(old: _Tally, new: _Tally, floor: Array, left: Array, part: slice) -> Level:
+    """RMS of places together: a distance for markers, per component for wrenches."""
+    frames = old.frames[:, part]
+
+    def average(values: Array) -> float:
+        return float(np.sqrt(np.nansum(np.square(values[:, part]) * frames) / max(frames.sum(), 1.0)))
+
+    low, high = _estimate_interval(new.square[:, part].sum(axis=1), new.frames[:, part].sum(axis=1))
+    return Level(
+        before=old.rms(part),
+        after=new.rms(part),
+        floor=average(floor),
+        ceiling=average(left),
+        low=low,
+        high=high,
+    )
+
+
+def _measure_whitened(parts: Sequence[tuple[_Tally, _Tally, Array, Array, slice]]) -> Level:
+    """All residuals divided by what is ordinary."""
+    sums, after, frames = np.zeros(4), [], []
+    for old, new, floor, left, part in parts:
+        scale = 1.0 / np.square(np.where(floor[:, part] > 0.0, floor[:, part], np.nan))
+        counted = np.where(np.isfinite(scale), old.frames[:, part], 0.0)
+        sums += [
+            np.nansum(old.square[:, part] * scale),
+            np.nansum(new.square[:, part] * scale),
+            np.nansum(np.square(left[:, part]) * counted * scale),
+            counted.sum(),
+        ]
+        after.append(np.nansum(new.square[:, part] * scale, axis=1))
+        frames.append(counted.sum(axis=1))
+    low, high = _estimate_interval(np.concatenate(after), np.concatenate(frames))
+    before, reached, ceiling = np.sqrt(sums[:3] / max(sums[3], 1.0)).tolist()
+    return Level(before=before, after=reached, floor=1.0, ceiling=ceiling, low=low, high=high)
+
+
+def _estimate_interval(squares: Array, frames: Array) -> tuple[float, float]:
+    """95 % interval of an RMS over blocks."""
+    total = max(float(frames.sum()), 1.0)
+    mean = float(squares.sum()) / total
+    stray, count = squares - mean * frames, len(squares)
+    error = float(np.sqrt((stray**2).sum() * count / max(count - 1, 1)) / total)
+    return max(mean - _NORMAL_95 * error, 0.0) ** 0.5, (mean + _NORMAL_95 * error) ** 0.5
+
+
+def rms_by_place(fit: Fit, trials: Sequence[str], *, forces: bool) -> dict[str, float]:
+    """Of every marker, or component of the wrench, over some trials; SI."""
+    tally = _tally(fit, None, forces=forces)
+    if tally is None:
+        return {}
+    rows = [k for k, trial in enumerate(tally.trials) if trial in trials]
+    square, frames = tally.square[rows].sum(axis=0), tally.frames[rows].sum(axis=0)
+    known = frames > 0.0
+    rms = np.sqrt(square[known] / frames[known])
+    return dict(zip(np.array(tally.places)[known].tolist(), rms.tolist(), strict=True))
+
+
+def list_shown(where: Sequence[str], fit: Fit) -> list[str]:
+    """The markers at a place: of an effect of markers these, of a joint or segment those that it carries."""
+    of = [s.name for s in fit.model.segments if s.name in where or s.joint_name in where]
+    markers = [m.name for m in fit.model.markers if m.name in where or m.segment in of]
+    return markers or [m.name for m in fit.model.markers]
+
+
+def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[Disagreement, ...]:
+    """All places, the largest share of what stands above the ordinary first."""
+    found = []
+    for forces in (False, True):
+        tally = _tally(fit, None, forces=forces)
+        if tally is None:
+            continue
+        floor = yardstick.floors(tally.places, tally.trials)
+        for k, place in enumerate(tally.places):
+            frames = tally.frames[:, k]
+            if frames.any():
+                found.append(
+                    _describe_place(
+                        tally,
+                        k,
+                        place,
+                        float(np.sqrt(np.nansum(np.square(floor[:, k]) * frames) / frames.sum())),
+                        fit,
+                        forces,
+                    )
+                )
+    above = {d.where: max(d.rms**2 / max(d.floor, 1e-12) ** 2 - 1.0, 0.0) for d in found}
+    total = max(sum(above.values()), 1e-12)
+    made = [
+        Disagreement(
+            where=d.where,
+            observable=d.observable,
+            rms=d.rms,
+            floor=d.floor,
+            share=above[d.where] / total,
+            p=d.p,
+            trials=d.trials,
+            when=d.when,
+            along=d.along,
+        )
+        for d in found
+    ]
+    return tuple(sorted(made, key=lambda d: (-d.share, -d.rms / max(d.floor, 1e-12))))
+
+
+def _describe_place(tally: _Tally, k: int, place: str, floor: float, fit: Fit, forces: bool) -> Disagreement:
+    rms = tally.rms([k])
+    per_trial = {}
+    for trial in dict.fromkeys(tally.trials):
+        rows = [n for n, t in enumerate(tally.trials) if t == trial]
+        frames = tally.frames[rows, k].sum()
+        if frames:
+            per_trial[trial] = float(np.sqrt(tally.square[rows, k].sum() / frames))
+    frames = tally.frames[:, k]
+    mean = np.where(frames >= _FEWEST, tally.square[:, k] / np.maximum(frames, 1.0), 0.0)
+    most = int(np.argmax(mean))
+    # Independent numbers: a block of time is one look at a place along each axis
+    freedom = float((frames > 0.0).sum()) * (1.0 if forces else 3.0)
+    p = float(scipy.stats.chi2.sf(freedom * rms**2 / max(floor, 1e-12) ** 2, freedom))
+    return Disagreement(
+        where=place,
+        observable=classify_place(place),
+        rms=rms,
+        floor=floor,
+        share=0.0,
+        p=p,
+        trials=per_trial,
+        when=f"{tally.trials[most]}, from {tally.starts[most]:.1f} s on",
+        along=describe_course(fit, place),
+    )
+
+
+def describe_course(fit: Fit, place: str) -> str:
+    """The coordinate that a place's residual follows best, and how; empty where it follows none."""
+    best, said = _CORRELATED, ""
+    names = fit.model.coordinate_names
+    for axis in range(1 if place in COMPONENTS else 3):
+        values, coordinates = _list_series(fit, place, axis)
+        if len(values) < _FEWEST:
+            continue
+        values = values - values.mean()
+        centred = coordinates - coordinates.mean(axis=0)
+        spread = np.square(centred).sum(axis=0)
+        slope = np.divide(centred.T @ values, spread, out=np.zeros(len(spread)), where=spread > 0.0)
+        share = slope**2 * spread / max(float(values @ values), 1e-300)
+        k = int(np.argmax(share))
+        if share[k] > best:
+            best = float(share[k])
+            where = "" if place in COMPONENTS else f" along {'xyz'[axis]} of the room"
+            said = f"{names[k]}{where}: {best:.0%} of its variance"
+    return said
+
+
+def _list_series(fit: Fit, place: str, axis: int) -> tuple[Array, Array]:
+    """Residuals of a place (n,) and coordinates (n, any) over all recordings."""
+    values, coordinates = [], []
+    count = len(fit.model.coordinates)
+    for item in fit.tracked:
+        wrench = next((w for w in fit.wrenches if w.name == item.name), None)
+        if place in COMPONENTS and wrench is not None:
+            known = wrench.usable
+            values.append(wrench.residuals[known, COMPONENTS.index(place)])
+        elif place in item.markers:
+            at = item.markers.index(place)
+            known = item.seen[:, at]
+            values.append(item.residuals[known, at, axis])
+        else:
+            continue
+        coordinates.append(item.q[known, :count])
+    if not values:
+        return np.zeros(0), np.zeros((0, count))
+    return np.concatenate(values), np.concatenate(coordinates)

@@ -1,0 +1,373 @@
+"""The body and its markers against what is ordinary: levels learnt, candidates in the order of their odds."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
+from scaling_service.capabilities.discovery.effects.missing_dof import find_free_motions
+from scaling_service.capabilities.discovery.effects.sizes import list_usual_deviations
+from scaling_service.capabilities.discovery.effects.skin_wobble import find_swinging_skin, tune_swing
+from scaling_service.capabilities.discovery.evidence.fit import Fit
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Swinging
+from scaling_service.capabilities.discovery.laws.profiles import Following
+from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.ordinary.body import (
+    Ordinary,
+    expect_body,
+    find_part,
+    make_clusters,
+)
+from scaling_service.capabilities.discovery.ordinary.columns import Base, Combination
+from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
+from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
+from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
+from scaling_service.numerics.multibody.laws import Array
+
+_WANDERING, _LASTING = 4, 4
+"""Passes of learning levels: of what wanders, and of what lasts (chosen: they settle to some per cent)."""
+
+_AGAIN = 12
+"""Of the likeliest that are looked at once more, levels learnt beside them (chosen: the lead is there)."""
+
+_WORTH = -2.0  # log odds from which that is done
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ranked:
+    """A candidate, its log odds and what is told of it; nothing of one without columns."""
+
+    odds: float
+    candidate: Candidate
+    scored: Scored | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyTable:
+    """Recordings as they are tracked, against what is ordinary of the body."""
+
+    fit: Fit
+    base: Base
+    ordinary: Ordinary
+    candidates: Sequence[tuple[Candidate, Array, Combination]]  # with prior deviations
+    whites: Sequence[White]
+    table: Table
+    loose: dict[str, float]  # part of the body to the level at which its skin wanders
+    strays: dict[str, float]  # marker to the factor by which it wanders more than its part
+    levels: dict[str, float]  # of everything else
+    moved: Sequence[Array]  # of every recording, coefficients that its effects stand for
+
+    @classmethod
+    def of(cls, fit: Fit, *, given: bool, placed: bool, like: BodyTable | None = None) -> BodyTable:
+        """Built anew for a fit, levels learnt, or as in another table."""
+        base, scene, found = Base(), fit.scene, []
+        names = scene.model.coordinate_names
+        every = np.concatenate([item.q[:, : len(names)] for item in fit.tracked])
+        means = dict(zip(names, every.mean(axis=0).tolist(), strict=True))
+        ordinary = expect_body(base, scene, means, given=given, placed=placed)
+        for candidate in propose_candidates(scene):
+            shown = is_of_body(candidate) and _is_compared(candidate, fit)
+            sd = list_usual_deviations(candidate, scene.model) if shown else None
+            if sd is not None:
+                found.append((candidate, sd, base.combine(candidate)))
+        own = [
+            (e, list_usual_deviations(e.candidate, scene.model), base.combine(e.candidate))
+            for e in fit.effects
+            if is_of_body(e.candidate)
+        ]
+        looks = _look(fit, base)
+        loose = {c.part: 1.0 for look in looks for c in look.clusters}
+        levels = {d.level: 1.0 for s in (ordinary.common, ordinary.own) for d in s.directions if d.level}
+        strays = dict.fromkeys((m for look in looks for m in look.item.markers), 1.0)
+        if like is not None:
+            loose, strays, levels = like.loose, like.strays, like.levels
+            looks = [replace(a, weight=b.look.weight) for a, b in zip(looks, like.whites, strict=True)]
+        for turn in range(1 if like is not None else _WANDERING + 1):
+            whites = [look.whiten(loose, strays) for look in looks]
+            sums = [white.add_up(base) for white in whites]
+            last = turn == _WANDERING
+            for _ in range(0 if like is not None else _LASTING if last else 1):
+                table, moved = _tabulate(base, sums, ordinary, levels, own)
+                wandering, astray, levels = _learn(
+                    base, table, whites, moved, ordinary, loose, strays, levels
+                )
+            if not last and like is None:
+                loose, strays = wandering, astray
+        table, moved = _tabulate(base, sums, ordinary, levels, own)
+        return cls(
+            fit=fit,
+            base=base,
+            ordinary=ordinary,
+            candidates=found,
+            whites=whites,
+            table=table,
+            loose=loose,
+            strays=strays,
+            levels=levels,
+            moved=moved,
+        )
+
+    def reestimate(self) -> list[tuple[Estimate, Array]]:
+        """Effects that are sums of columns, estimated together, and covariances of their sizes."""
+        at, found = len(self.ordinary.common.expand(len(self.base), self.levels)[1]), []
+        beyond = [len(self.ordinary.own.expand(len(self.base), self.levels)[1])] * len(self.table.sums)
+        inner = self.table.inner
+        for effect in filter(lambda e: is_of_body(e.candidate), self.fit.effects):
+            count, sd = len(effect.size), list_usual_deviations(effect.candidate, self.fit.model)
+            scale = np.abs(effect.size) if sd is None else sd
+            if not effect.candidate.trials:
+                rows = slice(at, at + count)
+                at += count
+                size, covariance = scale * self.table.strengths[rows], inner[rows, rows]
+            else:
+                sizes, covariances = [], []
+                for k, s in enumerate(self.table.sums):
+                    if effect.candidate.holds_in(s.trial):
+                        rows = slice(beyond[k], beyond[k] + count)
+                        beyond[k] += count
+                        strengths, _, spread = self.table.solve_own(k)
+                        sizes.append(scale * strengths[rows])
+                        covariances.append(spread[rows, rows])
+                size = np.mean(sizes, axis=0)
+                covariance = np.mean(covariances, axis=0) / len(covariances)
+            found.append((Estimate(effect.candidate, size), covariance * np.outer(scale, scale)))
+        return found
+
+    def rank(self) -> list[Ranked]:
+        """All candidates, the likeliest first."""
+        places = Counter(c.kind for c, _, _ in self.candidates)
+        found: list[tuple[float, int, Scored]] = []
+        order = sorted(range(len(self.candidates)), key=lambda k: self.candidates[k][0].trials)
+        for trials, group in groupby(order, key=lambda k: self.candidates[k][0].trials):
+            rows = list(group)
+            chosen = [self.candidates[k] for k in rows]
+            scored = self.table.score_each([c for _, _, c in chosen], [sd for _, sd, _ in chosen], trials)
+            for (candidate, _, _), k, s in zip(chosen, rows, scored, strict=True):
+                found.append((s.bayes - math.log(places[candidate.kind]), k, s))
+        found.sort(key=lambda one: -one[0])
+        livelier: dict[str, float] = {}
+        ranked = []
+        for turn, (odds, k, one) in enumerate(found):
+            candidate, sd, combination = self.candidates[k]
+            told = odds, one
+            if turn < _AGAIN and odds > _WORTH:
+                anew = self.table.score_learning(combination, sd, candidate.trials)
+                told = anew.bayes - math.log(places[candidate.kind]), anew
+            at = self._list_places(candidate) if told[0] > self.fit.settings.odds else []
+            ordinary = max((self._score_livelier(p, livelier) for p in at), default=0.0)
+            ranked.append(Ranked(told[0] - ordinary, candidate, told[1]))
+        scene = self.fit.scene
+        of_course = (
+            *find_free_motions(scene, self.base, self.left, self.levels),
+            *find_swinging_skin(scene, self.base, self.left),
+        )
+        ranked += [Ranked(odds, candidate) for odds, candidate in of_course]
+        return sorted(ranked, key=lambda one: -one.odds)
+
+    @cached_property
+    def left(self) -> list[tuple[White, Array]]:
+        """Residuals of every recording less everything that lasts, (n, 3 m), as if none went astray."""
+        plain = [white.look.whiten(self.loose) for white in self.whites]
+        return [(w, w.subtract(self.base, self.estimate(k))) for k, w in enumerate(plain)]
+
+    def tune_swings(self) -> list[Estimate]:
+        """Effects, with what swings at its likeliest frequency and damping."""
+        return [
+            replace(e, candidate=tune_swing(self.base, self.left, e.candidate))
+            if isinstance(e.candidate.change, Swinging)
+            else e
+            for e in self.fit.effects
+        ]
+
+    def list_astray(self, limit: float) -> set[str]:
+        """Markers that wander more than others of their part do, by so many deviations."""
+        return {marker for marker, factor in self.strays.items() if math.log(factor) > limit * MARKER}
+
+    def estimate(self, k: int) -> Array:
+        """What recording k tells of all columns beside its effects."""
+        return self.table.coefficients + self.table.own[k] @ self.table.estimate_own(k)[0] - self.moved[k]
+
+    def _list_places(self, candidate: Candidate) -> list[str]:
+        """Where something ordinary may be livelier instead of a candidate: skin, glide, a marker's place."""
+        model = self.fit.model
+        follows = any(isinstance(p.profile, Following) for c in candidate.columns for p in c.parts)
+        first = candidate.where[0]
+        if first not in model.marker_names:
+            return [first] if follows else []
+        segment = model.marker(first).segment
+        if not follows:
+            return [] if candidate.trials else [f"place of {first}"]
+        return [segment, *([f"skin of {first}"] if len(candidate.where) == 1 else [])]
+
+    def _score_livelier(self, place: str, known: dict[str, float]) -> float:
+        """See :meth:`Table.score_livelier`."""
+        if place not in known:
+            L, level = self._expand_place(place)
+            known[place] = self.table.score_livelier(L, level) if L.shape[1] else 0.0
+        return known[place]
+
+    def _expand_place(self, place: str) -> tuple[Array, str]:
+        """What lasts at a place or of one of its markers, (n_columns, any), at level one, and whose it is."""
+        model, size = self.fit.model, len(self.base)
+        marker = place.rpartition(" of ")[2]
+        if marker == place:
+            found, owners = self.ordinary.common.expand(size, {}, place)
+            return found, owners[0] if owners else ""
+        segment = model.marker(marker).segment
+        whole = segment if place.startswith("skin") else f"place {find_part(model.bone_of(segment))}"
+        found, owners = self.ordinary.common.expand(size, {}, whole)
+        spots = ((spot, n) for (spot, _), n in self.base.columns.items())
+        own = [n for spot, n in spots if isinstance(spot, MarkerSpot) and spot.marker == marker]
+        mask = np.zeros((size, 1))
+        mask[own] = 1.0
+        found = found * mask
+        return found[:, np.abs(found).max(axis=0) > 0.0], owners[0] if owners else ""
+
+    @cached_property
+    def combinations(self) -> dict[str, Combination]:
+        """Of candidates, by their keys."""
+        return {c.key: combination for c, _, combination in self.candidates}
+
+    def compare(self, one: Ranked, other: Ranked) -> float:
+        """Cosine between what two candidates explain, as they were found; 0 of what has no columns."""
+        if one.scored is None or other.scored is None:
+            return 0.0
+        size = len(self.base)
+        moved = [
+            self.combinations[r.candidate.key].expand(size) @ r.scored.size
+            for r in (one, other)
+            if r.scored is not None
+        ]
+        first, second = (set(r.candidate.trials or [s.trial for s in self.table.sums]) for r in (one, other))
+        if not first & second:
+            return 0.0
+        both = self.table.project(np.stack(moved, axis=1), sorted(first & second))[1][0, 1]
+        lengths = [
+            self.table.project(m[:, None], sorted(t))[1][0, 0]
+            for m, t in zip(moved, (first, second), strict=True)
+        ]
+        return float(both / math.sqrt(max(lengths[0] * lengths[1], 1e-300)))
+
+
+def _is_compared(candidate: Candidate, fit: Fit) -> bool:
+    """Whether what holds in some recordings only is shown in others, too: else it holds in all."""
+    of_markers = [m for m in candidate.where if m in fit.model.marker_names]
+    if not candidate.trials or not of_markers:
+        return True
+    shown = [item.name for item in fit.tracked if set(of_markers) <= set(item.markers)]
+    return bool(set(shown) & set(candidate.trials)) and bool(set(shown) - set(candidate.trials))
+
+
+def is_of_body(candidate: Candidate) -> bool:
+    """Whether a candidate is a sum of columns of the body and its markers."""
+    return bool(candidate.columns) and all(column.parts for column in candidate.columns)
+
+
+def _look(fit: Fit, base: Base) -> list[Look]:
+    """At all recordings; what the same body needs is made once."""
+    known: list[tuple[TrackedTrial, Generators]] = []
+    looks = []
+    for item in fit.tracked:
+        alike = (g for other, g in known if _are_of_same_body(item, other))
+        generators = next(alike, None)
+        if generators is None:
+            generators = Generators.of(item, base.spots)
+            known.append((item, generators))
+        looks.append(Look.of(item, base, generators, make_clusters(item)))
+    return looks
+
+
+def _are_of_same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
+    """Whether two recordings are tracked by the same body with the same markers and coordinates."""
+    alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
+    return alike and one.task.model == other.task.model
+
+
+def _tabulate(
+    base: Base,
+    sums: Sequence[Sums],
+    ordinary: Ordinary,
+    levels: dict[str, float],
+    named: Sequence[tuple[Estimate, Array | None, Combination]],
+) -> tuple[Table, list[Array]]:
+    """Sums, with effects that are named as free as candidates are about zero, not about their estimate."""
+    size = len(base)
+    common, owners = ordinary.common.expand(size, levels)
+    own = ordinary.own.expand(size, levels)[0]
+    mine, moved = [[own] for _ in sums], [np.zeros(size) for _ in sums]
+    for effect, sd, combination in named:
+        L = combination.expand(size)
+        block = L * (np.abs(effect.size) if sd is None else sd)
+        if not effect.candidate.trials:
+            common, owners = np.concatenate([common, block], axis=1), [*owners, *[""] * block.shape[1]]
+        for k, s in enumerate(sums):
+            if effect.candidate.holds_in(s.trial):
+                moved[k] += L @ effect.size
+                if effect.candidate.trials:
+                    mine[k].append(block)
+    shifted = [
+        replace(
+            s,
+            scores=s.scores + s.products @ b,
+            square=s.square + float(b @ (2.0 * s.scores + s.products @ b)),
+        )
+        for s, b in zip(sums, moved, strict=True)
+    ]
+    stacked = [np.concatenate(blocks, axis=1) for blocks in mine]
+    return Table(sums=shifted, common=common, owners=owners, own=stacked, levels=levels), moved
+
+
+def _learn(
+    base: Base,
+    table: Table,
+    whites: Sequence[White],
+    moved: Sequence[Array],
+    ordinary: Ordinary,
+    loose: dict[str, float],
+    strays: dict[str, float],
+    levels: dict[str, float],
+) -> tuple[dict[str, float], dict[str, float], dict[str, float]]:
+    """The likeliest levels: of what lasts by its strengths, of what wanders by what is left."""
+    energy, count, left, freedom = (defaultdict[str, float](float) for _ in range(4))
+    of: dict[str, str] = {}  # marker to its part
+
+    def add(owners: Sequence[str], strengths: Array, told: Array) -> None:
+        for owner, z, share in zip(owners, strengths.tolist(), told.tolist(), strict=False):
+            energy[owner] += z * z
+            count[owner] += share
+
+    add(table.owners, table.strengths, table.determined)
+    of_own = ordinary.own.expand(len(base), levels)[1]
+    for k, white in enumerate(whites):
+        strengths, told = table.estimate_own(k)
+        add(of_own, strengths, told)
+        rest = white.subtract(base, table.coefficients + table.own[k] @ strengths - moved[k])
+        of |= {white.look.item.markers[row]: c.part for c in white.look.clusters for row in c.rows}
+        for marker, (square, number) in white.measure(rest).items():
+            for place in (marker, of[marker]):
+                left[place] += square
+                freedom[place] += number
+    parts = {part: learn_level(old, left[part], freedom[part]) for part, old in loose.items()}
+    return (
+        parts,
+        {  # about the new level of its part
+            m: max(
+                learn_level(old, left[m] * (loose[of[m]] / parts[of[m]]) ** 2, freedom[m], spread=MARKER),
+                STILLEST,
+            )
+            for m, old in strays.items()
+        },
+        {
+            # half of the way: how much is told of something follows its level
+            level: math.sqrt(old * learn_level(old, energy[level], count[level], find_most(level)))
+            for level, old in levels.items()
+        },
+    )

@@ -1,0 +1,308 @@
+"""The search itself: labels, then the body and its markers, then the forces."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.effects.body_mass import (
+    balance_weight,
+    find_usual_mass,
+    make_candidate,
+)
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
+from scaling_service.capabilities.discovery.effects.external_contact import find_contacts, make_touch
+from scaling_service.capabilities.discovery.effects.marker_swap import find_exchanges
+from scaling_service.capabilities.discovery.effects.sizes import (
+    is_met,
+    list_usual_deviations,
+)
+from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
+from scaling_service.capabilities.discovery.laws.candidates import (
+    Candidate,
+    Contact,
+    Estimate,
+    Reweighed,
+    Swinging,
+)
+from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable
+from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
+from scaling_service.capabilities.discovery.search.gaps import rms_by_place
+from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
+from scaling_service.core.threads import map_parallel
+from scaling_service.numerics.multibody.laws import Array
+
+LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
+_MOVED = 0.3  # deviations by which sizes must move to be worth tracking anew (chosen)
+
+_TUNED, _IN_TUNE = 6, 0.005
+"""Times that what swings is tuned and tracked anew, and the share of its frequency at which that ends
+(chosen)."""
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Search(Naming):
+    """Labels, body and forces, one after the other."""
+
+    # Labels
+
+    def find_labels(self) -> None:
+        """Exchanges, one after the other, before anything else is believed of the markers."""
+        self.steps.begin("looking for exchanged labels", 0.0, LABELS)
+        for _ in range(self.settings.most):
+            found = [one for some in map_parallel(find_exchanges, self.fit.tracked) for one in some]
+            ranked = sorted((Ranked(odds, c) for odds, c in found), key=lambda one: -one.odds)
+            if not self._name_first(self._track_pairs(ranked), self._refit_labels, {}):
+                break
+
+    def _track_pairs(self, ranked: list[Ranked]) -> list[Ranked]:
+        """With the pair first that leaves least of the first one's recording, once it is tracked with each.
+
+        A body that turned round to fit two exchanged markers wants others exchanged.
+        """
+        likely = [r for r in ranked if r.odds >= self.settings.odds and r.candidate.key not in self.refused]
+        rivals = [r for r in likely if r.candidate.trials == likely[0].candidate.trials]
+        if len(rivals) < 2:
+            return ranked
+
+        def measure_rest(one: Ranked) -> float:
+            fit = self._refit_labels((*self.fit.effects, Estimate(one.candidate, np.zeros(0))))
+            left = rms_by_place(fit, one.candidate.trials, forces=False)
+            return sum(rms**2 for rms in left.values())
+
+        best = min(rivals, key=measure_rest)
+        return [best, *(r for r in ranked if r is not best)]
+
+    def _refit_labels(self, effects: Sequence[Estimate]) -> Fit:
+        """From the start: the body may have turned to fit labels that were wrong."""
+        return fit_recordings(self.fit.context, effects)
+
+    # The body
+
+    def search_body(self) -> BodyTable:
+        """Until nothing of the body and its markers stands out; the last table."""
+        for count in range(self.settings.most + 1):
+            share = LABELS + (BODY - LABELS) * count / self.settings.most
+            self.steps.begin(f"looking for effect {len(self.named) + 1}", share, BODY)
+            body = self._make_table()
+            if astray := body.list_astray(self.settings.unexplained) - set(self.fit.astray):
+                known = {**self.fit.astray, **{m: body.strays[m] for m in astray}}
+                self.fit = fit_recordings(self.fit.context, self.fit.effects, replace(self.fit, astray=known))
+                body = self._make_table()
+            ranked = self.last["markers"] = body.rank()
+            self._remember(ranked, sum(s.square for s in body.table.sums))
+            if count == self.settings.most:
+                break
+            chosen = self._reorder(body, ranked)
+            classes = self._tell_classes(chosen, body.compare)
+            if not self._name_first(chosen, self._refit_markers, classes):
+                astray = body.list_astray(self.settings.unexplained)
+                if not (unproven := [n for n in self.named if set(n.ranked.candidate.where) & astray]):
+                    break
+                # what is there is something else
+                self._take_back(min(unproven, key=lambda n: n.ranked.odds).ranked.candidate.key)
+        return body
+
+    def _make_table(self) -> BodyTable:
+        """With all sizes estimated together; tracked once more where they moved."""
+        body = self._tabulate(self.fit)
+        for _ in range(_TUNED):
+            tuned = body.tune_swings()
+            apart = [
+                abs(math.log(a / b)) for a, b in zip(_pitch(tuned), _pitch(self.fit.effects), strict=True)
+            ]
+            if max(apart, default=0.0) < _IN_TUNE:
+                break
+            self.fit = self._refit_markers(tuned)
+            body = self._tabulate(self.fit)
+        again = body.reestimate()
+        self.covariances |= {e.candidate.key: covariance for e, covariance in again}
+        unmet = [e for e, _ in again if not is_met(e.candidate, e.size, self.fit.model)]
+        unmet += [
+            e
+            for e in self.fit.effects
+            if isinstance(e.candidate.change, Swinging) and not is_met(e.candidate, e.size, self.fit.model)
+        ]
+        if unmet:  # it grew out of what laboratories meet: it is something else
+            self._take_back(unmet[0].candidate.key)
+            return self._make_table()
+        moved = {e.candidate.key: e for e, c in again if self._has_moved(e, c)}
+        if not moved:
+            return body
+        effects = tuple(moved.get(e.candidate.key, e) for e in self.fit.effects)
+        self.fit = self._refit_markers(effects)
+        return self._tabulate(self.fit, body)
+
+    def _take_back(self, key: str) -> None:
+        """An effect of the body, for good."""
+        self.refused.add(key)
+        self.named = [n for n in self.named if n.ranked.candidate.key != key]
+        self.fit = self._refit_markers([e for e in self.fit.effects if e.candidate.key != key])
+
+    def _has_moved(self, effect: Estimate, covariance: Array) -> bool:
+        before = next(e for e in self.fit.effects if e.candidate.key == effect.candidate.key)
+        sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        return bool((np.abs(effect.size - before.size) > _MOVED * sd).any())
+
+    def _tabulate(self, fit: Fit, like: BodyTable | None = None) -> BodyTable:
+        return BodyTable.of(fit, given=self.origin.given, placed=self.origin.placed, like=like)
+
+    def _reorder(self, body: BodyTable, ranked: list[Ranked]) -> list[Ranked]:
+        """With the first and what has the odds at the same place compared once more, as tracked with each.
+
+        One step of a linear table does not tell a turned axis from a law that follows the angle.
+        """
+        first = next((r for r in ranked if r.candidate.key not in self.refused), None)
+        if first is None or first.odds < self.settings.odds or first.scored is None:
+            return ranked
+        rivals = {
+            r.candidate.kind: r
+            for r in reversed(ranked)
+            if r.odds >= self.settings.odds
+            and r.scored is not None
+            and self._is_rival(r.candidate, first.candidate)
+        }
+        if len(rivals) < 2:
+            return ranked
+        found = {}
+        for r in rivals.values():
+            assert r.scored is not None
+            fit = self._refit_markers((*self.fit.effects, Estimate(r.candidate, r.scored.size)))
+            prior = r.odds - r.scored.bayes  # of its kind and places
+            found[r.candidate.key] = self._tabulate(fit, body).table.evidence + prior
+        top = max(found.values())
+        untold = [r for r in rivals.values() if found[r.candidate.key] > top - self.settings.class_odds]
+        # Of those that the recordings do not tell apart, what is constant comes before what follows an angle
+        best = min(untold, key=lambda r: (len(r.candidate.driver), -found[r.candidate.key])).candidate.key
+        lead = first.odds
+        return sorted(
+            (
+                replace(r, odds=lead + found[r.candidate.key] - top) if r.candidate.key in found else r
+                for r in ranked
+            ),
+            key=lambda r: (r.candidate.key != best, -r.odds),
+        )
+
+    def _is_rival(self, one: Candidate, first: Candidate) -> bool:
+        """Whether two sit at the same place in the same recordings."""
+        same = bool(set(one.where) & set(first.where)) and one.trials == first.trials
+        return same and one.key not in self.refused
+
+    def _refit_markers(self, effects: Sequence[Estimate]) -> Fit:
+        return fit_recordings(self.fit.context, effects, self.fit)
+
+    # Forces
+
+    def search_forces(self) -> tuple[WrenchTable, Evidence] | None:
+        """What stands out of the forces; the last table."""
+        if not self.fit.wrenches or not self.fit.scene.plates:
+            return None
+        for count in range(self.settings.most + 1):
+            share = BODY + (FORCES - BODY) * count / self.settings.most
+            self.steps.begin(f"looking for effect {len(self.named) + 1}", share, FORCES)
+            loads, ranked = self._rank_forces()
+            self.last["wrench"] = ranked
+            self._remember(ranked, loads.square)
+            if count == self.settings.most:
+                break
+            classes = self._tell_classes(ranked, Alike(loads, [c for c, _ in self._list_loads()]))
+            if not self._name_first(ranked, self._refit_forces, classes):
+                break
+        return loads.table, loads.none
+
+    def _list_loads(self) -> list[tuple[Candidate, Array]]:
+        pairs = [
+            (c, list_usual_deviations(c, self.fit.model))
+            for c in propose_candidates(self.fit.scene)
+            if is_of_forces(c)
+        ]
+        return [(c, sd) for c, sd in pairs if sd is not None]
+
+    def _rank_forces(self) -> tuple[Loads, list[Ranked]]:
+        """All candidates of the wrench, those named estimated together."""
+        choice = self._list_loads()
+        named = [
+            (e, sd)
+            for e in self.fit.effects
+            if is_of_forces(e.candidate)
+            and (sd := list_usual_deviations(e.candidate, self.fit.model)) is not None
+        ]
+        weight = balance_weight(self.fit)
+        weighed = any(isinstance(e.candidate.change, Reweighed) for e in self.fit.effects)
+        contacts: list[tuple[float, Candidate]] = []
+
+        def list_touches(noise: Array) -> list[Touch]:
+            contacts.extend(find_contacts(self.fit, noise))
+            return [make_touch(self.fit, candidate) for _, candidate in contacts]
+
+        loads = score_loads(
+            self.fit,
+            choice,
+            named,
+            mass_sd=find_usual_mass(self.fit.model),
+            weighed=weighed,
+            each=weight is not None and weight.disagree,
+            touching=[
+                make_touch(self.fit, e.candidate)
+                for e in self.fit.effects
+                if isinstance(e.candidate.change, Contact)
+            ],
+            touches=list_touches,
+        )
+        self.covariances |= {e.candidate.key: covariance for e, covariance in loads.named}
+        moved = {e.candidate.key: e for e, c in loads.named if self._has_moved(e, c)}
+        if moved:
+            self.fit = self._refit_forces([moved.get(e.candidate.key, e) for e in self.fit.effects])
+        places = Counter(c.kind for c, _ in choice)
+        ranked = [
+            Ranked(s.bayes - math.log(places[c.kind]), c, s)
+            for (c, _), s in zip(choice, loads.scored, strict=True)
+        ]
+        ranked += [
+            Ranked(bayes + prior, candidate)
+            for bayes, (prior, candidate) in zip(loads.touched, contacts, strict=True)
+        ]
+        ranked.sort(key=lambda one: -one.odds)
+        declared = None if weighed else self.origin.declared_kg
+        mass = None if declared is None else make_candidate(self.fit, declared)
+        if mass is not None and weight is not None:
+            of_mass = Ranked(loads.mass, mass)
+            # Recordings that disagree about the weight are one number with gains and biases of their plates
+            at = 0 if weight.disagree else bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
+            ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
+        return loads, ranked
+
+    def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
+        return fit_wrenches(replace(self.fit, effects=tuple(effects)))
+
+
+def _pitch(effects: Sequence[Estimate]) -> list[float]:
+    """Frequencies of what swings, Hz."""
+    swinging = (e.candidate.change for e in effects)
+    return [change.frequency_hz for change in swinging if isinstance(change, Swinging)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Alike:
+    """Cosine between what two candidates of the wrench explain, as they were found."""
+
+    loads: Loads
+    choice: Sequence[Candidate]
+
+    def __call__(self, one: Ranked, other: Ranked) -> float:
+        """0 of what has no columns."""
+        if one.scored is None or other.scored is None:
+            return 0.0
+        table, keys = self.loads.table, [c.key for c in self.choice]
+        scale = np.sqrt(table.weight) / (table.sd * self.loads.none.levels)
+        a, b = (
+            (scale * table.explain(table.numbers[keys.index(r.candidate.key)], s.size)).ravel()
+            for r, s in ((one, one.scored), (other, other.scored))
+        )
+        return float(a @ b / math.sqrt(max(float(a @ a) * float(b @ b), 1e-300)))

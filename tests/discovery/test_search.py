@@ -71,6 +71,19 @@ def test_exchanged_labels_are_put_back() -> None:
     assert named.effect.candidate.trials == ("gait_1",)
 
 
+def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
+    recordings = recorded(person(), person().model)
+    stream, strayed = np.random.default_rng(2), []
+    for r in recordings:
+        markers = r.trial.markers.copy()
+        markers[:, r.trial.index("RFH")] += 0.03 * stream.normal(size=(len(markers), 3))
+        strayed.append(Recording(r.trial.with_markers(markers), r.role))
+    findings = found(strayed).findings
+    assert not findings.named
+    assert findings.verdict == "unexplained"
+    assert [u.where for u in findings.unexplained] == [("RFH",)]
+
+
 def test_a_scaled_volume_is_measured() -> None:
     recordings = [
         Recording(r.trial.with_markers(r.trial.markers * 1.05), r.role)

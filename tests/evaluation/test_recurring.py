@@ -52,6 +52,8 @@ def test_a_folder_of_persons_is_searched_for_what_recurs(
     assert "recurs" in capsys.readouterr().out
     found = json.loads((out / "recurring.json").read_text(encoding="utf-8"))
     assert len(found["subjects"]) == len(names) == 2
+    assert found["schema_version"] == 1
+    assert found["code_version"]
     assert not any(effect["named"] for effect in found["effects"])  # their bodies are the model's, scaled
     assert all((out / who / "discovery.json").is_file() for who in found["subjects"])
 

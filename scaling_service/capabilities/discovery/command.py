@@ -92,8 +92,9 @@ def _discover_recurring(
 
         found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
     console, document = make_console(), found.document
-    console.print(found.effects)
+    console.print(str(found.effects), markup=False, highlight=False, soft_wrap=True)
     say(console, "Verdict", "bold", [f"{document.headline}."])
+    say(console, "Note", "yellow", document.notes)
     say(console, "Note", "yellow", [f"{who} was not searched: {why}" for who, why in document.failed.items()])
     list_files(console, out, [f"{FILE_NAME}, and a folder for each person"])
 

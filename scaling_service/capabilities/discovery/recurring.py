@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -20,6 +22,8 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
+from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.models import apply_everywhere
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
@@ -34,13 +38,16 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part, Rounded
-from scaling_service.documents.writing import write_json
+from scaling_service.documents.writing import code_version, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.inertia import sum_mass
 from scaling_service.numerics.multibody.laws import Array
 
 FILE_NAME = "recurring.json"
+SCHEMA_VERSION = 1
+"""Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
+
 _FEWEST = 2  # persons
 _MOST = 5  # effects that are listed (chosen)
 
@@ -78,6 +85,13 @@ class RecurringEntry(Part):
 class RecurringDocument(Part):
     """``recurring.json``."""
 
+    schema_version: int = SCHEMA_VERSION
+    code_version: str = ""
+    cohort: str = Field(default="", description="The file or folder that names the persons, as given.")
+    settings: dict[str, Any] = Field(default={}, description="As resolved.")
+    seed: int | None = None
+    wall_s: float = 0.0
+    notes: list[str] = Field(default=[], description="What was passed over.")
     headline: str
     model: str = Field(description="The generic model that all persons have.")
     subjects: list[str]
@@ -133,8 +147,9 @@ def discover_recurring(
     InputError
         There are fewer than two persons whose recordings can be searched with the same generic model.
     """
+    clock = time.perf_counter()
     report_to, folder = progress or show_nothing, Path(out)
-    members, _ = read_members(Path(cohort))
+    members, passed = read_members(Path(cohort))
     found: dict[str, DiscoverResults] = {}
     failed: dict[str, str] = {}
     for k, member in enumerate(members):
@@ -150,6 +165,17 @@ def discover_recurring(
         save_discovery(results, folder / name, report=report)
         found[name] = results
     recurring = find_recurring(found, failed)
+    document = recurring.document.model_copy(
+        update={
+            "code_version": code_version(),
+            "cohort": str(cohort),
+            "settings": {**chosen.model_dump(mode="json"), **settings.model_dump(mode="json")},
+            "seed": settings.seed,
+            "wall_s": round(time.perf_counter() - clock, 3),
+            "notes": list(passed),
+        }
+    )
+    recurring = replace(recurring, document=document)
     if recurring.model is not None:
         (folder / "generic_model.json").write_text(
             json.dumps(to_document(recurring.model), allow_nan=False), encoding="utf-8"
@@ -202,7 +228,7 @@ def find_recurring(
         entries.append(_describe(odds, scored, each, found))
         if odds >= USUAL.odds:
             first = next(iter(each.values())).candidate
-            named.append(Estimate(first, _own_size(first, scored.size, generic)))
+            named.append(Estimate(_place_in(generic, first), _own_size(first, scored.size, generic)))
     heavy = [e for e in named if all(c.load is None for c in e.candidate.columns) or sum_mass(generic) > 0.0]
     corrected = apply_everywhere(generic, heavy) if heavy else None
     document = RecurringDocument(
@@ -225,6 +251,19 @@ def _share(leaning: Leaning, results: DiscoverResults) -> Leaning:
     if leaning.candidate.kind != "segment_mass":
         return leaning
     return leaning.rescale(results.before.model.segment(leaning.candidate.where[0]).mass)
+
+
+def _place_in(model: BodyModel, candidate: Candidate) -> Candidate:
+    """An effect of a person's masses as one of another model's."""
+    if candidate.kind not in ("segment_mass", "segment_com"):
+        return candidate
+    segment = model.segment(candidate.where[0])
+    if candidate.kind == "segment_mass":
+        loads = [scale_segment(segment)]
+    else:
+        loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
+    pairs = zip(candidate.columns, loads, strict=True)
+    return replace(candidate, columns=tuple(replace(column, load=load) for column, load in pairs))
 
 
 def _own_size(candidate: Candidate, size: Array, model: BodyModel) -> Array:

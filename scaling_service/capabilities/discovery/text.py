@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.discovery.document import (
     DiscoveryDocument,
@@ -137,10 +137,10 @@ def write_headline(
         return f"Ordinary for people; nothing stands out{tracked}"
     if verdict == "unexplained":
         return "Something stands out of what is ordinary for people, and nothing in the catalogue explains it"
-    count = len({(e.kind, *e.where) for e in effects})  # the same in several recordings is one
+    count = _count_places(effects)
     things = "One missing effect was" if count == 1 else f"{count} missing effects were"
-    doubtful = sum(map(has_doubtful_size, effects))
-    classes = sum(map(is_class_named, effects))
+    doubtful = _count_places(e for e in effects if has_doubtful_size(e))
+    classes = _count_places(e for e in effects if is_class_named(e))
     whose = ("", "") if count == 1 else (f"{classes} of them ", f"{doubtful} of them ")
     doubt = f", {whose[0]}named only as a class of effects" if classes else ""
     doubt += f", {whose[1]}of a size to doubt" if doubtful else ""
@@ -148,6 +148,11 @@ def write_headline(
         return f"{things} found{doubt}"
     told = f"{_describe_fall(level)}{_describe_most_left(level, left)}"
     return f"{things} found{doubt}; the gap on {unseen} {told}"
+
+
+def _count_places(effects: Iterable[EffectDocument]) -> int:
+    """How many there are; the same in several recordings is one."""
+    return len({(e.kind, *e.where) for e in effects})
 
 
 def _describe_fall(level: LevelDocument) -> str:

@@ -1,4 +1,4 @@
-"""Naming, the likeliest first: labels, then the body and its markers, then the weight and the forces.
+"""Naming the likeliest, and what is kept of all that was tried.
 
 Nothing is named whose own places, or whose forces or markers as a whole, are worse with it on what did not
 fit it.
@@ -67,7 +67,7 @@ class Named:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class Naming:
-    """What is assumed by now."""
+    """What is assumed by now, and how something is named."""
 
     fit: Fit
     origin: Origin
@@ -78,14 +78,11 @@ class Naming:
     covariances: dict[str, Array] = field(default_factory=dict)
     leanings: dict[str, Leaning] = field(default_factory=dict)
     last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
-    reason: str = ""
 
     @property
     def settings(self) -> DiscoverySettings:
         """How strict it is."""
         return self.fit.settings
-
-    # Naming
 
     def _name_first(
         self,

@@ -6,8 +6,6 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.observations.oscillator import (
     compute_pull,
-    make_oscillator_taps,
-    make_pull_taps,
     simulate_oscillator,
 )
 
@@ -37,17 +35,3 @@ def test_points_on_a_wave_are_pulled_as_the_closed_form_says() -> None:
     pull = compute_pull(np.cos(v * times)[:, None], STEP)[:, 0]
     inside = slice(50, -50)
     np.testing.assert_allclose(pull[inside], (v**2 * np.cos(v * times))[inside], atol=2e-3 * v**2)
-
-
-def test_taps_are_the_filters_far_from_the_ends() -> None:
-    places = np.random.default_rng(1).normal(size=(600, 1))
-    of_places, of_pull = make_pull_taps(STEP)
-    pull = compute_pull(places, STEP)[:, 0]
-    left, right = np.convolve(pull, of_pull, "same"), np.convolve(places[:, 0], of_places, "same")
-    inside = slice(200, -200)
-    # A difference is no spline: near the cutoff they are a few per cent apart.
-    assert np.sqrt(np.mean((left - right)[inside] ** 2)) < 0.2 * np.sqrt(np.mean(right[inside] ** 2))
-    of_force, of_place = make_oscillator_taps(STEP, FREQUENCY, DAMPING)
-    moved = simulate_oscillator(pull, STEP, FREQUENCY, DAMPING)[0]
-    one, other = np.convolve(moved, of_place)[: len(pull)], np.convolve(pull, of_force)[: len(pull)]
-    np.testing.assert_allclose(one[inside], other[inside], atol=1e-9 * np.abs(other).max() + 1e-12)

@@ -8,14 +8,13 @@ import numpy as np
 import scipy
 
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.signals.filters import design_butterworth, filter_butterworth
+from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 
 CUTOFF_HZ = 20.0
 """Chosen: above the frequencies of soft tissue, below what differentiation makes of noise."""
 
 _PASS = 2  # order of each of the filter's two passes
-_SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
 _FIRST_S = 0.05  # chosen: long enough to even out noise, short for soft tissue
 
 
@@ -36,24 +35,6 @@ def differentiate_places(places: Array, step: float) -> tuple[Array, Array]:
 
 def _choose_cutoff(step: float) -> float:
     return min(CUTOFF_HZ, 0.4 / step)
-
-
-def make_pull_taps(step: float) -> tuple[Array, Array]:
-    """What :func:`compute_pull` is away from the ends: taps of places and of the pull, about their middles.
-
-    The second derivative is the central difference of fourth order.
-    """
-    places, pull = -_SECOND / step**2, np.ones(1)
-    for section in design_butterworth(_PASS, _choose_cutoff(step), 1 / step):
-        above, below = section[:3], section[3:]
-        places = np.convolve(places, np.convolve(above, above[::-1]))
-        pull = np.convolve(pull, np.convolve(below, below[::-1]))
-    return places, pull
-
-
-def make_oscillator_taps(step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:
-    """What :func:`simulate_oscillator` is once begun: taps of pull and place, from each frame backwards."""
-    return _design_filters(step, frequency_hz, damping)[0]
 
 
 def simulate_oscillator(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

@@ -34,8 +34,6 @@ LEAST_M = 2e-4
 """m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
 of a millimetre). Recordings that show less were smoothed before."""
 
-MOVEMENT_HZ = 6.0  # chosen: holds human movement (Winter 2009, sec. 3.4.3)
-
 _NORMAL = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution."""
 
@@ -59,7 +57,6 @@ _ENOUGH = 30
 """Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
 
 DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
-FEW_DRAWS = 4  # chosen: the spread of products of noise grows by an eighth
 _CHUNK = 64  # frames at once
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 _RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
@@ -242,11 +239,6 @@ class TrackedTrial:
     def square(self) -> float:
         """Whitened sum of squares of all residuals."""
         return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
-
-    @property
-    def freedom(self) -> float:
-        """How many numbers the residuals are, the pose's taken off."""
-        return 3.0 * float(self.seen.sum()) - len(self.q) * float(self.task.free.sum())
 
     @cached_property
     def seen(self) -> NDArray[np.bool_]:

@@ -36,11 +36,6 @@ _PLATE_N, _PLATE_NM = 0.5, 0.2
 """Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
 0.2 mm of 1000 N are 0.2 N m."""
 
-_DRIFTING = 2.0
-"""How many times as much a loaded plate may drift before a summary calls it unexplained (chosen: with less,
-more of the simulated recordings without a fault are reported; with three times, faults of a newton are
-missed). Plates with nobody on them leave 0.1 to 0.25 N below 5 Hz in two public recordings."""
-
 BAND_HZ = 15.0
 """Of the light filter of coordinates and forces (chosen: holds gait to its 15th harmonic; above it double
 differentiation makes more noise than the comparison's filter takes off)."""
@@ -204,12 +199,6 @@ class WrenchFit:
         square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
         return np.asarray(self._compute_plate_covariance() + square)
 
-    @cached_property
-    def drifting_floor(self) -> Array:
-        """As :attr:`floor`, of plates that drift as much as plates may, (6,), N and N m."""
-        more = (_DRIFTING**2 - 1.0) * self._compute_plate_covariance()
-        return np.asarray(np.sqrt(np.diag(self.covariance + more)))
-
     def _compute_plate_covariance(self) -> Array:
         """Of the least noise of the plates, (6, 6), N and N m, the moment about :attr:`about`.
 
@@ -289,10 +278,6 @@ class WrenchFit:
     def readings(self, name: str) -> Array:
         """How much of each frame a plate's readings make, (n,), 0 to 1."""
         return self._of_plate(name, lambda g, k: g.readings[:, k])
-
-    def find_pressure(self, name: str) -> Array:
-        """The centre of pressure of a plate, (n, 3), m; zero where nothing presses."""
-        return self._of_plate(name, lambda g, k: g.centre_of_pressure()[:, k], 3)
 
     def _of_plate(self, name: str, what: Callable[[GroundForces, int], Array], *width: int) -> Array:
         ground = self.contacts.ground

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -11,6 +11,9 @@ from scaling_service.core.errors import InputError
 
 Rounded = Annotated[float, AfterValidator(lambda value: round(value, 4))]
 """In mm or degrees: a tenth of a micrometre, or less than a second of arc."""
+
+Tone = Literal["good", "fair", "poor", "unknown", "plain"]
+"""Whether a sentence is good news, as it is decided where the sentence is written."""
 
 
 class Part(BaseModel):

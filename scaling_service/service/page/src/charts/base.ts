@@ -55,11 +55,9 @@ export function valueAxis(ink: Ink, { name, range, fromZero }: Axis, where: "x" 
 
 /** Names down the side, the first at the top: number `k` lies at `k`. */
 export function nameAxis(ink: Ink, names: readonly string[], width: number): Layout {
-  const each = names.length > MOST_NAMES ? 2 : 1;
-  const named = names.map((_, k) => k).filter((k) => k % each === 0);
   return {
-    tickvals: named,
-    ticktext: named.map((k) => plain(shortened(names[k] ?? "", width))),
+    tickvals: names.map((_, k) => k),
+    ticktext: names.map((name) => plain(shortened(name, width))),
     tickfont: { color: ink.text, size: 11 },
     range: [names.length - 0.5, -0.5],
     fixedrange: true,
@@ -70,8 +68,6 @@ export function nameAxis(ink: Ink, names: readonly string[], width: number): Lay
   };
 }
 
-/** Chosen: more names than these would touch one another. */
-const MOST_NAMES = 45;
 /** Width of a letter of 11 px on average, px. */
 const LETTER = 6.2;
 

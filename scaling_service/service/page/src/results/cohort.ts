@@ -1,21 +1,25 @@
 /** A cohort: how each subject ended, and the methods compared over all of them. */
 
-import { ask, getResult } from "../api/jobs.ts";
+import { getResult } from "../api/jobs.ts";
 import type { CohortDocument, SubjectEntry } from "../api/schema.ts";
 import { toJob } from "../routes.ts";
 import { bullets, callout } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
-import { guarded, sentence } from "../ui/problem.ts";
+import { sentence } from "../ui/problem.ts";
 import { cell, table, type Cell } from "../ui/table.ts";
 import { number } from "../ui/words.ts";
 import { agreement } from "./agreement.ts";
 import { cohortAngles } from "./cohortangles.ts";
+import { memberOf } from "./member.ts";
 import { quantities } from "./quantities.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 
 export const cohort: ResultView = async (found) => {
   const document = await getResult<CohortDocument>(found.job.id, found.signal);
   const { statistics } = document;
+  const [, , part, name] = found.place.parts;
+  const alone = part === "subjects" ? document.subjects.find(({ id }) => id === name) : undefined;
+  if (alone?.folder != null) return memberOf(found, alone.folder, ["jobs", found.job.id, "subjects", alone.id]);
   await parts("Parts of the cohort", found, [
     { name: "subjects", title: "Subjects", show: (place) => subjects(document, found, place) },
     { name: "errors", title: "Errors", show: (place) => quantities(statistics, ["kinematic_error_mm"], found.signal, place) },
@@ -26,13 +30,11 @@ export const cohort: ResultView = async (found) => {
 };
 
 function subjects({ subjects: all, statistics, notes, headline, why }: CohortDocument, found: Finished, place: HTMLElement): void {
-  const failed = h("div");
   const groups = [...new Set(all.flatMap((one) => Object.keys(one.groups)))];
   const methods = [...new Set(all.flatMap((one) => one.methods))];
   const errors = statistics.kinematic_error_mm.find(({ quantity }) => quantity === "evaluation");
   place.append(
     headline === "" ? "" : callout(headline, "plain", bullets(why)),
-    failed,
     table({
       caption: "How every subject ended",
       note: "A subject's name leads to its own comparison.",
@@ -40,7 +42,7 @@ function subjects({ subjects: all, statistics, notes, headline, why }: CohortDoc
       columns: [{ title: "subject" }, { title: "ended" }, ...groups.map((title) => ({ title, words: true })), { title: "strides" },
         ...methods.map((method) => ({ title: `${method}, mm held out` })), { title: "why", words: true }, { title: "time, s" }],
       rows: all.map((one): Cell[] => [
-        { text: one.id, node: opening(one, found, failed) },
+        { text: one.id, node: opening(one, found) },
         cell(one.status, undefined, one.status === "done" ? "good" : one.status === "failed" ? "poor" : "unknown"),
         ...groups.map((name) => cell(one.groups[name] ?? "")),
         cell(Object.entries(one.strides).map(([leg, count]) => `${leg === "r" ? "right" : "left"} ${count}`).join(", "), Object.values(one.strides).reduce((sum, count) => sum + count, 0)),
@@ -58,13 +60,9 @@ function said({ reason, left_out }: SubjectEntry): string {
   return [reason, ...Object.entries(left_out).map(([method, why]) => `no ${method}: ${why}`)].filter((text) => text !== "").join("; ");
 }
 
-/** The same comparison of this subject alone; what was computed before comes back at once. */
-function opening({ id, status, folder }: SubjectEntry, { request }: Finished, failed: HTMLElement): HTMLElement {
-  if (status !== "done") return h("span", null, id);
-  if (request["subjects"] === undefined && folder !== null) return h("a", { href: `${folder.split("/").map(encodeURIComponent).join("/")}/report.html` }, id);
-  const { methods, settings } = request;
-  const open = async (): Promise<void> => {
-    location.hash = toJob((await ask("comparisons", { subject: id, methods, settings })).id);
-  };
-  return h("button", { class: "linked", onclick: () => void guarded(failed, open) }, id);
+/** To the subject's own page: within a report to its own report. */
+function opening({ id, status, folder }: SubjectEntry, { job, request }: Finished): HTMLElement {
+  if (status !== "done" || folder === null) return h("span", null, id);
+  const beside = folder.split("/").map(encodeURIComponent).join("/");
+  return h("a", { href: request["subjects"] === undefined ? `${beside}/report.html` : toJob(job.id, "subjects", id) }, id);
 }

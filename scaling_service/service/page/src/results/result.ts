@@ -1,7 +1,7 @@
 /** What shows the result of a job. */
 
 import type { Place } from "../routes.ts";
-import { toJob } from "../routes.ts";
+import { link } from "../routes.ts";
 import { h } from "../ui/dom.ts";
 import { tabs } from "../ui/tabs.ts";
 
@@ -13,6 +13,10 @@ export interface Finished {
   takeAway: (found: Finished, place: HTMLElement) => Promise<void> | void;
   main: HTMLElement;
   place: Place;
+  /** What stands before the name of a part in the address; the job unless given. */
+  base?: readonly string[];
+  /** Whether there are files to be played back; there are unless it is said. */
+  scene?: boolean;
   signal: AbortSignal;
 }
 
@@ -22,6 +26,8 @@ export function union(all: readonly Record<string, unknown>[]): string[] {
 }
 
 export type ResultView = (found: Finished) => Promise<void> | void;
+
+export const baseOf = ({ base, job }: Finished): readonly string[] => base ?? ["jobs", job.id];
 
 export interface Part {
   name: string;
@@ -40,9 +46,10 @@ export async function parts(label: string, found: Finished, given: readonly Part
   const read = own.filter(({ handled }) => handled !== true);
   const whole: Part = { name: EVERYTHING, title: "All on one page", show: (place) => through(read, place) };
   const all = read.length > 1 ? [...own, whole] : own;
-  const chosen = all.find(({ name }) => name === found.place.parts[2]) ?? all[0];
+  const base = baseOf(found);
+  const chosen = all.find(({ name }) => name === found.place.parts[base.length]) ?? all[0];
   if (chosen === undefined) return;
-  const links = all.map(({ name, title }) => ({ name, title, href: toJob(found.job.id, name) }));
+  const links = all.map(({ name, title }) => ({ name, title, href: link([...base, name]) }));
   found.main.append(tabs(label, links, chosen.name));
   await chosen.show(found.main);
 }

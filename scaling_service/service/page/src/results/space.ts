@@ -6,12 +6,13 @@ import { sceneOf, pathIn } from "../scene/scene.ts";
 import { Playback } from "../scene/playback.ts";
 import { select } from "../ui/choice.ts";
 import { h } from "../ui/dom.ts";
-import type { Finished } from "./result.ts";
+import { baseOf, type Finished } from "./result.ts";
 
 /** At first only two bodies: more hide each other. */
 const AT_FIRST = 2;
 
-export async function space({ job, place: at, signal }: Finished, place: HTMLElement, preferred: readonly string[] = []): Promise<void> {
+export async function space(found: Finished, place: HTMLElement, preferred: readonly string[] = []): Promise<void> {
+  const { job, place: at, signal } = found;
   // The drawing of figures takes a moment to start: now, and not while somebody drags the cursor.
   const [scene] = await Promise.all([sceneOf(job.id), part(() => import("../charts/engine.ts"))]);
   if (signal.aborted) return;
@@ -27,7 +28,7 @@ export async function space({ job, place: at, signal }: Finished, place: HTMLEle
   const playback = new Playback({ scene, trial, path: pathIn(job.id), shown, frame: Number(at.query.get("frame") ?? 0), signal });
   place.append(
     h("div", { class: "bar" }, select("Recording", trials, trial.name, (value) => {
-      location.hash = link(at.parts.length > 2 ? at.parts : [...at.parts, "space"], { trial: value });
+      location.hash = link([...baseOf(found), "space"], { trial: value });
     })),
     playback.element,
   );

@@ -4,15 +4,14 @@ import { part } from "../api/connection.ts";
 import type { ComparisonDocument, VerdictDocument } from "../api/schema.ts";
 import { figure } from "../charts/figure.ts";
 import { drawIntervals } from "../charts/intervals.ts";
-import { toJob, toSubject } from "../routes.ts";
+import { link, toSubject } from "../routes.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { METHODS } from "../ui/glossary.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
 import { number, plural } from "../ui/words.ts";
-import { union } from "./result.ts";
-import type { Finished } from "./result.ts";
+import { baseOf, union, type Finished } from "./result.ts";
 
 const LEVELS = { good: "good", fair: "fair", poor: "poor", unknown: "not known" };
 
@@ -28,7 +27,7 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
         h("div", null, seen, bars(document, found))),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
-    void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [verdict.method, ...others], found.signal))
+    if (found.scene !== false) void part(() => import("./picture.ts")).then(({ picture }) => picture(job.id, [verdict.method, ...others], found.signal))
       .then((figure) => figure !== null && seen.append(figure))
       .catch(() => seen.append(h("p", { class: "quiet" }, "There is no picture of the models here.")));
   }
@@ -53,11 +52,13 @@ function glossary(names: readonly string[]): HTMLElement {
 }
 
 /** Where one goes from here. */
-function onwards({ job, request: { subject } }: Finished, decided: boolean): HTMLElement {
+function onwards(found: Finished, decided: boolean): HTMLElement {
+  const { subject } = found.request;
+  const to = (part: string): string => link([...baseOf(found), part]);
   return h("nav", { class: "actions", "aria-label": "What to do next" },
-    h("a", { class: "button", href: toJob(job.id, "space") }, "Play the models in space"),
-    h("a", { class: "button", href: toJob(job.id, "angles") }, "Joint angles"),
-    h("a", { class: "button", href: toJob(job.id, "files") }, "Take the model away"),
+    found.scene !== false && h("a", { class: "button", href: to("space") }, "Play the models in space"),
+    found.scene !== false && h("a", { class: "button", href: to("angles") }, "Joint angles"),
+    h("a", { class: "button", href: to("files") }, "Take the model away"),
     ...(typeof subject === "string" ? [
       h("a", { class: "button", href: toSubject(subject, "run") }, "Find what the model lacks"),
       decided ? null : h("a", { class: "button", href: toSubject(subject) }, "Look at the recordings again")] : []));

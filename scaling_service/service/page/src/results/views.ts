@@ -17,6 +17,8 @@ export async function viewOf(kind: string): Promise<ResultView> {
       return (await part(() => import("./consistent.ts"))).consistent;
     case "batch":
       return (await part(() => import("./cohort.ts"))).cohort;
+    case "batch-member":
+      return (await part(() => import("./member.ts"))).member;
     case "study":
       return (await part(() => import("./study.ts"))).study;
     case "proof":

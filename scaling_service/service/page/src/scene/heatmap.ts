@@ -48,7 +48,7 @@ export async function errorMap(
   const moments = worst.map(({ name, frame, time, value }) =>
     h("button", { class: "small", onclick: () => go(frame, name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
   return {
-    element: h("div", null, drawn.element, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments)),
+    element: h("div", null, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments), drawn.element),
     at: (frame) => {
       const width = (plot?.clientWidth ?? 0) - HEAT_SIDES.left - HEAT_SIDES.right;
       cursor.style.transform = `translateX(${HEAT_SIDES.left + (width * frame) / Math.max(trial.frames - 1, 1)}px)`;

@@ -4,14 +4,14 @@ import type { SceneDocument, SceneTrial } from "../api/schema.ts";
 import { note } from "../routes.ts";
 import { Player } from "../space/player.ts";
 import { NEWTON_PER_METRE } from "../space/ground.ts";
-import { Theatre } from "../space/theatre.ts";
+import { FAR_MM, Theatre } from "../space/theatre.ts";
 import { box, group, select } from "../ui/choice.ts";
 import { fill, h } from "../ui/dom.ts";
 import { styles } from "../ui/palette.ts";
 import { guarded, problemBox } from "../ui/problem.ts";
 import { save } from "../ui/save.ts";
 import { chipOf } from "../ui/table.ts";
-import { number } from "../ui/words.ts";
+import { number, words } from "../ui/words.ts";
 import { Frames } from "./frames.ts";
 import { errorMap, type ErrorMap } from "./heatmap.ts";
 
@@ -37,10 +37,20 @@ function filmed(canvas: HTMLCanvasElement): () => Promise<Blob> {
   });
 }
 
+/** The marker with the largest error of a frame; null where none is seen. */
+function farthest(labels: readonly string[], errors: Float32Array | null): string | null {
+  let [found, most]: [string | null, number] = [null, -1];
+  errors?.forEach((error, k) => {
+    if (error > most) [found, most] = [labels[k] ?? null, error];
+  });
+  return found;
+}
+
 export class Playback {
   readonly element = h("div", { class: "playback" });
   private readonly player: Player;
   private readonly status = h("p", { class: "status", role: "status" });
+  private readonly apart = h("p", { class: "quiet" });
   private readonly map = h("div");
   private readonly failed = h("div");
   private theatre: Theatre | null = null;
@@ -71,8 +81,12 @@ export class Playback {
     const { theatre } = this;
     if (theatre !== null) {
       theatre.picked = (label) => this.choose(label);
+      theatre.compared = (names, differences) => {
+        const told = differences.map(({ name, mm }) => `${words(name)} ${number(mm, 0)} mm`).join("; ");
+        this.apart.textContent = differences.length === 0 ? "" : `Joint centres of ${names.join(" and ")} apart, lit from ${FAR_MM} mm on: ${told}`;
+      };
       const controls = h("div", { class: "controls" });
-      this.element.append(controls, theatre.stage.element, this.player.element, this.status);
+      this.element.append(controls, theatre.stage.element, this.player.element, this.status, this.apart);
       this.element.addEventListener("keydown", (event) => this.key(event));
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
       fill(controls, ...this.choices(theatre, bodies.map(({ entry }) => entry.name)));
@@ -94,19 +108,18 @@ export class Playback {
 
   private choose(marker: string | null): void {
     this.marker = marker;
-    this.theatre?.pick(marker);
     this.tell(this.player.frame);
   }
 
-  /** What is known of the chosen marker at a frame. */
+  /** What is known of the chosen marker at a frame; unless one is chosen, of the farthest, which is lit. */
   private tell(frame: number): void {
-    if (this.marker === null) {
-      this.status.textContent = "";
-      return;
-    }
-    const place = this.options.trial.labels.indexOf(this.marker);
-    const error = this.errors?.at(frame)?.[place];
-    this.status.textContent = `${this.marker}: ${error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`}`;
+    const errors = this.errors?.at(frame) ?? null;
+    const { labels } = this.options.trial;
+    const marker = this.marker ?? farthest(labels, errors);
+    this.theatre?.pick(marker);
+    const error = marker === null ? undefined : errors?.[labels.indexOf(marker)];
+    const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`;
+    this.status.textContent = marker === null ? "" : `${this.marker === null ? `Farthest now: ${marker}, ` : `${marker}: `}${away}`;
   }
 
   private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {
@@ -171,6 +184,8 @@ export class Playback {
       this.cursor = map;
       const motion = trial.motions[this.method];
       this.errors = motion === undefined ? null : new Frames(motion.errors, path, signal, () => this.tell(this.player.frame));
+      await this.errors?.begin();
+      this.tell(this.player.frame);
       fill(this.map, map.element);
       map.at(this.player.frame);
     });

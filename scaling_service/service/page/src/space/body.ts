@@ -20,6 +20,8 @@ interface Carried {
 
 export class Body {
   readonly group = new Group();
+  /** Joint centre to the place of its point. */
+  private readonly centres = new Map<string, number>();
   private readonly segments: Group[];
   private readonly points: Carried[] = [];
   private readonly placed: Float32Array;
@@ -95,6 +97,12 @@ export class Body {
     this.gaps.lines.visible = shown;
   }
 
+  /** Where a joint centre is, x, y, z, m; null where the body has none of that name. */
+  centre(name: string): Float32Array | null {
+    const place = this.centres.get(name);
+    return place === undefined ? null : this.placed.subarray(3 * place, 3 * place + 3);
+  }
+
   private place(poses: Float32Array): void {
     const at = new Vector3();
     const turn = new Quaternion();
@@ -123,7 +131,11 @@ export class Body {
   /** Sticks from each segment's origin to the joint centres that it carries; a root's centres hang together. */
   private connect(): void {
     for (const { name, parent } of this.entry.segments) {
-      const centres = this.entry.centres.filter(({ segment }) => segment === name).map(({ xyz_m }) => this.point(name, xyz_m));
+      const centres = this.entry.centres.filter(({ segment }) => segment === name).map(({ name: centre, xyz_m }) => {
+        const place = this.point(name, xyz_m);
+        this.centres.set(centre, place);
+        return place;
+      });
       const isRoot = parent === null || !this.entry.segments.some((one) => one.name === parent);
       if (isRoot && centres.length > 1) {
         centres.slice(1).forEach((centre, k) => this.pairs.push([centres[k] ?? 0, centre]));

@@ -8,8 +8,11 @@ export class Dots {
   readonly mesh: InstancedMesh;
   private readonly matrix = new Matrix4();
 
-  constructor(count: number, radius_m: number, colour: string) {
-    this.mesh = new InstancedMesh(new SphereGeometry(radius_m, 8, 6), new MeshLambertMaterial({ color: 0xffffff }), count);
+  /** @param inside whether they are seen through what lies before them, such as bones. */
+  constructor(count: number, radius_m: number, colour: string, inside = false) {
+    const material = new MeshLambertMaterial({ color: 0xffffff, depthTest: !inside, transparent: inside });
+    this.mesh = new InstancedMesh(new SphereGeometry(radius_m, 8, 6), material, count);
+    if (inside) this.mesh.renderOrder = 1;
     this.mesh.frustumCulled = false;
     for (let k = 0; k < count; k += 1) this.paint(k, colour);
     this.hideAll();

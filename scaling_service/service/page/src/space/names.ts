@@ -12,6 +12,7 @@ export class Names {
   all = false;
   private at: Float32Array = new Float32Array();
   private pointed: number | null = null;
+  private kept: number | null = null;
   private readonly spans: HTMLElement[];
 
   /**
@@ -36,6 +37,11 @@ export class Names {
       this.pointed = null;
       this.draw();
     });
+  }
+
+  /** Show the name of a marker all the time. */
+  keep(label: string | null): void {
+    this.kept = label === null ? null : this.labels.indexOf(label);
   }
 
   /** Where the markers are: x, y, z after each other, m. */
@@ -71,7 +77,7 @@ export class Names {
 
   private draw(): void {
     this.spans.forEach((span, k) => {
-      const at = this.all || k === this.pointed ? this.seen(k) : null;
+      const at = this.all || k === this.pointed || k === this.kept ? this.seen(k) : null;
       span.hidden = at === null;
       if (at !== null) span.style.transform = `translate(${at[0] + 8}px, ${at[1] - 10}px)`;
     });

@@ -16,6 +16,8 @@ import { Strokes } from "./strokes.ts";
 
 const PICKED = "#e69f00";
 const LINKS = "#8492a0";
+/** Chosen: twice what a joint centre is known to from bones; two models that differ by more are not the same. */
+export const FAR_MM = 10;
 /** Chosen: a marker above this sits on the trunk of an adult, and a head is so much above it. */
 const TRUNK_M = 1.1;
 const HEAD_M = 0.15;
@@ -48,12 +50,16 @@ export class Theatre {
   readonly stage: Stage;
   /** Called with the label of a marker that was clicked, or null beside them. */
   picked: (label: string | null) => void = () => undefined;
+  /** Called with two bodies' names and how far their joint centres are apart, the most first; without any for others. */
+  compared: (names: readonly string[], differences: readonly { name: string; mm: number }[]) => void = () => undefined;
   following = false;
   private readonly dots: Dots;
   private readonly measured: Frames;
   private readonly ground: Ground;
   private readonly lines: Strokes;
   private readonly names: Names;
+  private readonly far: Dots;
+  private readonly joints: readonly string[];
   private readonly forces: { push: Frames; at: Frames } | null;
   private readonly actors = new Map<string, Actor>();
   private frame = 0;
@@ -76,13 +82,15 @@ export class Theatre {
     this.ground = new Ground(play.plates);
     this.lines = new Strokes(play.labels.length, LINKS);
     this.names = new Names(this.stage, play.labels.map((label) => play.named?.(label) ?? label), play.labels);
+    this.joints = [...new Set(play.bodies.flatMap(({ entry }) => entry.centres.map(({ name }) => name)))];
+    this.far = new Dots(2 * this.joints.length, 0.013, PICKED, true);
     const { force, centre_of_pressure } = play;
     this.forces = force === null || centre_of_pressure === null ? null : { push: frames(force), at: frames(centre_of_pressure) };
     for (const { entry, poses, placed, colour } of play.bodies) {
       const body = new Body(entry, colour, play.labels);
       this.actors.set(entry.name, { body, poses: frames(poses), gliding: placed && frames(placed), shown: false, dressed: false });
     }
-    this.stage.scene.add(this.dots.mesh, this.ground.group, this.lines.lines);
+    this.stage.scene.add(this.dots.mesh, this.ground.group, this.lines.lines, this.far.mesh);
     onTheme(() => this.repaint(), signal);
     this.stage.detailed = (coarse) => this.detail(coarse);
     this.pickOnClick();
@@ -168,7 +176,9 @@ export class Theatre {
 
   /** Mark a marker. */
   pick(label: string | null): void {
+    if (label === this.chosen) return;
     this.chosen = label;
+    this.names.keep(label);
     this.repaint();
   }
 
@@ -185,11 +195,30 @@ export class Theatre {
       const pose = shown ? poses.at(frame) : null;
       if (pose !== null) body.put(pose, measured, gliding?.at(frame) ?? null);
     }
+    this.compare();
     const push = this.forces?.push.at(frame) ?? null;
     const at = this.forces?.at.at(frame) ?? null;
     if (push !== null && at !== null) this.ground.put(push, at);
     if (this.following) this.goAlong(frame);
     else this.centre = null;
+  }
+
+  /** Light the joint centres in which the two bodies that are shown differ. */
+  private compare(): void {
+    const [one, other, ...more] = [...this.actors.values()].filter(({ shown }) => shown).map(({ body }) => body);
+    const lit = new Float32Array(6 * this.joints.length).fill(NaN);
+    const found: { name: string; mm: number }[] = [];
+    if (one !== undefined && other !== undefined && more.length === 0) {
+      this.joints.forEach((name, k) => {
+        const [a, b] = [one.centre(name), other.centre(name)];
+        const mm = a === null || b === null ? NaN : 1000 * Math.hypot(...[0, 1, 2].map((axis) => (a[axis] ?? NaN) - (b[axis] ?? NaN)));
+        if (!Number.isFinite(mm)) return;
+        found.push({ name, mm });
+        if (a !== null && b !== null && mm >= FAR_MM) lit.set([...a, ...b], 6 * k);
+      });
+    }
+    this.far.put(lit);
+    this.compared([one, other].flatMap((body) => (body === undefined ? [] : [body.entry.name])), found.sort((a, b) => b.mm - a.mm));
   }
 
   private goAlong(frame: number): void {

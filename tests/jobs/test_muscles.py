@@ -78,6 +78,7 @@ def test_the_largest_differences_are_reported_in_words_everywhere(
     assert f"{abs(arm.difference):.1f} mm" in said
     assert f"at {arm.angle_deg:.0f} degrees" in said
     assert said in (folder / "report.html").read_text(encoding="utf-8")
+    assert '"scene/muscles.json":' in (folder / "report.html").read_text(encoding="utf-8")
     assert document.settings["comparison"]["muscles"] is True
 
 

@@ -161,3 +161,24 @@ class WrenchScene(Part):
 
     schema_version: int = SCHEMA_VERSION
     trials: dict[str, WrenchTrial]
+
+
+class MuscleCurve(Part):
+    """One muscle's, or joint's, course over one recording by every method."""
+
+    quantity: Literal["moment arm", "length", "joint moment"]
+    muscle: str = Field(description="Empty for a joint moment.")
+    coordinate: str = Field(description="Empty for a length of muscle and tendon.")
+    trial: str
+    unit: str
+    start_s: float
+    rate_hz: float
+    methods: list[str]
+    values: ArrayEntry = Field(description="Frames, methods.")
+
+
+class MuscleScene(Part):
+    """The courses in which methods differ most."""
+
+    schema_version: int = SCHEMA_VERSION
+    curves: list[MuscleCurve]

@@ -17,6 +17,7 @@ from scaling_service.capabilities.playback.scene import (
     write_scene,
 )
 from scaling_service.capabilities.scaling.comparison.curves import describe_test, make_gait_curves
+from scaling_service.capabilities.scaling.muscles.playing import write_muscle_scene
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
@@ -35,6 +36,8 @@ def write_results_scene(results: Results, outputs: Path, detail: Detail = WHOLE)
         Body(name, scaling.calibration.model, place_bones(scaling.calibration, coarse))
         for name, scaling in results.scalings.items()
     ]
+    if results.muscles is not None:
+        write_muscle_scene(results.muscles, outputs, brief=detail.most_frames is not None)
     recorded = [_record(results, trial) for trial in session.dynamic]
     return write_scene(session.subject.id, bodies, recorded, _make_gait(results), outputs, detail.most_frames)
 

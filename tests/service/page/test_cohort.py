@@ -48,6 +48,12 @@ def test_a_folder_becomes_a_cohort(visit: Visit, url: str, tmp_path: Path) -> No
     assert heads.all_inner_texts() == ["P2", "P1"]
     page.get_by_label("Filter: How every subject ended").fill("on")
     assert "P1" in heads.all_inner_texts()
+    visitor.follow("P1")
+    visitor.sees("How far to trust")
+    visitor.follow("Sizes")
+    visitor.sees("Segment lengths, mm")
+    visitor.follow("All subjects")
+    visitor.sees("How every subject ended")
     visitor.follow("Errors")
     visitor.sees("Kinematic error, held out")
     visitor.follow("Take away")

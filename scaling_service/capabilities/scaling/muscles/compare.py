@@ -27,7 +27,7 @@ differs little from its neighbours."""
 MOST_ROWS = 10
 """Differences of each method and quantity that are shown, largest first. Chosen: what one looks through."""
 
-_UNIT: Mapping[MuscleQuantity, tuple[float, str]] = {
+UNITS: Mapping[MuscleQuantity, tuple[float, str]] = {
     "moment arm": (1e3, "mm"),
     "length": (1e3, "mm"),
     "joint moment": (1.0, "N m"),
@@ -96,7 +96,7 @@ def compare_muscles(
         peak
         for method in found
         if method != reference
-        for quantity in _UNIT
+        for quantity in UNITS
         for peak in _list_largest(_list_peaks(found[reference], found[method], quantity, (reference, method)))
     ]
     return MuscleComparison(reference, found, tuple(differences), notes)
@@ -176,7 +176,7 @@ def _list_peaks(
     names: tuple[str, str],
 ) -> Iterator[MuscleDifference]:
     """Where a method differs most from the reference in each trial, for each muscle and coordinate."""
-    factor, unit = _UNIT[quantity]
+    factor, unit = UNITS[quantity]
     for trial, own in method.items():
         theirs = reference[trial].courses(quantity)
         for (muscle, coordinate), values in own.courses(quantity).items():

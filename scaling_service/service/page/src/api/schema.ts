@@ -963,6 +963,18 @@ export interface MotionRequest {
   recordings?: Array<string> | null;
 }
 
+export interface MuscleCurve {
+  quantity: "moment arm" | "length" | "joint moment";
+  muscle: string;
+  coordinate: string;
+  trial: string;
+  unit: string;
+  start_s: number;
+  rate_hz: number;
+  methods: Array<string>;
+  values: ArrayEntry;
+}
+
 export interface MuscleDifference {
   method: string;
   against: string;
@@ -985,6 +997,11 @@ export interface MuscleDocument {
   differences: Array<MuscleDifference>;
   summary: Array<string>;
   notes: Array<string>;
+}
+
+export interface MuscleScene {
+  schema_version: number;
+  curves: Array<MuscleCurve>;
 }
 
 export interface Need {

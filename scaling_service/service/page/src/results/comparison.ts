@@ -2,7 +2,7 @@
 
 import { part } from "../api/connection.ts";
 import { getResult } from "../api/jobs.ts";
-import type { ComparisonDocument } from "../api/schema.ts";
+import type { ComparisonDocument, MuscleDocument } from "../api/schema.ts";
 import { errors } from "./errors.ts";
 import { sizes } from "./sizes.ts";
 import { parts, type Finished, type Part, type ResultView } from "./result.ts";
@@ -22,10 +22,14 @@ export async function compared(document: ComparisonDocument, found: Finished): P
     { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
     { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
     ...(angles ?? []),
+    ...(document.muscles == null ? [] : [musclesOf(document.muscles, found)]),
     { name: "numbers", title: "Numbers", show: async (place) => (await part(() => import("./numbers.ts"))).numbers(document, place) },
     ...(typeof found.request["subject"] === "string" ? [{ name: "forces", title: "Forces", handled: true, show: async (place: HTMLElement) => (await part(() => import("./forces.ts"))).forces(found, place) }] : []),
   ]);
 }
+
+const musclesOf = (document: MuscleDocument, { job, signal }: Finished): Part => (
+  { name: "muscles", title: "Muscles", show: async (place) => (await part(() => import("./muscles.ts"))).muscles(document, job.id, signal, place) });
 
 /** Seen at first: what the verdict says, and what it started from. */
 function preferred({ verdict, methods }: ComparisonDocument): string[] {

@@ -27,8 +27,8 @@ export const discovery: ResultView = async (found) => {
 };
 
 async function withAndWithout(found: Finished, place: HTMLElement): Promise<void> {
-  place.append(h("p", null, "The model as given, and with what was named, in the same recording. The map shows what is left over; choose the other model under “Error of” to compare."));
-  await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"]);
+  place.append(h("p", null, "The model as given, and with what was named, in the same recording. The maps show what is left over, without and with it, in the same colours."));
+  await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"], true);
 }
 
 /** The service knows its example by the same: its name, and that it brings markers on images. */

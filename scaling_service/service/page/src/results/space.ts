@@ -11,7 +11,7 @@ import { baseOf, type Finished } from "./result.ts";
 /** At first only two bodies: more hide each other. */
 const AT_FIRST = 2;
 
-export async function space(found: Finished, place: HTMLElement, preferred: readonly string[] = []): Promise<void> {
+export async function space(found: Finished, place: HTMLElement, preferred: readonly string[] = [], together = false): Promise<void> {
   const { job, place: at, signal } = found;
   // The drawing of figures takes a moment to start: now, and not while somebody drags the cursor.
   const [scene] = await Promise.all([sceneOf(job.id), part(() => import("../charts/engine.ts"))]);
@@ -25,7 +25,7 @@ export async function space(found: Finished, place: HTMLElement, preferred: read
   const bodies = scene.bodies.map(({ name }) => name).filter((name) => name in trial.motions);
   const shown = [...new Set([...preferred.filter((name) => bodies.includes(name)), ...bodies])].slice(0, AT_FIRST);
   const trials = scene.trials.map(({ name, role }) => ({ value: name, text: `${name} (${role === "evaluation" ? "held out" : "fitted"})` }));
-  const playback = new Playback({ scene, trial, path: pathIn(job.id), shown, frame: Number(at.query.get("frame") ?? 0), signal });
+  const playback = new Playback({ scene, trial, path: pathIn(job.id), shown, frame: Number(at.query.get("frame") ?? 0), signal, together });
   place.append(
     h("div", { class: "bar" }, select("Recording", trials, trial.name, (value) => {
       location.hash = link([...baseOf(found), "space"], { trial: value });

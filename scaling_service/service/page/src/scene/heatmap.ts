@@ -14,6 +14,8 @@ const WORST = 5;
 
 export interface ErrorMap {
   element: HTMLElement;
+  /** What is drawn darkest, mm. */
+  top: number;
   /** Move the cursor. */
   at: (frame: number) => void;
 }
@@ -24,11 +26,14 @@ export async function errorMap(
   path: (file: string) => string,
   signal: AbortSignal,
   go: (frame: number, marker: string) => void,
+  /** What is drawn darkest, mm, where maps are to be compared. */
+  top?: number,
 ): Promise<ErrorMap> {
   const motion = trial.motions[method];
-  if (motion === undefined) return { element: h("p", { class: "quiet" }, `${method} did not follow ${trial.name}.`), at: () => undefined };
+  if (motion === undefined) return { element: h("p", { class: "quiet" }, `${method} did not follow ${trial.name}.`), top: 0, at: () => undefined };
   const { values, step } = await new Frames(motion.errors, path, signal, () => undefined).whole();
-  const heat = binned(trial, values, step);
+  const own = binned(trial, values, step);
+  const heat = top === undefined ? own : { ...own, top };
   const worst = worstOf(heat, trial);
   const [most] = worst;
   const drawn = figure({
@@ -48,6 +53,7 @@ export async function errorMap(
   const moments = worst.map(({ name, frame, time, value }) =>
     h("button", { class: "small", onclick: () => go(frame, name) }, `${name} ${number(value)} mm at ${number(time, 2)} s`));
   return {
+    top: heat.top,
     element: h("div", null, h("div", { class: "actions" }, h("span", { class: "quiet" }, "Worst:"), ...moments), drawn.element),
     at: (frame) => {
       const width = (plot?.clientWidth ?? 0) - HEAT_SIDES.left - HEAT_SIDES.right;

@@ -23,6 +23,8 @@ export interface PlaybackOptions {
   shown: readonly string[];
   frame: number;
   signal: AbortSignal;
+  /** Whether the maps of all bodies stand below each other in the same colours, the first body's. */
+  together?: boolean;
 }
 
 /** Film a canvas until what is returned is called, which gives the video. */
@@ -37,6 +39,9 @@ function filmed(canvas: HTMLCanvasElement): () => Promise<Blob> {
   });
 }
 
+/** A name of several words within a sentence. */
+const quoted = (name: string): string => (name.includes(" ") ? `“${name}”` : name);
+
 /** The marker with the largest error of a frame; null where none is seen. */
 function farthest(labels: readonly string[], errors: Float32Array | null): string | null {
   let [found, most]: [string | null, number] = [null, -1];
@@ -50,18 +55,21 @@ export class Playback {
   readonly element = h("div", { class: "playback" });
   private readonly player: Player;
   private readonly status = h("p", { class: "status", role: "status" });
+  /** Unlike the status, not read out: it changes with every frame. */
+  private readonly passing = h("p", { class: "status" });
   private readonly apart = h("p", { class: "quiet" });
   private readonly map = h("div");
   private readonly failed = h("div");
   private theatre: Theatre | null = null;
-  private cursor: ErrorMap | null = null;
+  private cursors: ErrorMap[] = [];
   private errors: Frames | null = null;
   private method: string;
   private marker: string | null = null;
 
   constructor(private readonly options: PlaybackOptions) {
     const { trial, shown, signal } = options;
-    this.method = shown[0] ?? Object.keys(trial.motions)[0] ?? "";
+    const [first = ""] = Object.keys(trial.motions);
+    this.method = options.together === true ? first : (shown[0] ?? first);
     this.player = new Player(trial.frames, trial.rate_hz, trial.start_s, (frame) => this.show(frame), () => this.theatre?.stage, signal);
     this.element.append(this.failed);
   }
@@ -83,22 +91,22 @@ export class Playback {
       theatre.picked = (label) => this.choose(label);
       theatre.compared = (names, differences) => {
         const told = differences.map(({ name, mm }) => `${words(name)} ${number(mm, 0)} mm`).join("; ");
-        this.apart.textContent = differences.length === 0 ? "" : `Joint centres of ${names.join(" and ")} apart, lit from ${FAR_MM} mm on: ${told}`;
+        this.apart.textContent = differences.length === 0 ? "" : `Joint centres of ${names.map(quoted).join(" and ")} apart, lit from ${FAR_MM} mm on: ${told}`;
       };
       const controls = h("div", { class: "controls" });
-      this.element.append(controls, theatre.stage.element, this.player.element, this.status, this.apart);
+      this.element.append(controls, theatre.stage.element, this.player.element, this.status, this.passing, this.apart);
       this.element.addEventListener("keydown", (event) => this.key(event));
       await theatre.begin(shown.filter((name) => name in trial.motions), frame);
       fill(controls, ...this.choices(theatre, bodies.map(({ entry }) => entry.name)));
     }
     this.player.go(frame);
-    this.element.append(this.mapChoice(), this.map);
+    this.element.append(this.options.together === true ? "" : this.mapChoice(), this.map);
     await this.draw();
   }
 
   private show(frame: number): void {
     this.theatre?.showNow(frame);
-    this.cursor?.at(frame);
+    for (const map of this.cursors) map.at(frame);
     this.tell(frame);
     clearTimeout(this.noting);
     this.noting = window.setTimeout(() => note({ trial: this.options.trial.name, frame: String(frame) }), 400);
@@ -118,8 +126,9 @@ export class Playback {
     const marker = this.marker ?? farthest(labels, errors);
     this.theatre?.pick(marker);
     const error = marker === null ? undefined : errors?.[labels.indexOf(marker)];
-    const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${this.method}`;
-    this.status.textContent = marker === null ? "" : `${this.marker === null ? `Farthest now: ${marker}, ` : `${marker}: `}${away}`;
+    const away = error === undefined || Number.isNaN(error) ? "not seen" : `${number(error)} mm from ${quoted(this.method)}`;
+    this.status.textContent = this.marker === null ? "" : `${marker}: ${away}`;
+    this.passing.textContent = this.marker === null && marker !== null ? `Farthest now: ${marker}, ${away}` : "";
   }
 
   private choices(theatre: Theatre, names: readonly string[]): HTMLElement[] {
@@ -177,17 +186,19 @@ export class Playback {
   private async draw(): Promise<void> {
     const { trial, path, signal } = this.options;
     await guarded(this.failed, async () => {
-      const map = await errorMap(trial, this.method, path, signal, (frame, marker) => {
+      const go = (frame: number, marker: string): void => {
         this.choose(marker);
         this.player.step(frame - this.player.frame);
-      });
-      this.cursor = map;
+      };
+      const maps: ErrorMap[] = [];
+      for (const method of this.options.together === true ? Object.keys(trial.motions) : [this.method]) maps.push(await errorMap(trial, method, path, signal, go, maps[0]?.top));
+      this.cursors = maps;
       const motion = trial.motions[this.method];
       this.errors = motion === undefined ? null : new Frames(motion.errors, path, signal, () => this.tell(this.player.frame));
       await this.errors?.begin();
       this.tell(this.player.frame);
-      fill(this.map, map.element);
-      map.at(this.player.frame);
+      fill(this.map, ...maps.map(({ element }) => element));
+      for (const map of maps) map.at(this.player.frame);
     });
   }
 

@@ -163,9 +163,9 @@ def summarise_study(title: str, document: StudyDocument, tables: Iterable[Table]
     return Summary(
         title=f"{title}, done again on virtual persons",
         subtitle=document.source,
-        headline=f"{count_held(document)} claims hold on these {document.size} persons",
+        headline=f"{count_held(document)} claims hold on these {document.size} persons; what differs:",
         tone="good" if every else "fair",
-        why=[f"Not as in the paper: {note}" for note in document.notes],
+        why=document.notes,
         tables=[_tabulate_claims(document), *tables],
     )
 

@@ -24,6 +24,7 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.numbers import format_figures
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
+from scaling_service.capabilities.discovery.ordinary.forces import expect_noise
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.discovery.text import describe_place
@@ -109,7 +110,7 @@ def _of_markers(before: TrackedTrial, after: TrackedTrial, ranking: Sequence[str
 
 def _of_wrench(before: WrenchFit, after: WrenchFit) -> HeatMap:
     away = [
-        np.where(item.usable[:, None], np.abs(item.residuals) / before.floor, np.nan)
+        np.where(item.usable[:, None], np.abs(item.residuals) / expect_noise(before.mass), np.nan)
         for item in (before, after)
     ]
     return _bin_rows(before, "floors", COMPONENTS, away[0], away[1])

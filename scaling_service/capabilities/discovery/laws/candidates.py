@@ -82,6 +82,7 @@ class Contact:
     start_s: float
     end_s: float
     point: Vector
+    noise: tuple[float, ...]  # (6,): what was ordinary of each component, N and N m
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,7 +138,6 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
         contacts=replace(like.contacts, usable=np.ones(len(item.q), dtype=bool)),
         oscillating=(),
         touched=None,
-        known_covariance=like.covariance,
     )
     ground = _share_wrench(made, feet, sides)
     return replace(made, contacts=ContactAssignment(ground, made.contacts.usable, like.cutoff_hz))

@@ -23,6 +23,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
+    Contact,
     Estimate,
     Seen,
 )
@@ -155,7 +156,9 @@ class Naming:
     ) -> dict[str, dict[Candidate, float]]:
         """Of the first that has the odds: those that these recordings do not tell from it."""
         first = next((r for r in ranked if r.candidate.key not in self.refused), None)
-        if first is None or first.odds < self.settings.odds or first.scored is None:
+        if first is None or first.odds < self.settings.odds:
+            return {}
+        if first.scored is None and not isinstance(first.candidate.change, Contact):
             return {}
         near = [r for r in ranked if r is not first and r.odds > first.odds - self.settings.class_odds]
         own = first.candidate

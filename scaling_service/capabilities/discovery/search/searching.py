@@ -309,13 +309,18 @@ def _pitch(effects: Sequence[Estimate]) -> list[float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alike:
-    """Cosine between what two candidates of the wrench explain, as they were found."""
+    """Cosine between what two candidates of the wrench explain, as they were found.
+
+    Touches of one recording may take any course, so that they explain the same.
+    """
 
     loads: Loads
     choice: Sequence[Candidate]
 
     def __call__(self, one: Ranked, other: Ranked) -> float:
-        """0 of what has no columns."""
+        """0 of what has no columns, 1 of touches."""
+        if isinstance(one.candidate.change, Contact) and isinstance(other.candidate.change, Contact):
+            return float(one.candidate.trials == other.candidate.trials)
         if one.scored is None or other.scored is None:
             return 0.0
         table, keys = self.loads.table, [c.key for c in self.choice]

@@ -10,6 +10,8 @@ from pydantic import ConfigDict, Field, StringConstraints
 from scaling_service.documents.base import Part
 from scaling_service.documents.jobs import Failure, State
 
+MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
+
 
 class Problem(Part):
     """Why a request was not answered (RFC 9457), in the words of the command line."""
@@ -197,8 +199,6 @@ class Vocabulary(Part):
         "answer to a discovery on it."
     )
 
-
-MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
 
 _Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]

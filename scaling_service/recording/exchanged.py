@@ -41,6 +41,19 @@ CLEAR = 0.5
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
 _Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
+CHANGED_M = 0.025
+"""Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
+squats reaches 40 mm, so a better assignment of the labels must explain it, too)."""
+
+EXPLAINED = 0.4
+"""Chosen: share of the difference that labels put right may leave; those of real recordings leave 0.2."""
+
+JUMP_M = 0.015
+"""Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
+(1.5 m/s at 100 frames per second; skin in running stays below 1)."""
+
+_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
+
 
 def find_exchanged_labels(trial: Trial, roles: Mapping[str, str]) -> Iterator[tuple[Exchange, bool]]:
     """Where the labels of an outer and an inner landmark look exchanged, and whether throughout.
@@ -154,20 +167,6 @@ Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
 
 Shape = Mapping[tuple[str, str], float]
 """Two labels of one segment, in alphabetical order, to their usual distance, m."""
-
-CHANGED_M = 0.025
-"""Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
-squats reaches 40 mm, so a better assignment of the labels must explain it, too)."""
-
-EXPLAINED = 0.4
-"""Chosen: share of the difference that labels put right may leave; those of real recordings leave 0.2."""
-
-
-JUMP_M = 0.015
-"""Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
-(1.5 m/s at 100 frames per second; skin in running stays below 1)."""
-
-_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

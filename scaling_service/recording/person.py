@@ -43,6 +43,16 @@ from scaling_service.recording.sides import MIRRORED, judge_handedness
 from scaling_service.recording.sizes import ask_sizes
 from scaling_service.recording.witnesses import FRAMES, WRONG
 
+ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
+_FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
+_AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
+
+_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
+_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
+_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
+
+_HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
+
 
 def ask(given: Recordings) -> tuple[Finding, ...]:
     """All questions, those that refuse first."""
@@ -77,11 +87,6 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
         made = Repair(what="mirrored", where=trial.name, detail=detail, frames=trial.n_frames)
         trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
     return relabel(trial, corrections)
-
-
-ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
-_FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
-_AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
 
 
 def ask_one_person(trial: Trial) -> Iterator[Finding]:
@@ -189,11 +194,6 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
         )
 
 
-_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
-_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
-_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
-
-
 def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
     """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
     turned, seen = 0.0, []
@@ -242,9 +242,6 @@ def _compare_with_mirror(cloud: Array, places: Array) -> float:
         for side in (1.0, -1.0)
     )
     return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
-
-
-_HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
 
 def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:

@@ -63,6 +63,13 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law
 from scaling_service.numerics.multibody.laws import Array
 
+_MM = 1e3
+_UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
+"""Observable to the unit in the results and its factor."""
+
+_FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
+_MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
+
 
 def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
     """How probable it is that all of it, in the found proportions, points the way that was found.
@@ -84,14 +91,6 @@ def list_bounds(named: NamedEffect) -> Mapping[str, Range]:
     if named.candidate.oscillation is not None:
         found |= {n: Range(*ends) for n, ends in zip(SHAPES, (FREQUENCIES_HZ, DAMPINGS), strict=True)}
     return found
-
-
-_MM = 1e3
-_UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
-"""Observable to the unit in the results and its factor."""
-
-_FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
-_MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)

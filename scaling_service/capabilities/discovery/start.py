@@ -50,6 +50,11 @@ _RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gon
 
 Mask = NDArray[np.bool_]
 
+_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
+
+PLAIN_METHODS = ("MB", "EB")
+"""Scalings that fit no marker's place, and so take up least of what is looked for."""
+
 
 def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
     """Forces of all movements that have some, by their stems, and notes on what could not be used.
@@ -141,12 +146,6 @@ def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
         for repair in forces.repairs
         if repair.what in _NOTED
     )
-
-
-_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
-
-PLAIN_METHODS = ("MB", "EB")
-"""Scalings that fit no marker's place, and so take up least of what is looked for."""
 
 
 def choose_plain(session: Session) -> str:

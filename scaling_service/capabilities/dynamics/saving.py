@@ -37,6 +37,8 @@ from scaling_service.model.inertia import sum_mass
 
 FILE_NAME = "dynamics.json"
 
+RESIDUALS_FILE = f"{FOLDER}/residuals.json"
+
 
 def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool = True) -> DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
@@ -219,9 +221,6 @@ def _make_identification(found: InertialIdentification, before: BodyModel) -> Id
         },
         from_attributes=True,
     )
-
-
-RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 
 def write_residuals(results: DynamicsResults, outputs: Path) -> ResidualScene:

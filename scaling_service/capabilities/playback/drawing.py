@@ -24,6 +24,15 @@ from scaling_service.report.scene import Body, Pair, Scene
 _AXIS_HALF_M = 0.07
 """Chosen: a knee axis is drawn a little wider than a knee."""
 
+MOST_FACES = 20_000
+"""Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""
+
+THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
+"""Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
+
+NEAR_AN_END = 0.25
+"""Chosen: share of a segment's length within which a joint belongs to one of its ends."""
+
 
 class Drawing:
     """Points of a model that are drawn, and how they hang together."""
@@ -168,15 +177,6 @@ def _fill_gaps(path: Array) -> Array:
     rows = np.arange(len(path))
     return np.stack([np.interp(rows, rows[known], path[known, k]) for k in range(3)], axis=1)
 
-
-MOST_FACES = 20_000
-"""Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""
-
-THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
-"""Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
-
-NEAR_AN_END = 0.25
-"""Chosen: share of a segment's length within which a joint belongs to one of its ends."""
 
 Shape = Literal["image", "simple", "none"]
 

@@ -48,6 +48,15 @@ _KNEES = 20.0  # chosen: nats for a body whose knees bend backward, against one 
 _FEW = 10  # frames in which two labels must be seen together
 _LANDMARK_M = 0.03  # SD of a label about its landmark on the fitted body (chosen: as the body is fitted)
 
+_WORDS = {
+    "femur": "thigh",
+    "tibia": "shank",
+    "calcn": "foot",
+    "humerus": "upper arm",
+    "ulna": "forearm",
+    "torso": "trunk",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
@@ -306,16 +315,6 @@ def _explain(
     if meaning is not None and meaning.segment not in segment:
         parts.append(f"its name says {meaning.segment}")
     return "; ".join(parts)
-
-
-_WORDS = {
-    "femur": "thigh",
-    "tibia": "shank",
-    "calcn": "foot",
-    "humerus": "upper arm",
-    "ulna": "forearm",
-    "torso": "trunk",
-}
 
 
 def _word(segment: str) -> str:

@@ -31,6 +31,12 @@ _UNIT = np.eye(3)
 _ROUNDS = 3  # chosen: weights change little from one to the next
 _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
 
+_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
+_FEWEST = 5  # frames from which something can be said
+
+_BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked through
+_CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spell:
@@ -163,9 +169,6 @@ def _move_to_point(arm: Array) -> Array:
     return np.concatenate([-build_skew(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
 
 
-_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
-_FEWEST = 5  # frames from which something can be said
-
 Edges = tuple[tuple[float, float], tuple[float, float]]
 """When a contact begins and when it ends, s, each with its standard deviation."""
 
@@ -220,10 +223,6 @@ def join_edges(found: Sequence[Edges]) -> Edges:
     start, end = values.mean(axis=0).tolist()
     of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
     return (start, of_start), (end, of_end)
-
-
-_BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked through
-_CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
 
 
 def estimate_onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:

@@ -22,6 +22,10 @@ from scaling_service.service.sandbox.limits import Limits
 PREFIX = "SCALING_SERVICE_"
 _MB = 1_000_000
 
+FIRST, LAST = 5, 15
+"""Niceness of processes that compute (sched(7)): of an owner's first check, and of others. Chosen: both give
+way to whoever answers requests on the same processors; where they share one, the first has nine tenths."""
+
 _ELSEWHERE = {f"{PREFIX}DATA", f"{PREFIX}DATASETS_URL", f"{PREFIX}WITHOUT_PAGE"}
 """Variables with the prefix that are for something else: where tests find recordings, where public ones are
 downloaded, how a package is built."""
@@ -75,6 +79,9 @@ class ServiceSettings(BaseSettings):
     )
     limit_memory_mb: int = Field(default=4000, ge=100, description="Of each process of a job.")
     limit_cpu_s: float = Field(default=3600.0, ge=1.0, description="Processor time of each process of a job.")
+    limit_check_cpu_s: float = Field(
+        default=120.0, ge=1.0, description="Processor time of each process of a look at files."
+    )
     limit_wall_s: float = Field(default=7200.0, ge=1.0, description="Time of a job.")
     limit_file_mb: int = Field(default=1000, ge=1, description="Each file that a job writes.")
     limit_output_mb: int = Field(default=2000, ge=1, description="All that a job writes.")
@@ -86,12 +93,13 @@ class ServiceSettings(BaseSettings):
         default=None, gt=0, description="Jobs and subjects older than this are deleted; none unless given."
     )
 
-    @property
-    def limits(self) -> Limits:
-        """What one job may use."""
+    def choose_limits(self, *, brief: bool = False, first: bool = False) -> Limits:
+        """What one job may use, one that is ``brief`` or not; ``first``: whether it goes before others."""
         return Limits(
             memory_bytes=self.limit_memory_mb * _MB,
-            cpu_s=self.limit_cpu_s,
+            cpu_s=self.limit_check_cpu_s if brief else self.limit_cpu_s,
+            cpu_setting="limit_check_cpu_s" if brief else "limit_cpu_s",
+            niceness=FIRST if first else LAST,
             wall_s=self.limit_wall_s,
             file_bytes=self.limit_file_mb * _MB,
             output_bytes=self.limit_output_mb * _MB,

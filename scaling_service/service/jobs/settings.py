@@ -88,7 +88,12 @@ class ServiceSettings(BaseSettings):
     limit_upload_mb: int = Field(default=1000, ge=1, description="Each uploaded file.")
     limit_files: int = Field(default=1000, ge=1, description="Files of a subject.")
     limit_queue: int = Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
-    reserve_mb: int = Field(default=500, ge=0, description="No job begins with less room on the disk.")
+    limit_owner_mb: int = Field(
+        default=100_000, ge=1, description="All files of an owner, uploaded or made, each content once."
+    )
+    reserve_mb: int = Field(
+        default=500, ge=0, description="With less room on the disk no job begins and no upload goes on."
+    )
     retention_days: float | None = Field(
         default=None, gt=0, description="Jobs and subjects older than this are deleted; none unless given."
     )

@@ -18,6 +18,7 @@ from scaling_service.service.jobs.example import ExampleFailed
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
+from scaling_service.service.store.links import TooManyLinks
 from scaling_service.service.store.room import QuotaReached
 
 MEDIA_TYPE = "application/problem+json"
@@ -81,6 +82,7 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (TooLarge, 413),
     (QueueFull, 429),
     (TooManyRequests, 429),
+    (TooManyLinks, 429),
     (StoreFull, 507),
     (QuotaReached, 507),
     (StoreUnavailable, 503),

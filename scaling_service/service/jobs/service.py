@@ -26,7 +26,7 @@ from scaling_service.service.jobs.submission import (
     write_canonical,
     write_canonical_subject,
 )
-from scaling_service.service.store import deletion, jobs, subjects
+from scaling_service.service.store import deletion, jobs, links, subjects
 from scaling_service.service.store.blobs import Incoming
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.room import Quotas
@@ -138,6 +138,16 @@ class Service:
         """Keep which label is which marker, in place of what was said before."""
         subjects.put_marker_map(self._database, owner, write_canonical(dict(labels)))
         return self.marker_map(owner)
+
+    # Links
+
+    def make_link(self, owner: str, path: str, lifetime_s: int) -> tuple[str, int]:
+        """A ticket that opens a path on the owner's behalf, and its end, µs since 1970."""
+        return links.issue(self._database, owner, path, lifetime_s)
+
+    def end_links(self, owner: str) -> None:
+        """Let none of an owner's links open anything any more."""
+        links.end_all(self._database, owner)
 
     # Jobs
 

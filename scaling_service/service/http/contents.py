@@ -16,13 +16,13 @@ from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote, unquote
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import StreamingResponse
 
 from scaling_service.documents.service import Link, LinkRequest
 from scaling_service.service.http.bodies import in_writer_thread, read_model
 from scaling_service.service.http.callers import PARAMETER, Owner, ServiceDep
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, describe_refusals
+from scaling_service.service.http.streams import BoundedResponse
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.tables import FileRow
@@ -108,7 +108,13 @@ def send_stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
         headers["Content-Range"] = f"bytes {part[0]}-{part[-1]}/{file.size}"
     media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
     status = HTTPStatus.OK if part is None else HTTPStatus.PARTIAL_CONTENT
-    return StreamingResponse(_read_pieces(opened, sent), status, headers, media_type)
+    return BoundedResponse(
+        _read_pieces(opened, sent),
+        longest_s=request.app.state.streams.longest_s,
+        status_code=status,
+        headers=headers,
+        media_type=media_type,
+    )
 
 
 def parse_range(header: str | None, size: int) -> range | None:

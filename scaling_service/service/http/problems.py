@@ -35,12 +35,10 @@ class KeyNeeded(InputError):
 
 
 class TooManyRequests(InputError):
-    """A caller asks faster than is allowed."""
+    """A caller asks faster, or for more at once, than is allowed."""
 
-    def __init__(self, wait_s: float) -> None:
-        super().__init__(
-            "requests come faster than is allowed", remedy=f"Wait {wait_s:.1f} s, and ask less often"
-        )
+    def __init__(self, wait_s: float, problem: str = "requests come faster than is allowed") -> None:
+        super().__init__(problem, remedy=f"Wait {wait_s:.1f} s, and ask less often")
         self.wait_s = wait_s
 
 

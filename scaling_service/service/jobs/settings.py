@@ -86,6 +86,12 @@ class ServiceSettings(BaseSettings):
     limit_file_mb: int = Field(default=1000, ge=1, description="Each file that a job writes.")
     limit_output_mb: int = Field(default=2000, ge=1, description="All that a job writes.")
     limit_upload_mb: int = Field(default=1000, ge=1, description="Each uploaded file.")
+    limit_streams: int = Field(
+        default=200, ge=1, description="Uploads, downloads and followed jobs of an owner at once."
+    )
+    limit_stream_s: float = Field(
+        default=3600.0, ge=1.0, description="Whole time of each; who follows a job asks again."
+    )
     limit_files: int = Field(default=1000, ge=1, description="Files of a subject.")
     limit_queue: int = Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
     limit_owner_mb: int = Field(

@@ -61,6 +61,7 @@ def test_two_thousand_labels_are_looked_at_soon(tmp_path: Path, kind: str) -> No
     found = look_at(folder)
     assert time.process_time() - begun < LONGEST_S
     assert [file.kind for file in found.files] == ["recording"]
+    assert any(p.field == "labels" and "more than one person carries" in p.problem for p in found.problems)
 
 
 def test_more_labels_than_are_looked_at_are_refused_by_name(tmp_path: Path) -> None:

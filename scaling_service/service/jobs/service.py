@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy import Connection
+
 from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.jobs import State
@@ -79,6 +81,7 @@ class Service:
     def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[SubjectRow, bool]:
         """Keep a subject's document under the name that it gives; whether that name is new."""
         name = check_subject(document)
+        self.require_room()
         return subjects.put(self._database, owner, name, write_canonical_subject(document))
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
@@ -136,6 +139,7 @@ class Service:
 
     def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
+        self.require_room()
         subjects.put_marker_map(self._database, owner, write_canonical(dict(labels)))
         return self.marker_map(owner)
 
@@ -160,12 +164,15 @@ class Service:
         row = self.kinds.get(kind)
         if row is None or row.route is None:
             raise NotFound(f"there is no kind of job '{kind}'", field="kind")
-        checked = check_request(row, request)
-        self.quotas.require(owner)
-        return self._ledger.ask(
-            lambda connection: make_new_job(connection, owner, kind, checked, row.parts),
-            self.settings.limit_queue,
-        )
+        checked, made_of = check_request(row, request), row.parts
+
+        def make(connection: Connection) -> jobs.NewJob:
+            new = make_new_job(connection, owner, kind, checked, made_of)
+            if jobs.find(connection, new.id) is None:
+                self.quotas.require(owner)
+            return new
+
+        return self._ledger.ask(make, self.settings.limit_queue)
 
     def job(self, owner: str, job: str) -> JobRow:
         """One job; ``revision`` grows with any change."""

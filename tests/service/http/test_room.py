@@ -98,3 +98,4 @@ def test_where_the_quota_is_reached_no_job_is_taken(tmp_path: Path) -> None:
         assert served.call("POST", "/v1/tiny", json={"number": 1}).status_code == 202
         served.service.quotas.add("local", 1)
         assert served.call("POST", "/v1/tiny", json={"number": 2}).status_code == 507
+        assert served.call("POST", "/v1/tiny", json={"number": 1}).status_code == 202  # it is there already

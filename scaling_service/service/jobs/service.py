@@ -82,7 +82,8 @@ class Service:
         """Keep a subject's document under the name that it gives; whether that name is new."""
         name = check_subject(document)
         self.require_room()
-        return subjects.put(self._database, owner, name, write_canonical_subject(document))
+        text, most = write_canonical_subject(document), self.settings.limit_subjects
+        return subjects.put(self._database, owner, name, text, most=most)
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
         """One subject."""

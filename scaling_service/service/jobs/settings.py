@@ -92,6 +92,7 @@ class ServiceSettings(BaseSettings):
     limit_stream_s: float = Field(
         default=3600.0, ge=1.0, description="Whole time of each; who follows a job asks again."
     )
+    limit_subjects: int = Field(default=10_000, ge=1, description="Subjects of an owner.")
     limit_files: int = Field(default=1000, ge=1, description="Files of a subject.")
     limit_queue: int = Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
     limit_owner_mb: int = Field(

@@ -91,6 +91,15 @@ def test_an_owner_has_a_quota(tmp_path: Path) -> None:
         assert upload(served, "b.trc", 400_000, one).status_code == 200
 
 
+def test_subjects_of_an_owner_are_bounded(tmp_path: Path) -> None:
+    with serving(settings_in(tmp_path, limit_subjects=2), TINY) as served:
+        for name, status in (("S01", 201), ("S02", 201), ("S03", 422), ("S02", 200)):
+            answer = served.call("POST", "/v1/subjects", json=person(name))
+            assert answer.status_code == status, name
+        assert served.call("DELETE", "/v1/subjects/S01").status_code == 204
+        assert served.call("POST", "/v1/subjects", json=person("S03")).status_code == 201
+
+
 def test_where_the_quota_is_reached_no_job_is_taken(tmp_path: Path) -> None:
     with serving(settings_in(tmp_path, limit_owner_mb=1), TINY) as served:
         served.call("POST", "/v1/subjects", json=person("S01"))

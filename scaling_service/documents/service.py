@@ -80,10 +80,13 @@ class LinkRequest(Part):
         max_length=2000,
         description="Of a file of a job or a subject, or of a job's `files.zip`, as in its links.",
     )
+    lifetime_s: int = Field(
+        default=60, ge=1, le=30 * 86_400, description="Seconds for which it works, up to 30 days."
+    )
 
 
 class Link(Part):
-    """A link that works without a key, for a short time."""
+    """A link that works without a key until it ends."""
 
     path: str
     until: datetime = Field(description="It must be opened before.")

@@ -186,9 +186,10 @@ class Trial:
     def select(self, labels: Sequence[str]) -> Trial:
         """Only these labels, in this order; a label that is absent becomes an all-NaN column."""
         columns = np.full((self.n_frames, len(labels), 3), np.nan)
+        own = {label: k for k, label in reversed(list(enumerate(self.labels)))}  # the first of a name
         for k, label in enumerate(labels):
-            if label in self.labels:
-                columns[:, k] = self.position(label)
+            if label in own:
+                columns[:, k] = self.markers[:, own[label]]
         return replace(self, labels=tuple(labels), markers=columns)
 
     def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Trial:

@@ -52,6 +52,9 @@ JUMP_M = 0.015
 """Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
 (1.5 m/s at 100 frames per second; skin in running stays below 1)."""
 
+MOST_COMPARED = 40
+"""Chosen: labels of one segment whose distances are compared. Densely marked thighs have up to thirty."""
+
 _EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
 
 
@@ -193,12 +196,16 @@ def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str
     found: dict[tuple[str, str], list[float]] = {}
     for trial in trials:
         for labels in clusters.values():
-            for pair in combinations(sorted(name for name in labels if name in trial.labels), 2):
+            for pair in combinations(_list_compared(trial, labels), 2):
                 distance = _measure_distance(trial, *pair)
                 known = distance[np.isfinite(distance)]
                 if len(known):
                     found.setdefault(pair, []).append(float(np.median(known)))
     return {pair: float(np.median(values)) for pair, values in found.items()}
+
+
+def _list_compared(trial: Trial, labels: Sequence[str]) -> list[str]:
+    return sorted(set(trial.labels).intersection(labels))[:MOST_COMPARED]
 
 
 def _measure_distance(trial: Trial, one: str, other: str) -> Array:
@@ -213,7 +220,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
     :func:`measure_shape`.
     """
     for labels in clusters.values():
-        names = sorted(name for name in labels if name in trial.labels)
+        names = _list_compared(trial, labels)
         pairs = [pair for pair in combinations(names, 2) if pair in usual]
         if len(pairs) < 2:
             continue

@@ -229,7 +229,8 @@ def _find_moved(
     trial: str, shapes: Mapping[str, Shape], others: Sequence[str], clusters: Clusters
 ) -> Iterator[MovedMarker]:
     for labels in clusters.values():
-        for label in labels:
+        measured = {label for pair in shapes[trial] for label in pair}
+        for label in labels if measured.intersection(labels) else ():
             known = [_compare(label, labels, trial, other, shapes) for other in others]
             reported = [one for one in known if one is not None]
             moved = [one for one, alone in reported if alone]

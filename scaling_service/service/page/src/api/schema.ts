@@ -824,6 +824,7 @@ export interface Link {
 
 export interface LinkRequest {
   path: string;
+  lifetime_s?: number;
 }
 
 export interface LoopEntry {

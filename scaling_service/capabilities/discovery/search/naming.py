@@ -171,7 +171,10 @@ class Naming:
         return {first.candidate.key: alike}
 
     def _find_smallest(self, one: Ranked) -> dict[str, float]:
-        """Sizes of the columns, in proportion as found, from which a share would be named."""
+        """Sizes of the columns, in proportion as found, from which a share would be named.
+
+        Nothing where that is more than laboratories meet.
+        """
         if one.scored is None:
             return {}
         s = one.scored
@@ -183,6 +186,8 @@ class Naming:
             return {}
         z = float(scipy.stats.norm.ppf(self.settings.power))
         share = (z + math.sqrt(z * z + 2.0 * needed)) / math.sqrt(strength)
+        if not self._is_met(one.candidate, share * s.size):
+            return {}
         return {
             column.name: abs(column.unit * size) * share
             for column, size in zip(one.candidate.columns, s.size.tolist(), strict=True)

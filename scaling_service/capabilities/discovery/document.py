@@ -163,6 +163,14 @@ class TriedDocument(PlacedEffect):
     )
 
 
+class EstimateDocument(PlacedEffect):
+    """What these recordings say of one thing of the model, named or not, were only that unlike the model."""
+
+    parameters: dict[str, QuantityDocument] = Field(
+        description="By the names of an effect's; `determined`: these recordings tell more than half of it."
+    )
+
+
 class UnexplainedDocument(Part):
     """What stands out of what is ordinary and matches no effect."""
 
@@ -218,6 +226,10 @@ class DiscoveryDocument(Provenance):
     effects: list[EffectDocument]
     gap: BothGaps
     tried: list[TriedDocument]
+    estimates: list[EstimateDocument] = Field(
+        default=[],
+        description="Masses, centres and axes of the model as these recordings have them, most unlike first.",
+    )
     unexplained: list[UnexplainedDocument]
     bones: BonesDocument | None = Field(default=None, description="Null in results of earlier versions.")
     start: str = Field(description="The method that scaled the model, or 'none'.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -91,6 +91,21 @@ def test_what_was_followed_or_fetched_no_longer_counts(served: Served) -> None:
             assert served.call("GET", f"/v1/jobs/{job}/files/square.txt").text == "9"
             assert served.call("GET", f"/v1/jobs/{job}/files.zip").status_code == 200
             assert "done" in served.call("GET", f"/v1/jobs/{job}/events").text
+
+
+def test_followed_jobs_count_as_long_as_they_are_followed(tmp_path: Path) -> None:
+    with serving(settings_in(tmp_path, limit_streams=MOST), TINY) as served, ExitStack() as stack:
+        job = served.call("POST", "/v1/tiny", json={"number": 1}).json()["id"]
+        events = f"/v1/jobs/{job}/events"
+        for _ in range(MOST):
+            followed = stack.enter_context(requests.get(served.url + events, stream=True, timeout=10))
+            lines = stack.enter_context(closing(followed.iter_lines()))
+            assert next(lines).startswith(b"id:")
+        assert served.call("GET", events).status_code == 429
+        assert served.call("GET", f"/v1/jobs/{job}").status_code == 200
+        stack.pop_all().close()  # who goes away no longer counts
+        with running(served.service):
+            until(lambda: served.call("GET", events).status_code == 200, within_s=10.0)
 
 
 def test_a_followed_job_is_asked_for_again(served: Served) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -19,6 +19,9 @@ PARTS = ".parts.json"
 
 _PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
 _MOST_BYTES = 255  # of a name, on the usual file systems
+
+Tone = Literal["good", "fair", "poor", "unknown", "plain"]
+"""Whether a sentence is good news, as it is decided where the sentence is written."""
 
 
 class Part(BaseModel):

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Part, Tone
 
 SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
@@ -208,6 +208,7 @@ class VerdictDocument(Part):
     method: str
     strength: Literal["decided", "leaning", "undecided"]
     headline: str
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
     why: list[str]
     trust: list[TrustNote]
 

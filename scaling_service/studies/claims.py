@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
@@ -12,9 +12,11 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Part, Tone
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
-from scaling_service.report.blocks import Bullets, Callout, Cell, Page, Row, Section, Table, Text, Tone
+from scaling_service.report.onefile import Report
+from scaling_service.report.summary import Summary
+from scaling_service.report.tables import Cell, Row, Table
 
 STUDY_SCHEMA_VERSION = 1
 """Raised when a reader of an older document would misread a newer one; new keys do not raise it."""
@@ -146,23 +148,25 @@ def answer_claims(study: Study, claims: Sequence[Claim[Study]]) -> Study:
     return study.model_copy(update={"claims": entries})
 
 
-def save_study(document: StudyDocument, page: Page, folder: str | Path) -> tuple[str, ...]:
+def save_study(document: StudyDocument, summary: Summary, folder: str | Path) -> tuple[str, ...]:
     """Write a study into a folder, all or nothing, and name the files."""
     with all_or_nothing(Path(folder)) as scratch:
         write_json(scratch / DOCUMENT, document)
-        (scratch / REPORT).write_text(page.html(), encoding="utf-8")
+        report = Report(kind="study", name=DOCUMENT, summary=summary, document=document)
+        (scratch / REPORT).write_text(report.html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
-def build_study_page(title: str, document: StudyDocument, sections: Sequence[Section]) -> Page:
-    """The page of a study: first how many claims hold, what differs from the paper, and every claim."""
-    headline = f"{count_held(document)} claims hold on these {document.size} persons"
-    differences = Callout(headline, [Text("What differs, and why:"), Bullets(document.notes)])
-    return Page(
-        f"{title}, done again on virtual persons",
-        [Section("Do the paper's claims hold here?", [differences, _tabulate_claims(document)]), *sections],
+def summarise_study(title: str, document: StudyDocument, tables: Iterable[Table]) -> Summary:
+    """A study in short: how many claims hold, what differs from the paper, every claim, and the tables."""
+    every = all(claim.holds for claim in document.claims)
+    return Summary(
+        title=f"{title}, done again on virtual persons",
         subtitle=document.source,
-        footer=f"scaling-service {document.code_version}, seed {document.seed}. Numbers: {DOCUMENT}.",
+        headline=f"{count_held(document)} claims hold on these {document.size} persons",
+        tone="good" if every else "fair",
+        why=[f"Not as in the paper: {note}" for note in document.notes],
+        tables=[_tabulate_claims(document), *tables],
     )
 
 

@@ -15,7 +15,7 @@ from scaling_service.capabilities.shared.screen import list_files, make_console,
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 
 if TYPE_CHECKING:
-    from scaling_service.report.blocks import Table
+    from scaling_service.report.tables import Table
     from scaling_service.studies.claims import StudyDocument
 
 IN_TURN = Settings(calibration=CalibrationSettings(strategy="alternating"))
@@ -93,17 +93,17 @@ def reproduce(
     tables: Iterable[Table]
     if study == "puchaud2019":
         from scaling_service.capabilities.cohort.screen import show_progress
-        from scaling_service.studies.puchaud2019 import report as puchaud2019
+        from scaling_service.studies.puchaud2019 import document as puchaud2019
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
         with show_progress() as watcher:
             document = reproduce_puchaud2019(
                 settings, subjects=subjects, generic=generic, worker_count=workers, watcher=watcher
             )
-        page, tables = puchaud2019.build_page(document), puchaud2019.make_tables(document)
+        summary, tables = puchaud2019.summarise(document), puchaud2019.make_tables(document)
     elif study == "muller2017":
         from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
-        from scaling_service.studies.muller2017 import report as muller2017
+        from scaling_service.studies.muller2017 import words as muller2017
         from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(
@@ -113,9 +113,9 @@ def reproduce(
             worker_count=workers,
             finished=_show_person,
         )
-        page, tables = muller2017.build_page(document), muller2017.make_tables(document)
+        summary, tables = muller2017.summarise(document), muller2017.make_tables(document)
     else:
-        from scaling_service.studies.futamure import report as futamure
+        from scaling_service.studies.futamure import words as futamure
         from scaling_service.studies.futamure.study import reproduce_futamure
 
         document = reproduce_futamure(
@@ -125,8 +125,8 @@ def reproduce(
             worker_count=workers,
             finished=_show_person,
         )
-        page, tables = futamure.build_page(document), futamure.make_tables(document)
-    files = save_study(document, page, out)
+        summary, tables = futamure.summarise(document), futamure.make_tables(document)
+    files = save_study(document, summary, out)
     _show_study(document, tables, out, files)
 
 

@@ -11,8 +11,13 @@ from scaling_service.cli import main
 from scaling_service.core.errors import InputError
 from scaling_service.studies.claims import draw_person_seeds, save_study
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.report import METHODS, Beside, Puchaud2019Document, read_paper
-from scaling_service.studies.puchaud2019.report import build_page as study_page
+from scaling_service.studies.puchaud2019.document import (
+    METHODS,
+    Beside,
+    Puchaud2019Document,
+    read_paper,
+    summarise,
+)
 from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 from tests.report.reading import Node, read
 
@@ -31,7 +36,7 @@ def result() -> Puchaud2019Document:
 @pytest.fixture(scope="module")
 def page(result: Puchaud2019Document, tmp_path_factory: pytest.TempPathFactory) -> Node:
     folder = tmp_path_factory.mktemp("study")
-    assert save_study(result, study_page(result), folder) == ("report.html", "study.json")
+    assert save_study(result, summarise(result), folder) == ("report.html", "study.json")
     written = Puchaud2019Document.model_validate_json((folder / "study.json").read_bytes())
     assert written == result
     return read((folder / "report.html").read_text(encoding="utf-8"))

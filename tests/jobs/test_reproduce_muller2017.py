@@ -13,8 +13,8 @@ from scaling_service.studies.claims import save_study
 from scaling_service.studies.muller2017.claims import CLAIMS
 from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
-from scaling_service.studies.muller2017.report import build_page as study_page
 from scaling_service.studies.muller2017.study import reproduce_muller2017
+from scaling_service.studies.muller2017.words import summarise
 from tests.report.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)
@@ -29,7 +29,7 @@ def document() -> Muller2017Document:
 @pytest.fixture(scope="module")
 def page(document: Muller2017Document, tmp_path_factory: pytest.TempPathFactory) -> Node:
     folder = tmp_path_factory.mktemp("study")
-    assert save_study(document, study_page(document), folder) == ("report.html", "study.json")
+    assert save_study(document, summarise(document), folder) == ("report.html", "study.json")
     written = json.loads((folder / "study.json").read_text(encoding="utf-8"))
     assert Muller2017Document.model_validate(written) == document
     return read((folder / "report.html").read_text(encoding="utf-8"))

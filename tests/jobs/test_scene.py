@@ -12,9 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.discovery.figures import AFTER, BEFORE, write_discovery_scene
+from scaling_service.capabilities.discovery.playing import AFTER, BEFORE, write_discovery_scene
 from scaling_service.capabilities.playback.document import BodyEntry, MotionEntry, SceneDocument, SceneTrial
-from scaling_service.capabilities.playback.drawing import MOST_FACES, find_ends, make_simple_shape, to_glb
+from scaling_service.capabilities.playback.drawing import find_ends, make_simple_shape, to_glb
+from scaling_service.capabilities.playback.scene import WHOLE
 from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.scaling.scene import write_results_scene
@@ -100,7 +101,7 @@ def test_bones_are_fine_enough_and_small_enough(tmp_path: Path) -> None:
         assert set(content.geometry) == {name for name, shape in shapes.items() if shape != "none"}
         assert set(shapes.values()) == {"image" if body.name == "EB" else "simple"}
         for mesh in content.geometry.values():
-            assert 100 < len(mesh.faces) <= MOST_FACES * 1.01
+            assert 100 < len(mesh.faces) <= WHOLE.most_faces * 1.01
         femur = content.geometry["femur_r"]
         knee = next(c for c in body.centres if c.name == "knee_r")
         assert np.linalg.norm(femur.bounds, axis=1).max() < 0.6  # m, around the hip

@@ -8,9 +8,9 @@ import pytest
 from scaling_service.model.inertia import sum_mass
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.studies.futamure.claims import assess_less
-from scaling_service.studies.futamure.report import build_page as study_page
 from scaling_service.studies.futamure.squatters import OVER_FOOT_M, make_virtual_squatter
 from scaling_service.studies.futamure.study import WAYS, reproduce_futamure, study_squatter
+from scaling_service.studies.futamure.words import summarise
 
 
 def test_a_squatter_stands_on_the_foot_and_weighs_what_he_weighs() -> None:
@@ -37,7 +37,7 @@ def test_the_study_answers_every_claim_and_shows_it() -> None:
         document.persons[0].fitted.consistent.wrench_rmse[0]
         < document.persons[0].fitted.classical.wrench_rmse[0]
     )
-    page = study_page(document).html()
+    page = summarise(document).html()
     for claim in document.claims:
         assert claim.where in page
     undecided = [claim for claim in document.claims if claim.holds is None]

@@ -38,7 +38,7 @@ from scaling_service.core.threads import count_cores
 from scaling_service.documents.writing import check_folder, code_version
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
-from scaling_service.report.methods import spell_name
+from scaling_service.report.words import spell_name
 
 
 def write_headline(found: StatisticsDocument) -> str:

@@ -10,11 +10,12 @@ from types import MappingProxyType
 
 from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
 from scaling_service.capabilities.cohort.outcomes import Outcome
-from scaling_service.capabilities.cohort.report import build_cohort_page
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
+from scaling_service.capabilities.cohort.words import summarise
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.numerics.statistics.waveforms import NODES
+from scaling_service.report.onefile import Report
 
 DOCUMENT = "cohort.json"
 
@@ -27,7 +28,10 @@ def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: P
         write_json(scratch / DOCUMENT, document)
         for name in TABLES:
             (scratch / name).write_text(write_table(name, outcomes), encoding="utf-8")
-        (scratch / REPORT).write_text(build_cohort_page(document).html(), encoding="utf-8")
+        report = Report(
+            kind="batch", name=DOCUMENT, summary=summarise(document), document=document, beside=list(TABLES)
+        )
+        (scratch / REPORT).write_text(report.html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 

@@ -13,9 +13,9 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from scaling_service.capabilities.cohort.report import make_screen_tables
+from scaling_service.capabilities.cohort.words import make_screen_tables
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
-from scaling_service.report.blocks import Row, Table
+from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.cohort.document import CohortDocument

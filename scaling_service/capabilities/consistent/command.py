@@ -47,16 +47,12 @@ def consistent(
 
 def show(document: ConsistentDocument, out: Path) -> None:
     """The errors of the three ways, the warnings, and what was written."""
-    from scaling_service.capabilities.consistent.report import tabulate_errors
+    from scaling_service.capabilities.consistent.words import describe_start, tabulate_errors
 
     console = make_console()
-    print_subject(
-        console,
-        document,
-        f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates, "
-        f"{document.outer_iterations} loops",
-    )
+    print_subject(console, document, f"{describe_start(document)}, {document.outer_iterations} loops")
     print_table(console, tabulate_errors(document))
+    say(console, "Gain", "bold", [f"{document.headline}."])
     say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
     list_files(console, out, [", ".join(written)])

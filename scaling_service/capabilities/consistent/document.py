@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Part, Tone
 from scaling_service.documents.results import Provenance
 
 
@@ -73,6 +73,8 @@ class ConsistentDocument(Provenance):
     """``consistent.json``."""
 
     kind: Literal["consistent"] = "consistent"
+    headline: str = Field(default="", description="What was gained at the forces, in one sentence.")
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
     start: str = Field(description="Method that scaled the model; none: as given.")
     inertia: str = Field(description="Table of the prior; model: the model's own.")
     mass_kg: float = Field(description="That the plates bear.")

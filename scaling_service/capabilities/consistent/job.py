@@ -25,11 +25,13 @@ def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Prog
     Raises InputError: whatever in the subject, the model, the recordings or their forces cannot be used.
     """
     from scaling_service.capabilities.consistent.run import consistent
-    from scaling_service.capabilities.consistent.saving import save_consistent
+    from scaling_service.capabilities.consistent.saving import save_consistent, write_wrenches
 
     chosen = request.part(ForceSettings)
     results = consistent(inputs / request.subject / DOCUMENT, chosen, request.settings, progress=progress)
-    return save_consistent(results, outputs).model_dump(mode="json")
+    document = save_consistent(results, outputs)
+    write_wrenches(results, outputs)
+    return document.model_dump(mode="json")
 
 
 KINDS = {

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from scaling_service.capabilities.consistent.document import (
     ConsistentDocument,
@@ -16,18 +19,23 @@ from scaling_service.capabilities.consistent.document import (
 )
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.report import build_consistent_page
 from scaling_service.capabilities.consistent.run import ConsistentResults
+from scaling_service.capabilities.consistent.words import summarise, write_headline
 from scaling_service.capabilities.dynamics.saving import record_dynamics_provenance, write_massive_model
 from scaling_service.capabilities.motion.saving import write_motion
+from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
+from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
+from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
+from scaling_service.report.onefile import Report, read_files
 
 FILE_NAME = "consistent.json"
+WRENCHES_FILE = f"{FOLDER}/wrenches.json"
 
 
 def save_consistent(
@@ -43,7 +51,44 @@ def save_consistent(
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(build_consistent_page(document, results).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
+    return document
+
+
+def _make_report(results: ConsistentResults, document: ConsistentDocument) -> Report:
+    """``report.html``: the result's views with the ground wrench over time."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_wrenches(results, Path(folder), brief=True)
+        files = read_files(Path(folder))
+    return Report(
+        kind="consistent",
+        name=FILE_NAME,
+        summary=summarise(document),
+        document=document,
+        files=files,
+        beside=document.files,
+    )
+
+
+def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> WrenchScene:
+    """Write ``scene/wrenches.json`` with its tables: the ground wrench measured, and in each way.
+
+    ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
+    """
+    files = ArrayFiles(outputs, FOLDER, brief=brief)
+    found = {}
+    for recording, ways in results.tracked:
+        wrenches = {"measured": recording.wrench}
+        wrenches |= {way: recording.wrench - tracked.gaps.wrench_gaps for way, tracked in ways.items()}
+        times, name = recording.trial.times, recording.name
+        found[name] = WrenchTrial(
+            start_s=float(times[0]),
+            rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
+            components=[bool(yes) for yes in recording.components],
+            wrenches={way: files.write(f"{name}.{way}", each, "N, N m") for way, each in wrenches.items()},
+        )
+    document = WrenchScene(trials=found)
+    write_json(outputs / WRENCHES_FILE, document)
     return document
 
 
@@ -75,13 +120,17 @@ def _make_document(
 ) -> ConsistentDocument:
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
+    trials = {
+        recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
+        for k, (recording, ways) in enumerate(results.tracked)
+    }
+    headline, tone = write_headline(trials.values())
     return ConsistentDocument(
+        headline=headline,
+        tone=tone,
         **record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
         mass_kg=round(sum_mass(prepared.model), 3),
-        trials={
-            recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
-            for k, (recording, ways) in enumerate(results.tracked)
-        },
+        trials=trials,
         inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],
         lengths_mm=_measure_lengths(result.model),
         lengths_before_mm=_measure_lengths(result.start),

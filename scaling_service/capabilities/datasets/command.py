@@ -11,7 +11,7 @@ from rich.markup import escape
 from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
 from scaling_service.capabilities.shared.flags import make_folder_parser
 from scaling_service.capabilities.shared.screen import make_console, print_table, progress_bar
-from scaling_service.report.blocks import Row, Table
+from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.datasets.catalogue import Dataset

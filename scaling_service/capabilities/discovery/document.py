@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Part, Tone
 from scaling_service.documents.results import Provenance
 
 FILE_NAME = "discovery.json"
@@ -221,6 +221,7 @@ class DiscoveryDocument(Provenance):
 
     verdict: Literal["found", "nothing", "unexplained"]
     headline: str = Field(default="", description="The verdict in one sentence.")
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
     reason: str = Field(description="Why the search stopped.")
     disagreements: list[DisagreementDocument]
     effects: list[EffectDocument]

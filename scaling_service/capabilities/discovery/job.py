@@ -30,7 +30,7 @@ class DiscoverRequest(OfRecordings, DiscoverSettings):
 
 def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progress) -> Any:
     """Write ``discovery.json`` (the result), the corrected model and recordings, and the report."""
-    from scaling_service.capabilities.discovery.figures import write_discovery_scene
+    from scaling_service.capabilities.discovery.playing import write_discovery_scene
     from scaling_service.capabilities.discovery.run import discover
     from scaling_service.capabilities.discovery.saving import save_discovery
 

@@ -151,12 +151,15 @@ def make_discovery_document(
     effects = [_make_effect(n, prepared.model) for n in found.named]
     gap = BothGaps(fit=_make_gap(found.fit), held_out=_make_gap(found.held_out))
     left = [UnexplainedDocument.model_validate(_in_unit(u)) for u in found.unexplained]
+    headline = text.write_headline(
+        found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)
+    )
+    worse = text.describe_worse(gap.held_out)
     return DiscoveryDocument(
         **_make_provenance(results),
         verdict=found.verdict,
-        headline=text.write_headline(
-            found.verdict, effects, gap.held_out.whitened, left, held_out=bool(held_out)
-        ),
+        headline=headline + worse,
+        tone=text.choose_tone(found.verdict, effects, worse),
         reason=found.reason,
         disagreements=[DisagreementDocument.model_validate(_in_unit(d)) for d in found.disagreements],
         effects=effects,

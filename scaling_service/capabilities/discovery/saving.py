@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.loads import Late, PlateFault
 from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 from scaling_service.capabilities.discovery.models import correct_model, make_own_models, write_corrected_osim
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.report import build_discovery_page
+from scaling_service.capabilities.discovery.report import make_report
 from scaling_service.capabilities.discovery.result import DiscoverResults, make_discovery_document
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.kinetics.forces import read_trial_forces, turn_forces
@@ -167,8 +167,7 @@ def save_discovery(
         write_json(scratch / FILE_NAME, document)
         if report:
             say("writing the report", 0.6)
-            page = build_discovery_page(results, document)
-            (scratch / REPORT).write_text(page.html(), encoding="utf-8")
+            (scratch / REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
     for path in before - {Path(folder) / name for name in document.files}:
         path.unlink(missing_ok=True)
     say("done", 1.0)

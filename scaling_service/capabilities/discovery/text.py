@@ -24,8 +24,9 @@ from scaling_service.capabilities.discovery.numbers import (
 )
 from scaling_service.capabilities.discovery.search.findings import NamedEffect, turn_into_probability
 from scaling_service.core.text import list_few
-from scaling_service.report.blocks import Cell, Row, Table
-from scaling_service.report.methods import spell_name
+from scaling_service.documents.base import Tone
+from scaling_service.report.tables import Cell, Row, Table
+from scaling_service.report.words import spell_name
 
 LEVELS = (
     ("whitened", "all together", "times what is ordinary"),
@@ -148,6 +149,32 @@ def write_headline(
         return f"{things} found{doubt}"
     told = f"{_describe_fall(level)}{_describe_most_left(level, left)}"
     return f"{things} found{doubt}; the gap on {unseen} {told}"
+
+
+def describe_worse(gap: GapDocument) -> str:
+    """What the named effects made worse on what was held out, by an interval that lies above what was before.
+
+    Empty where nothing was.
+    """
+    worse = [
+        f"the {name} from {format_figures(level.before)} to {format_figures(level.after)} {unit}"
+        for field, name, unit in LEVELS[1:]
+        if (level := getattr(gap, field)) is not None and _is_worse(level)
+    ]
+    return f". Worse than before: {', '.join(worse)}" if worse else ""
+
+
+def _is_worse(level: LevelDocument) -> bool:
+    before, after, low = level.before or 0.0, level.after or 0.0, level.low
+    return after > before and low is not None and low > before
+
+
+def choose_tone(verdict: str, effects: Sequence[EffectDocument], worse: str) -> Tone:
+    """Whether a headline is good news: not where a size is to doubt, or something was made worse."""
+    if verdict == "nothing":
+        return "plain"
+    doubtful = worse or any(has_doubtful_size(effect) for effect in effects)
+    return "good" if verdict == "found" and not doubtful else "fair"
 
 
 def _count_places(effects: Iterable[EffectDocument]) -> int:

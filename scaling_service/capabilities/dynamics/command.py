@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
-from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.capabilities.shared.screen import (
     list_files,
     make_console,
@@ -51,23 +50,15 @@ def dynamics(
 
 def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
-    from scaling_service.capabilities.dynamics.document import merge_warnings
-    from scaling_service.capabilities.dynamics.report import make_inertial_tables, make_residual_tables
+    from scaling_service.capabilities.dynamics import words
 
     console, inertial = make_console(), document.inertial
-    how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
-    own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
-    print_subject(console, document, f"model {how}, {own}, {document.mass_kg:.1f} kg")
-    print_tables(console, make_residual_tables(document.trials))
+    print_subject(console, document, words.describe_model(document))
+    print_tables(console, words.make_residual_tables(document.trials))
     if inertial is not None and inertial.combinations:
-        for table in make_inertial_tables(inertial, most=_SHOWN):
+        for table in words.make_inertial_tables(inertial, most=_SHOWN):
             print_table(console, table)
-    warnings = (
-        *document.warnings,
-        *merge_warnings(document),
-        *(inertial.warnings if inertial is not None else ()),
-    )
-    say(console, "Note", "yellow", dict.fromkeys(warnings))
+    say(console, "Note", "yellow", words.list_cautions(document))
     say(console, "Verdict", "bold", [document.verdict])
     further = [name for name in ("dynamics.json", "report.html") if (out / name).is_file()]
     list_files(console, out, [", ".join([*document.files, *further])])

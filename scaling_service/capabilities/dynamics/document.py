@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from scaling_service.core.text import list_few
-from scaling_service.documents.base import Part
+from scaling_service.documents.base import Part, Tone
 from scaling_service.documents.results import Provenance
 
 
@@ -138,6 +138,8 @@ class WrenchFitDocument(Part):
 class IdentificationDocument(Part):
     """Inertial parameters from the forces (Futamure et al., eq. 8)."""
 
+    headline: str = Field(default="", description="What it found, in one sentence.")
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
     components: Yes = Field(description="Components of the wrench that were used: fx, fy, fz, mx, my, mz.")
     total_mass_kg: tuple[Number, Number] = Field(description="Before and after.")
     trials: dict[str, WrenchFitDocument]
@@ -168,6 +170,8 @@ class DynamicsDocument(Provenance):
     weight: WeightDocument
     height_m: float
     trials: dict[str, TrialDynamicsDocument]
+    headline: str = Field(default="", description="The verdict in one sentence.")
+    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
     verdict: str = Field(description="Whether these recordings can calibrate this person's inertia.")
     inertial: IdentificationDocument | None = Field(default=None, description="Null where not asked for.")
     warnings: list[str]

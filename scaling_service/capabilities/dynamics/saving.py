@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from scaling_service.capabilities.dynamics.document import (
     WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.report import build_dynamics_page
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
+from scaling_service.capabilities.dynamics.words import summarise, write_headline, write_inertial_headline
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
@@ -34,6 +35,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD, hold_markers
 from scaling_service.model.inertia import sum_mass
+from scaling_service.report.onefile import Report, read_files
 
 FILE_NAME = "dynamics.json"
 
@@ -83,15 +85,23 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            curves = {
-                name: (
-                    found.dynamics.motion.times,
-                    np.where(found.frames[:, None], found.dynamics.residual, np.nan),
-                )
-                for name, found in results.trials.items()
-            }
-            (scratch / REPORT).write_text(build_dynamics_page(document, curves).html(), encoding="utf-8")
+            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
     return document
+
+
+def _make_report(results: DynamicsResults, document: DynamicsDocument) -> Report:
+    """``report.html``: the check's views with the residuals over time."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_residuals(results, Path(folder), brief=True)
+        files = read_files(Path(folder))
+    return Report(
+        kind="dynamics",
+        name=FILE_NAME,
+        summary=summarise(document),
+        document=document,
+        files=files,
+        beside=document.files,
+    )
 
 
 def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:
@@ -153,8 +163,13 @@ def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequen
     known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
     for name, found in results.trials.items():
         known["repairs"][name] += repair_notes(found.forces.repairs)
+    trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
+    supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
+    headline, tone = write_headline(supported, wrong_mass=results.weight.differs)
     return DynamicsDocument(
         **known,
+        headline=headline,
+        tone=tone,
         mass_kg=sum_mass(prepared.model),
         weight=WeightDocument(
             declared_kg=results.weight.declared_kg,
@@ -164,7 +179,7 @@ def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequen
             by_trial_kg=dict(results.weight.by_trial),
         ),
         height_m=prepared.height_m,
-        trials={name: _make_trial(found, results) for name, found in results.trials.items()},
+        trials=trials,
         verdict=results.verdict,
         inertial=None if results.inertial is None else _make_identification(results.inertial, prepared.model),
         warnings=[*results.warnings, *notes],
@@ -209,12 +224,16 @@ def _make_trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamics
 
 def _make_identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
     ratio = found.relative_error(held_out=True)
+    known = None if np.isnan(ratio) else ratio
+    headline, tone = write_inertial_headline(len(found.combinations), known, found.components)
     return IdentificationDocument.model_validate(
         {
+            "headline": headline,
+            "tone": tone,
             "components": found.components,
             "total_mass_kg": (sum_mass(before), sum_mass(found.model)),
             "trials": {fit.trial: fit for fit in found.fits},
-            "held_out_ratio": None if np.isnan(ratio) else ratio,
+            "held_out_ratio": known,
             "combinations": found.combinations,
             "parameters": found.parameters,
             "warnings": found.warnings,
@@ -223,12 +242,12 @@ def _make_identification(found: InertialIdentification, before: BodyModel) -> Id
     )
 
 
-def write_residuals(results: DynamicsResults, outputs: Path) -> ResidualScene:
+def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
-    ``outputs``: the folder of the job's files.
+    ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
     """
-    files = ArrayFiles(outputs, FOLDER)
+    files = ArrayFiles(outputs, FOLDER, brief=brief)
     found = {}
     for name, trial in results.trials.items():
         times = trial.dynamics.motion.times

@@ -10,7 +10,7 @@ import typer
 from scaling_service.capabilities.shared.flags import Out
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running, say
-from scaling_service.report.blocks import Row, Table
+from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument

@@ -19,7 +19,7 @@ from scaling_service.capabilities.shared.screen import (
     say,
 )
 from scaling_service.core.text import list_few
-from scaling_service.report.blocks import Row, Table
+from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.document import MotionDocument

@@ -143,3 +143,21 @@ class ResidualScene(Part):
 
     schema_version: int = SCHEMA_VERSION
     trials: dict[str, ResidualTrial]
+
+
+class WrenchTrial(Part):
+    """The ground wrench over one recording, as measured and as motions explain it."""
+
+    start_s: float
+    rate_hz: float
+    components: list[bool] = Field(description="Which of force x, y, z and moment x, y, z count.")
+    wrenches: dict[str, ArrayEntry] = Field(
+        description="'measured' and each way, frames, 6: N and N m, in ground axes."
+    )
+
+
+class WrenchScene(Part):
+    """Ground wrenches over time."""
+
+    schema_version: int = SCHEMA_VERSION
+    trials: dict[str, WrenchTrial]

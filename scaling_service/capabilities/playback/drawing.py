@@ -1,10 +1,8 @@
-"""Pictures of moving models: what is drawn of a model, where it stands, surfaces of its segments as glTF."""
+"""What is drawn of a model: its knees' axes, and surfaces of its segments as glTF."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 import numpy as np
@@ -12,14 +10,12 @@ import trimesh
 from trimesh.exchange.gltf import export_glb
 
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.body import BodyModel, Marker, Segment, Vector, to_vector
-from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model.body import BodyModel, Segment, Vector, to_vector
 from scaling_service.model.poses import evaluate_marker, follow, list_model_values, pose_neutral_frames
 from scaling_service.model.results import Array, Calibration
 from scaling_service.model.trial import Bone
-from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.report.methods import spell_name
-from scaling_service.report.scene import Body, Pair, Scene
+
+Shape = Literal["image", "simple", "none"]
 
 _AXIS_HALF_M = 0.07
 """Chosen: a knee axis is drawn a little wider than a knee."""
@@ -32,90 +28,6 @@ THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
 
 NEAR_AN_END = 0.25
 """Chosen: share of a segment's length within which a joint belongs to one of its ends."""
-
-
-class Drawing:
-    """Points of a model that are drawn, and how they hang together."""
-
-    def __init__(self, model: BodyModel) -> None:
-        self._model = model
-        self._points: list[Marker] = []
-        self.markers: dict[str, int] = {}
-        centres = find_joint_centres(model)
-        self.centres = {name: self._add(segment, at) for name, (segment, at) in centres.items()}
-        origins = {s.name: self._add(s.name, (0.0, 0.0, 0.0)) for s in model.segments}
-        carried = {segment for segment, _ in centres.values()} | {m.segment for m in model.markers}
-        drawn = _find_drawn(model, carried)
-        self.sticks: list[Pair] = [
-            (origins[s.parent], origins[s.name])
-            for s in model.segments
-            if s.parent in drawn and s.name in drawn
-        ]
-        self.sticks += [
-            (origins[segment], self.centres[name])
-            for name, (segment, _) in centres.items()
-            if not any(child.name in drawn for child in model.children(segment))
-        ]
-        if {"hip_r", "hip_l"} <= set(centres):
-            self.sticks.append((self.centres["hip_r"], self.centres["hip_l"]))
-        self.axes: list[Pair] = [
-            (self._add(segment, ends[0]), self._add(segment, ends[1]))
-            for segment, ends in find_knee_axes(model).items()
-        ]
-
-    def _add(self, segment: str, at: Vector) -> int:
-        self._points.append(Marker.at(f"point {len(self._points)}", segment, at))
-        return len(self._points) - 1
-
-    def add_marker(self, name: str) -> None:
-        """One of the model's own markers."""
-        self.markers[name] = len(self._points)
-        self._points.append(replace(self._model.marker(name), name=f"point {len(self._points)}"))
-
-    def positions(self, q: Array) -> Array:
-        """(n_frames, n_points, 3), m."""
-        return place_points(self._model, tuple(self._points), q)
-
-
-def draw_body(
-    name: str,
-    colour: str,
-    model: BodyModel,
-    q: Array,
-    markers: Sequence[str],
-    labels: Sequence[str],
-    bones: Mapping[str, Array] = MappingProxyType({}),
-    *,
-    shown: bool = True,
-) -> Body:
-    """A model as drawn over frames q, (n_frames, n_coordinates).
-
-    ``markers``, ``labels``: the model's markers to draw, and those that were measured.
-    ``bones``: surface to where it is, (n_frames, 12); see :class:`Body`.
-    """
-    drawing = Drawing(model)
-    for marker in markers:
-        drawing.add_marker(marker)
-    return Body(
-        name=name,
-        colour=colour,
-        points=drawing.positions(q),
-        centres=[(k, spell_name(centre)) for centre, k in drawing.centres.items()],
-        sticks=drawing.sticks,
-        axes=drawing.axes,
-        markers=[(k, marker, labels.index(marker)) for marker, k in drawing.markers.items()],
-        bones=bones,
-        shown=shown,
-    )
-
-
-def _find_drawn(model: BodyModel, carried: set[str]) -> set[str]:
-    """Segments that carry a marker or a joint centre, or lead to one that does."""
-    found: set[str] = set()
-    for segment in reversed(model.segments):
-        if segment.name in carried or any(child.name in found for child in model.children(segment.name)):
-            found.add(segment.name)
-    return found
 
 
 def find_knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
@@ -140,45 +52,6 @@ def _find_first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] 
             rotation, origin = follow(segment.joints[:k], values)
             return origin, rotation @ np.asarray(joint.axis)
     return None
-
-
-def place_points(model: BodyModel, points: tuple[Marker, ...], q: Array) -> Array:
-    """Points of segments in ground, (n_frames, n_points, 3), m."""
-    carrier = model.with_markers(points)
-    return pose_markers(compile_model(carrier), q, list_parameter_values(carrier))
-
-
-def follow_person(scene: Scene) -> Scene:
-    """Seen from a point that goes along: the measured markers' centre stays above one place of the floor."""
-    centre = _fill_gaps(
-        np.array(
-            [
-                np.nanmean(frame, axis=0) if np.isfinite(frame).any() else [np.nan] * 3
-                for frame in scene.measured
-            ]
-        )
-    )
-    shift = centre * [1.0, 0.0, 1.0]
-
-    def move(bones: Mapping[str, Array]) -> dict[str, Array]:
-        still = np.zeros((len(shift), 9))
-        return {name: pose - np.concatenate([still, shift], axis=1) for name, pose in bones.items()}
-
-    return replace(
-        scene,
-        measured=scene.measured - shift[:, None],
-        bodies=[replace(b, points=b.points - shift[:, None], bones=move(b.bones)) for b in scene.bodies],
-    )
-
-
-def _fill_gaps(path: Array) -> Array:
-    """Frames that show nothing take the nearest known values, linearly between."""
-    known = np.isfinite(path).all(axis=1)
-    rows = np.arange(len(path))
-    return np.stack([np.interp(rows, rows[known], path[known, k]) for k in range(3)], axis=1)
-
-
-Shape = Literal["image", "simple", "none"]
 
 
 def build_surfaces(
@@ -272,3 +145,30 @@ def place_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str
         for name, pose in calibration.image_poses.items()
         if name in bones
     }
+
+
+def coarsen(bone: Bone, most_faces: int) -> Bone:
+    """A surface of fewer triangles, by collapsing edges where it hardly changes (VTK's quadric decimation).
+
+    Thin plates such as the wing of a pelvis keep both of their sides. For pictures, not for measuring.
+
+    ``most_faces``: about the number left; a surface that has no more stays as it is.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> flat = Bone(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    >>> coarsen(flat, 4000).faces.shape
+    (1, 3)
+    """
+    count = len(bone.faces)
+    if count <= most_faces:
+        return bone
+    import pyvista  # only here: it takes half a second and 80 MB, which who shows no bones should not pay
+
+    # STL files repeat each corner in every triangle; only shared edges can be collapsed.
+    merged = trimesh.Trimesh(bone.vertices, bone.faces)
+    merged.update_faces(merged.nondegenerate_faces())
+    surface = pyvista.PolyData.from_regular_faces(merged.vertices, np.asarray(merged.faces, dtype=int))
+    reduced = surface.decimate(1.0 - most_faces / count)
+    return Bone(np.asarray(reduced.points, dtype=np.float64), np.asarray(reduced.regular_faces))

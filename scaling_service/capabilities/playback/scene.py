@@ -44,6 +44,20 @@ FILE_NAME = f"{FOLDER}/scene.json"
 _MM = 1e3
 
 
+@dataclass(frozen=True, slots=True)
+class Detail:
+    """How much of a scene is kept: triangles of a bone, and frames of a recording (None: all)."""
+
+    most_faces: int = 20_000  # fine enough to fill a screen, and two legs of them turn smoothly
+    most_frames: int | None = None
+
+
+WHOLE = Detail()
+INSIDE = Detail(most_faces=1_500, most_frames=150)
+"""Of a report. Chosen: bones keep their shape and movements their course, in about a megabyte for six models
+of six recordings."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
     """One model of the person.
@@ -92,17 +106,23 @@ class Recorded:
 
 
 def write_scene(
-    subject: str, bodies: Sequence[Body], recorded: Sequence[Recorded], gait: GaitScene | None, outputs: Path
+    subject: str,
+    bodies: Sequence[Body],
+    recorded: Sequence[Recorded],
+    gait: GaitScene | None,
+    outputs: Path,
+    most_frames: int | None = None,
 ) -> SceneDocument:
     """Write ``scene/scene.json`` with its tables and surfaces.
 
     ``outputs``: the folder of the job's files.
+    ``most_frames``: of a recording; of a longer one every second, third, … frame is kept, in brief.
     """
-    files = ArrayFiles(outputs, FOLDER)
+    files = ArrayFiles(outputs, FOLDER, brief=most_frames is not None)
     document = SceneDocument(
         subject=subject,
         bodies=[_make_body(body, outputs) for body in bodies],
-        trials=[_make_trial(item, files) for item in recorded],
+        trials=[_make_trial(item, files, _choose_step(item, most_frames)) for item in recorded],
         gait=gait,
     )
     write_json(outputs / FILE_NAME, document)
@@ -137,52 +157,60 @@ def _make_body(body: Body, outputs: Path) -> BodyEntry:
     )
 
 
-def _make_trial(item: Recorded, files: ArrayFiles) -> SceneTrial:
+def _choose_step(item: Recorded, most_frames: int | None) -> int:
+    return 1 if most_frames is None else -(-item.trial.n_frames // most_frames)
+
+
+def _make_trial(item: Recorded, files: ArrayFiles, step: int) -> SceneTrial:
     trial = item.trial
     labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
     return SceneTrial(
         name=trial.name,
         role=item.role,
-        frames=trial.n_frames,
-        rate_hz=trial.rate_hz,
+        frames=-(-trial.n_frames // step),
+        rate_hz=trial.rate_hz / step,
         start_s=float(trial.times[0]),
         labels=list(labels),
-        measured=files.write(f"{trial.name}.measured", trial.select(labels).markers, "m"),
-        motions={played.body: _make_motion(played, labels, trial.name, files) for played in item.played},
+        measured=files.write(f"{trial.name}.measured", trial.select(labels).markers[::step], "m"),
+        motions={p.body: _make_motion(p, labels, trial.name, files, step) for p in item.played},
         plates=list_plates(item.forces, item.corners),
-        force=_of_plates(item, files, "N"),
-        centre_of_pressure=_of_plates(item, files, "m"),
+        force=_of_plates(item, files, "N", step),
+        centre_of_pressure=_of_plates(item, files, "m", step),
     )
 
 
-def _make_motion(played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles) -> MotionEntry:
-    model = played.model
+def _make_motion(
+    played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles, step: int
+) -> MotionEntry:
+    model, q = played.model, played.q[::step]
     stem = f"{trial}.{_make_plain_name(played.body)}"
     errors = np.full((len(played.q), len(labels)), np.nan)
     errors[:, [labels.index(name) for name in played.markers]] = _MM * played.distances
+    # where frames are left out, the largest error of a stretch stands for it: no moment is missed
+    largest = np.fmax.reduceat(errors, np.arange(0, len(errors), step), axis=0)
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
     return MotionEntry(
-        poses=files.write(f"{stem}.poses", pose_segments(model, played.q), "m, quaternion x y z w"),
-        errors=files.write(f"{stem}.errors", errors, "mm", first_look="largest"),
+        poses=files.write(f"{stem}.poses", pose_segments(model, q), "m, quaternion x y z w"),
+        errors=files.write(f"{stem}.errors", largest, "mm", first_look="largest"),
         coordinates=[
             CoordinateEntry(
                 name=c.name, unit="deg" if c.kind == "rotation" else "m", estimated=c.name in played.estimated
             )
             for c in model.coordinates
         ],
-        angles=files.write(f"{stem}.angles", np.where(turns, np.degrees(played.q), played.q), "deg or m"),
-        placed=files.write(f"{stem}.placed", place_markers(model, labels, played.q), "m")
+        angles=files.write(f"{stem}.angles", np.where(turns, np.degrees(q), q), "deg or m"),
+        placed=files.write(f"{stem}.placed", place_markers(model, labels, q), "m")
         if is_gliding(model, labels)
         else None,
     )
 
 
-def _of_plates(item: Recorded, files: ArrayFiles, unit: str) -> ArrayEntry | None:
+def _of_plates(item: Recorded, files: ArrayFiles, unit: str, step: int) -> ArrayEntry | None:
     forces, trial = item.forces, item.trial
     if forces is None:
         return None
     name, values = ("force", forces.force) if unit == "N" else ("pressure", forces.centre_of_pressure())
-    return files.write(f"{trial.name}.{name}", sample_at(forces.times, values, trial.times), unit)
+    return files.write(f"{trial.name}.{name}", sample_at(forces.times, values, trial.times[::step]), unit)
 
 
 def _point(values: Array) -> Point:

@@ -25,8 +25,9 @@ from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gai
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
+from scaling_service.documents.service import GaitAngleWord
 from scaling_service.documents.writing import CYCLES_TABLE
-from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, Side
+from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, WAYS, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import find_reference_folder
 from scaling_service.model.results import Array, Motion
@@ -294,3 +295,21 @@ def _list_cycle_rows(cycles: ClinicalCycles) -> Iterable[list[str]]:
 
 def _to_degrees(angle: float) -> float:
     return round(float(np.degrees(angle)), 3)
+
+
+def list_gait_angles() -> list[GaitAngleWord]:
+    """All angles that a gait laboratory reads: their names for people, and what is usual, deg."""
+    return [_describe_gait_angle(name) for name in ANGLES if name in WAYS]
+
+
+def _describe_gait_angle(name: str) -> GaitAngleWord:
+    title, negative, positive = WAYS[name]
+    usual = read_schwartz2008().bands.get(name)
+    return GaitAngleWord(
+        name=name,
+        title=title,
+        negative=negative,
+        positive=positive,
+        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
+        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
+    )

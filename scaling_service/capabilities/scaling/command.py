@@ -95,7 +95,7 @@ COMMANDS = (scale, compare)
 
 def show(document: ComparisonDocument, out: Path) -> None:
     """Tables, warnings, verdict, and what was written, one line for each folder."""
-    from scaling_service.capabilities.scaling.report.tables import make_comparison_tables
+    from scaling_service.capabilities.scaling.words import make_comparison_tables
 
     console = make_console()
     print_subject(console, document)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -21,9 +22,11 @@ from trimesh.visual import ColorVisuals
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.saving import HELD, write_motion
 from scaling_service.capabilities.playback.drawing import place_bones
+from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
     describe_clinical_gait,
+    list_gait_angles,
     make_clinical_document,
     write_clinical,
 )
@@ -32,9 +35,10 @@ from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.options import PLAIN
-from scaling_service.capabilities.scaling.report.page import report_page
 from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence
 from scaling_service.capabilities.scaling.run import render_scaled
+from scaling_service.capabilities.scaling.scene import write_results_scene
+from scaling_service.capabilities.scaling.words import summarise
 from scaling_service.capabilities.subject.loading import read_stated_sizes, record_provenance
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.core.progress import Progress, show_nothing
@@ -61,6 +65,7 @@ from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
+from scaling_service.report.onefile import Report, read_files
 
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
@@ -125,18 +130,31 @@ def save(
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
             methods[method] = _write_method(scratch / method, scaling, results)
-        evidence = gather_evidence(results)
-        verdict = judge(evidence)
-        document = make_comparison_document(results, methods, truth, verdict)
+        document = make_comparison_document(results, methods, truth, judge(gather_evidence(results)))
         for method, own in make_scaling_documents(document).items():
             write_json(scratch / method / "scaling.json", own)
         if comparison:
             write_json(scratch / "comparison.json", document)
         if comparison and report:
             tell("writing the report", 1.0)
-            page = report_page(results, document, evidence, verdict)
-            (scratch / REPORT).write_text(page.html(), encoding="utf-8")
+            (scratch / REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
     return document
+
+
+def make_report(results: Results, document: ComparisonDocument) -> Report:
+    """``report.html``: the comparison's views with the models in all recordings."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_results_scene(results, Path(folder), INSIDE)
+        files = read_files(Path(folder))
+    return Report(
+        kind="scaling",
+        name="comparison.json",
+        summary=summarise(document),
+        document=document,
+        files=files,
+        beside=[f"{name}/{file}" for name, method in document.methods.items() for file in method.files],
+        vocabulary={"gait_angles": [word.model_dump() for word in list_gait_angles()]},
+    )
 
 
 def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodResult:

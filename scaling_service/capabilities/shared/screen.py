@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import JustifyMethod
 
     from scaling_service.documents.results import Provenance
-    from scaling_service.report.blocks import Cell, Table
+    from scaling_service.report.tables import Cell, Table
 
 _WIDTH = 150  # columns where the output is no terminal (chosen: six methods and the truth fit)
 
@@ -72,7 +72,7 @@ def print_table(console: Console, table: Table) -> None:
 
 def print_tables(console: Console, tables: Iterable[Table]) -> None:
     """Tables of a report that have the same columns as one, each under its caption; notes are left out."""
-    from scaling_service.report.blocks import Row, Table
+    from scaling_service.report.tables import Row, Table
 
     found = list(tables)
     rows = [

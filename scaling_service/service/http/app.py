@@ -10,7 +10,7 @@ from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.capabilities.playback.document import ResidualScene, SceneDocument
+from scaling_service.capabilities.playback.document import ResidualScene, SceneDocument, WrenchScene
 from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
@@ -78,7 +78,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         app,
         service.kinds,
         bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
-        answers=(Problem, SceneDocument, ResidualScene),
+        answers=(Problem, SceneDocument, ResidualScene, WrenchScene),
     )
     app.add_middleware(monitoring.RequestMonitor, registry=app.state.registry)
     return app

@@ -7,18 +7,16 @@ from functools import cache
 from http import HTTPStatus
 from typing import Annotated, Any
 
-import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 
 from scaling_service.bones.whole import BONES
 from scaling_service.capabilities.discovery.document import QuantityDocument
 from scaling_service.capabilities.discovery.text import describe_effect
-from scaling_service.capabilities.scaling.clinical_gait import read_schwartz2008
+from scaling_service.capabilities.scaling.clinical_gait import list_gait_angles
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.documents.service import (
     CoordinateWord,
     ExampleList,
-    GaitAngleWord,
     MarkerMap,
     MarkerMapDocument,
     MarkerWord,
@@ -26,7 +24,6 @@ from scaling_service.documents.service import (
     ModelWord,
     Vocabulary,
 )
-from scaling_service.model.anatomy.frames import ANGLES, WAYS
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
 from scaling_service.service.http.bodies import in_writer_thread, read_model
@@ -117,21 +114,8 @@ def list_vocabulary() -> Vocabulary:
             for name, m in METHODS.items()
         ],
         bones=list(BONES),
-        gait_angles=[_describe_gait_angle(name) for name in ANGLES if name in WAYS],
+        gait_angles=list_gait_angles(),
         hidden_in_example=[_write_sentence(one) for one in (SLIDING, SWAPPED)],
-    )
-
-
-def _describe_gait_angle(name: str) -> GaitAngleWord:
-    title, negative, positive = WAYS[name]
-    usual = read_schwartz2008().bands.get(name)
-    return GaitAngleWord(
-        name=name,
-        title=title,
-        negative=negative,
-        positive=positive,
-        usual_deg=None if usual is None else np.degrees(usual.mean).round(3).tolist(),
-        usual_sd_deg=None if usual is None else np.degrees(usual.sd).round(3).tolist(),
     )
 
 

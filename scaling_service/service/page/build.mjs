@@ -1,5 +1,6 @@
 // Bundles the page: src/main.ts and styles/page.css to built/assets/ under names that hold their content's hash,
-// and index.html that names them. The licences of what is bundled lie beside.
+// and index.html that names them; and what Python puts into a report: one script and one style in built/report/.
+// The licences of what is bundled lie beside.
 import { build } from "esbuild";
 import { createHash } from "node:crypto";
 import { mkdir, readdir, readFile, rm, writeFile } from "node:fs/promises";
@@ -11,24 +12,28 @@ const out = join(here, "built");
 
 await rm(out, { recursive: true, force: true });
 await mkdir(out, { recursive: true });
-const { metafile } = await build({
+const shared = {
   absWorkingDir: here,
+  bundle: true,
+  target: "es2022",
+  minify: true,
+  legalComments: "none",
+  define: { "process.env.NODE_ENV": '"production"' },
+};
+const { metafile } = await build({
+  ...shared,
   entryPoints: { page: "src/main.ts", style: "styles/page.css" },
   outdir: "built/assets",
   entryNames: "[name]-[hash]",
   chunkNames: "[name]-[hash]",
-  bundle: true,
   splitting: true,
   format: "esm",
-  target: "es2022",
-  minify: true,
-  legalComments: "none",
   loader: { ".webp": "file" },
   assetNames: "[name]-[hash]",
   publicPath: "/assets",
   metafile: true,
-  define: { "process.env.NODE_ENV": '"production"' },
 });
+await build({ ...shared, entryPoints: { report: "src/report/main.ts", style: "styles/report.css" }, outdir: "built/report", format: "iife" });
 
 const outputs = Object.entries(metafile.outputs);
 const assetOf = (entry) => {
@@ -55,6 +60,7 @@ const packages = new Set(
 const notices = (await Promise.all([...packages].sort().map(licencesOf))).join(`\n${"=".repeat(72)}\n\n`);
 const licences = `assets/licences-${createHash("sha256").update(notices).digest("hex").slice(0, 8)}.txt`;
 await writeFile(join(out, licences), notices);
+await writeFile(join(out, "report", "licences.txt"), notices);
 
 const template = await readFile(join(here, "index.html"), "utf8");
 const page = template

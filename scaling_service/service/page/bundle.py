@@ -54,8 +54,6 @@ def is_fresh(web: Path) -> bool:
 
 
 def _list_times(web: Path) -> Iterator[int]:
-    shared = (web.parents[1] / "report" / "assets").glob("*.json")  # the colours of the methods
-    yield from (file.stat().st_mtime_ns for file in shared)
     for file in web.rglob("*"):
         made = file.relative_to(web).parts[0] in ("node_modules", "built", "__pycache__")
         if file.is_file() and not made:

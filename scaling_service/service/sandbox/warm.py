@@ -9,7 +9,7 @@ from pkgutil import walk_packages  # noqa: E402
 
 from scaling_service import capabilities  # noqa: E402
 
-for _late in ("pyvista", "plotly.graph_objs._figure", "scipy.signal"):  # imported late by those who need them
+for _late in ("pyvista", "scipy.signal"):  # imported late by those who need them
     import_module(_late)
 
 for _module in walk_packages(capabilities.__path__, f"{capabilities.__name__}."):

@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
 from scaling_service.studies.claims import Answer, Claim, claim
-from scaling_service.studies.puchaud2019.report import AXES, LENGTHS, METHODS, Puchaud2019Document
+from scaling_service.studies.puchaud2019.document import AXES, LENGTHS, METHODS, Puchaud2019Document
 
 _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
 _FITTING = ("MB_lam", "MB_am", "EB_am")

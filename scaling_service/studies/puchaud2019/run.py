@@ -30,7 +30,7 @@ from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import load_generic_person
 from scaling_service.studies.claims import answer_claims, draw_person_seeds
 from scaling_service.studies.puchaud2019.claims import CLAIMS
-from scaling_service.studies.puchaud2019.report import (
+from scaling_service.studies.puchaud2019.document import (
     METHODS,
     Puchaud2019Document,
     compare_errors,

@@ -178,7 +178,7 @@ def discovers(visitor: Visitor, look: Look) -> None:
     visitor.sees("2 missing effects were found")
     visitor.sees("Markers: what is left over, and its floor")
     look()
-    visitor.page.get_by_text("What the example had hidden").click()
+    visitor.page.get_by_text("What had been hidden in this virtual person").click()
     visitor.sees("LLM, LMM: two labels are exchanged for a while, in knee_l only: start 2 s, end 2.6 s")
     visitor.follow("2. What")
     visitor.sees("1. marker swap at LLM, LMM in knee_l")

@@ -1,4 +1,4 @@
-"""Errors and joint angles over time, and joint angles over the strides of one person, by every method."""
+"""Joint angles over the strides of one person, by every method."""
 
 from __future__ import annotations
 
@@ -27,9 +27,6 @@ from scaling_service.numerics.statistics.waveforms import (
 
 _JOINTS = ("hip", "knee", "ankle")
 """How the names of a leg's coordinates begin. Puchaud 2019 (section 2.3) compares hips and knees."""
-
-MOST_POINTS = 300
-"""Of a curve over time. Chosen: as many as a chart has pixels."""
 
 TESTS = WaveformSettings(rearrangements=2000)
 """Chosen: enough for a p of 5 % to be 5 ± 0.5 %, and a quarter of a second for all angles."""
@@ -115,41 +112,6 @@ class StrideCurves:
     curves: Mapping[str, Mapping[str, Array]]
     strides: Mapping[str, int]
     reasons: Mapping[str, str]
-
-
-def make_error_curves(results: Results) -> tuple[Curves, ...]:
-    """Mean distance between measured and model markers over time, mm, of each trial."""
-    found = []
-    for trial in results.session.dynamic:
-        motions = {n: s.motions[trial.name] for n, s in results.scalings.items() if trial.name in s.motions}
-        found += _make_curves_over_time(
-            results, trial, "mean distance", {n: 1e3 * _average_distance(m) for n, m in motions.items()}
-        )
-    return tuple(found)
-
-
-def make_angle_curves(results: Results, trial: Trial) -> tuple[Curves, ...]:
-    """Joint angles over time, degrees, in one trial."""
-    motions = {name: scaling.motions[trial.name] for name, scaling in results.scalings.items()}
-    found = []
-    for angle in _list_angles(results):
-        known = {n: np.degrees(m.column(angle)) for n, m in motions.items() if angle in m.estimated}
-        found += _make_curves_over_time(results, trial, angle, known)
-    return tuple(found)
-
-
-def _make_curves_over_time(
-    results: Results, trial: Trial, name: str, values: Mapping[str, Array]
-) -> list[Curves]:
-    """The curves of those methods that know any value, as many points as a chart shows."""
-    rows = slice(None, None, max(1, -(-trial.n_frames // MOST_POINTS)))
-    known = {method: v[rows] for method, v in values.items() if np.isfinite(v[rows]).any()}
-    held_out = trial.name in results.held_out
-    return (
-        [Curves(name=name, trial=trial.name, held_out=held_out, x=trial.times[rows], values=known)]
-        if known
-        else []
-    )
 
 
 def make_gait_curves(results: Results, reference: str) -> Gait:

@@ -10,9 +10,11 @@ from typing import Literal
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
+from scaling_service.documents.base import Tone
 from scaling_service.documents.results import TrustNote
 
 Strength = Literal["decided", "leaning", "undecided"]
+TONES: Mapping[Strength, Tone] = {"decided": "good", "leaning": "fair", "undecided": "unknown"}
 """Whether recordings and images say more of the person than people in general do, less, or contradict it."""
 
 
@@ -102,6 +104,11 @@ class Verdict:
     headline: str
     why: tuple[str, ...]
     trust: tuple[TrustNote, ...]
+
+    @property
+    def tone(self) -> Tone:
+        """Whether the headline is good news."""
+        return TONES[self.strength]
 
 
 def average_errors(errors: Mapping[str, KinematicError], trials: Iterable[str]) -> Following | None:

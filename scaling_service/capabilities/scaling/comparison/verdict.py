@@ -19,6 +19,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
 from scaling_service.capabilities.scaling.comparison.geometry import list_unusual
 from scaling_service.core.text import list_few
 from scaling_service.documents.results import TrustNote
+from scaling_service.report.words import spell_name
 
 ANSWER = "MAP"
 """The method that weighs markers, images and what is ordinary in people, and states what is left open."""
@@ -165,7 +166,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
     if odd:
         return "poor", _describe_unusual(odd)
     text = " ".join(
-        f"{what} to ± {format_mm(sds[worst])} mm ({worst})."
+        f"{what} to ± {format_mm(sds[worst])} mm ({spell_name(worst)})."
         for what, sds in (("Lengths", chosen.length_sds), ("Hip centres in the pelvis", chosen.centre_sds))
         if sds
         for worst in [max(sds, key=lambda name: sds[name])]
@@ -180,7 +181,8 @@ def _rate_angles(chosen: MethodEvidence) -> Graded:
         return "unknown", "Their deviations are not known here: see `ik`."
     sds: Mapping[str, float] = chosen.angle_sds
     worst = max(sds, key=lambda name: sds[name])
-    text = f"To ± {_format_deg(sds[worst])} at most ({worst}), RMS over frames; 5° may mislead a reader."
+    most = f"{_format_deg(sds[worst])} at most ({spell_name(worst)})"
+    text = f"To ± {most}, RMS over frames; 5° may mislead a reader."
     return _grade(sds[worst], ANGLE_GOOD, ANGLE_FAIR), text
 
 

@@ -64,7 +64,8 @@ function toMain(event: Event, main: HTMLElement): void {
   main.focus();
 }
 
-function themeButton(): HTMLElement {
+/** Goes from light to dark and back. */
+export function themeButton(): HTMLElement {
   const button: HTMLButtonElement = h("button", { class: "plain", onclick: () => {
     choose(theme() === "dark" ? "light" : "dark");
     showTheme();

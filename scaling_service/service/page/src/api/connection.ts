@@ -1,5 +1,6 @@
 /** Whether the service answers. After silence it is asked until it is back; whoever waits then goes on. */
 
+import { tab } from "../ui/memory.ts";
 import { Problem } from "./problem.ts";
 
 const FIRST_WAIT_MS = 500;
@@ -33,7 +34,7 @@ export function recovered(): Promise<void> {
  */
 export async function part<Module>(load: () => Promise<Module>, { unsaved = false } = {}): Promise<Module> {
   const begunAgain = BEGUN_AGAIN + String(load);
-  const once = () => load().then((module) => (sessionStorage.removeItem(begunAgain), module));
+  const once = () => load().then((module) => (tab.removeItem(begunAgain), module));
   try {
     return await once();
   } catch (error) {
@@ -41,10 +42,10 @@ export async function part<Module>(load: () => Promise<Module>, { unsaved = fals
   }
   await recovered();
   return once().catch(() => {
-    if (unsaved || sessionStorage.getItem(begunAgain) !== null) {
+    if (unsaved || tab.getItem(begunAgain) !== null) {
       throw new Problem({ problem: "A part of the page could not be loaded", remedy: "Load the page again" });
     }
-    sessionStorage.setItem(begunAgain, "");
+    tab.setItem(begunAgain, "");
     location.reload();
     return new Promise<Module>(() => undefined); // never: the page that waits for it is gone
   });

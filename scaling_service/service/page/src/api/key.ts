@@ -1,5 +1,7 @@
 /** The API key: kept for this tab only, and asked for where the service wants one. */
 
+import { tab } from "../ui/memory.ts";
+
 const PLACE = "scaling-service key";
 
 type Asker = (refused: boolean) => Promise<string>;
@@ -13,11 +15,11 @@ export function askWith(chosen: Asker): void {
 }
 
 export function currentKey(): string | null {
-  return sessionStorage.getItem(PLACE);
+  return tab.getItem(PLACE);
 }
 
 export function forgetKey(): void {
-  sessionStorage.removeItem(PLACE);
+  tab.removeItem(PLACE);
 }
 
 export function authorised(headers: Headers): Headers {
@@ -33,5 +35,5 @@ export async function askForKey(used: string | null): Promise<void> {
   asking ??= asker(used !== null).finally(() => {
     asking = null;
   });
-  sessionStorage.setItem(PLACE, await asking);
+  tab.setItem(PLACE, await asking);
 }

@@ -253,6 +253,8 @@ export interface ConsistentDocument {
   repairs: Record<string, Array<RepairNote>>;
   sizes: Record<string, number>;
   kind: "consistent";
+  headline: string;
+  tone: "good" | "fair" | "poor" | "unknown" | "plain";
   start: string;
   inertia: string;
   mass_kg: number;
@@ -398,6 +400,7 @@ export interface DiscoveryDocument {
   sizes: Record<string, number>;
   verdict: "found" | "nothing" | "unexplained";
   headline: string;
+  tone: "good" | "fair" | "poor" | "unknown" | "plain";
   reason: string;
   disagreements: Array<DisagreementDocument>;
   effects: Array<EffectDocument>;
@@ -431,6 +434,8 @@ export interface DynamicsDocument {
   weight: WeightDocument;
   height_m: number;
   trials: Record<string, TrialDynamicsDocument>;
+  headline: string;
+  tone: "good" | "fair" | "poor" | "unknown" | "plain";
   verdict: string;
   inertial: IdentificationDocument | null;
   warnings: Array<string>;
@@ -625,6 +630,8 @@ export interface HiddenDocument {
 }
 
 export interface IdentificationDocument {
+  headline: string;
+  tone: "good" | "fair" | "poor" | "unknown" | "plain";
   components: [boolean, boolean, boolean, boolean, boolean, boolean];
   total_mass_kg: [number, number];
   trials: Record<string, WrenchFitDocument>;
@@ -1544,6 +1551,7 @@ export interface VerdictDocument {
   method: string;
   strength: "decided" | "leaning" | "undecided";
   headline: string;
+  tone: "good" | "fair" | "poor" | "unknown" | "plain";
   why: Array<string>;
   trust: Array<TrustNote>;
 }
@@ -1589,4 +1597,16 @@ export interface WrenchFitDocument {
   frames: number;
   before: Wrench;
   after: Wrench;
+}
+
+export interface WrenchScene {
+  schema_version: number;
+  trials: Record<string, WrenchTrial>;
+}
+
+export interface WrenchTrial {
+  start_s: number;
+  rate_hz: number;
+  components: Array<boolean>;
+  wrenches: Record<string, ArrayEntry>;
 }

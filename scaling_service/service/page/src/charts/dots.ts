@@ -12,7 +12,7 @@ export interface DotGroup {
   mean: number | undefined;
 }
 
-export function drawDots(ink: Ink, groups: readonly DotGroup[], unit: string): Drawing {
+export function drawDots(ink: Ink, groups: readonly DotGroup[], unit: string, logarithmic = false): Drawing {
   const values = groups.flatMap((group) => group.values.map(({ value }) => value));
   const low = Math.min(...values);
   const fromZero = low >= 0 && low < Math.max(...values) / 2; // else what differs would be too small to see
@@ -49,7 +49,7 @@ export function drawDots(ink: Ink, groups: readonly DotGroup[], unit: string): D
         showline: true,
         linecolor: ink.quiet,
       },
-      yaxis: valueAxis(ink, { name: unit, fromZero }, "y"),
+      yaxis: { ...valueAxis(ink, { name: unit, fromZero: fromZero && !logarithmic }, "y"), ...(logarithmic ? { type: "log", dtick: 1 } : {}) },
     },
   };
 }

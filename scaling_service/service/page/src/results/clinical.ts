@@ -6,6 +6,7 @@ import { drawLines, type Curve } from "../charts/lines.ts";
 import { bullets } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { FLOOR, type Style } from "../ui/palette.ts";
+import { cell, table } from "../ui/table.ts";
 import { number, plural } from "../ui/words.ts";
 
 /** As gait laboratories draw them, left in red; colours of Okabe & Ito 2008. */
@@ -28,6 +29,7 @@ export function clinical(method: string, document: ClinicalDocument, angles: rea
     h("p", { class: "quiet" }, `${several ? "Mean ± SD" : "Angles"} of ${method} (${cycles.join(", ")}; ${held_out ? "held out" : "used to fit"}). Dashed red: left, blue: right. Grey: mean ± SD of ${population} (${reference}).`),
     gps_deg === null ? "" : h("p", null, h("b", null, `Gait Profile Score ${number(gps_deg)}°`), `, against ${number(reference_gps_deg)}° of that population's own members.`),
     h("div", { class: "grid" }, ...drawn),
+    scores(document, angles),
     bullets([...document.doubtful, ...document.left_out]));
 }
 
@@ -58,4 +60,18 @@ function drawing({ name, title, negative, positive }: GaitAngleWord, curves: Cur
     rows: () => [["percent", ...curves.flatMap((one) => [`${one.name}_mean_deg`, `${one.name}_sd_deg`])],
       ...X.map((percent) => [percent, ...curves.flatMap((one) => [one.y[percent], one.half?.[percent]])])],
   }, signal).element;
+}
+
+/** How far each angle of each leg is from what is usual, over the cycle. */
+function scores({ sides, reference_gvs_deg }: ClinicalDocument, angles: readonly GaitAngleWord[]): HTMLElement {
+  const known = angles.filter(({ name }) => name in reference_gvs_deg);
+  const legs = Object.entries(SIDES).filter(([key]) => sides[key] !== undefined);
+  return table({
+    caption: "Gait variable scores: RMS distance from the mean of that population, deg",
+    name: "gait_scores_deg",
+    columns: [{ title: "angle" }, ...legs.map(([, { side }]) => ({ title: side })), { title: "its own members" }],
+    rows: known.map(({ name, title }) => [cell(title), ...legs.map(([key]) => cell(number(sides[key]?.gvs_deg[name]), sides[key]?.gvs_deg[name] ?? null)),
+      cell(number(reference_gvs_deg[name]), reference_gvs_deg[name])]),
+    note: "Baker et al. 2009.",
+  });
 }

@@ -12,7 +12,6 @@ import { agreement } from "./agreement.ts";
 import { cohortAngles } from "./cohortangles.ts";
 import { quantities } from "./quantities.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 
 export const cohort: ResultView = async (found) => {
   const document = await getResult<CohortDocument>(found.job.id, found.signal);
@@ -23,7 +22,6 @@ export const cohort: ResultView = async (found) => {
     { name: "sizes", title: "Sizes", show: (place) => quantities(statistics, ["segment_lengths_mm", "knee_axis_deg", "marker_shift_mm", "from_truth_mm", "from_truth_deg"], found.signal, place) },
     { name: "angles", title: "Angles", show: (place) => cohortAngles(statistics.joint_angles, found.signal, place) },
     { name: "agreement", title: "Agreement", show: (place) => agreement(statistics, found.signal, place) },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
 
@@ -33,7 +31,7 @@ function subjects({ subjects: all, statistics, notes, headline, why }: CohortDoc
   const methods = [...new Set(all.flatMap((one) => one.methods))];
   const errors = statistics.kinematic_error_mm.find(({ quantity }) => quantity === "evaluation");
   place.append(
-    headline === "" ? "" : callout(headline, "", bullets(why)),
+    headline === "" ? "" : callout(headline, "plain", bullets(why)),
     failed,
     table({
       caption: "How every subject ended",
@@ -61,9 +59,10 @@ function said({ reason, left_out }: SubjectEntry): string {
 }
 
 /** The same comparison of this subject alone; what was computed before comes back at once. */
-function opening({ id, status }: SubjectEntry, { origin }: Finished, failed: HTMLElement): HTMLElement {
+function opening({ id, status, folder }: SubjectEntry, { request }: Finished, failed: HTMLElement): HTMLElement {
   if (status !== "done") return h("span", null, id);
-  const { methods, settings } = origin.specification.request;
+  if (request["subjects"] === undefined && folder !== null) return h("a", { href: `${folder.split("/").map(encodeURIComponent).join("/")}/report.html` }, id);
+  const { methods, settings } = request;
   const open = async (): Promise<void> => {
     location.hash = toJob((await ask("comparisons", { subject: id, methods, settings })).id);
   };

@@ -6,19 +6,18 @@ import type { ComparisonDocument } from "../api/schema.ts";
 import { errors } from "./errors.ts";
 import { sizes } from "./sizes.ts";
 import { parts, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 import { verdict } from "./verdict.ts";
 
 export const comparison: ResultView = async (found) => {
   const document = await getResult<ComparisonDocument>(found.job.id, found.signal);
   await parts("Parts of the comparison", found, [
     { name: "verdict", title: "Verdict", show: (place) => verdict(document, found, place) },
-    { name: "space", title: "In space", show: async (place) => (await part(() => import("./space.ts"))).space(found, place, preferred(document)) },
+    { name: "space", title: "In space", handled: true, show: async (place) => (await part(() => import("./space.ts"))).space(found, place, preferred(document)) },
     { name: "sizes", title: "Sizes", show: (place) => sizes(document, place) },
     { name: "errors", title: "Errors", show: (place) => errors(document, found, place) },
     { name: "angles", title: "Angles", show: async (place) => (await part(() => import("./angles.ts"))).angles(document, found, place) },
-    { name: "forces", title: "Forces", show: async (place) => (await part(() => import("./forces.ts"))).forces(found, place) },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
+    { name: "numbers", title: "Numbers", show: async (place) => (await part(() => import("./numbers.ts"))).numbers(document, place) },
+    ...(typeof found.request["subject"] === "string" ? [{ name: "forces", title: "Forces", handled: true, show: async (place: HTMLElement) => (await part(() => import("./forces.ts"))).forces(found, place) }] : []),
   ]);
 };
 

@@ -2,25 +2,25 @@
 
 import { getResult } from "../api/jobs.ts";
 import type { ConsistentDocument, GroundWrench } from "../api/schema.ts";
-import { bullets, folded } from "../ui/blocks.ts";
+import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
+import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
 import { figures, number, signed, words } from "../ui/words.ts";
 import { parts, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
+import { wrenches } from "./wrenches.ts";
 
 const WAYS = ["classical", "predicted", "consistent"] as const;
 
 export const consistent: ResultView = async (found) => {
   const document = await getResult<ConsistentDocument>(found.job.id, found.signal);
   await parts("Parts of the result", found, [
-    { name: "agreement", title: "Forces and markers", show: (place) => place.append(...forces(document)) },
+    { name: "agreement", title: "Forces and markers", show: async (place) => place.append(...forces(document), await wrenches(found.job.id, found.signal)) },
     { name: "model", title: "The model found", show: (place) => place.append(lengths(document), inertia(document)) },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
 
-function forces({ trials, outer_iterations, converged, warnings }: ConsistentDocument): HTMLElement[] {
+function forces({ headline, tone, trials, outer_iterations, converged, warnings }: ConsistentDocument): HTMLElement[] {
   const rows = Object.entries(trials).flatMap(([name, trial]) => [
     ...(Object.keys(trial.ground_wrench_rmse.classical) as (keyof GroundWrench)[])
       .filter((component) => WAYS.some((way) => trial.ground_wrench_rmse[way][component] !== null))
@@ -29,6 +29,7 @@ function forces({ trials, outer_iterations, converged, warnings }: ConsistentDoc
     [cell(name), cell(trial.held_out ? "held out" : "fitted"), cell("markers, mm"), ...WAYS.map((way) => cell(number(trial.marker_rms_mm[way]), trial.marker_rms_mm[way]))],
   ]);
   return [
+    callout(sentence(headline ?? ""), tone ?? "plain", h("p", null, `${outer_iterations} loops of motion, geometry and inertia${converged ? "." : ", and they had not settled."}`)),
     table({
       caption: "RMS error of the ground wrench and of the markers",
       name: "consistent",
@@ -37,7 +38,6 @@ function forces({ trials, outer_iterations, converged, warnings }: ConsistentDoc
       filter: true,
       note: "Classical: inverse kinematics with the model of the start. Predicted: the same with the model found, from markers alone. Consistent: markers and forces followed together.",
     }),
-    h("p", { class: "quiet" }, `${outer_iterations} loops; ${converged ? "converged" : "not converged"}.`),
     warnings.length > 0 ? folded("Notes", bullets(warnings)) : h("span"),
   ];
 }

@@ -8,7 +8,6 @@ import { bullets, callout, folded } from "../ui/blocks.ts";
 import { h } from "../ui/dom.ts";
 import { few, figures, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 import { unseen } from "./unseen.ts";
 import { what } from "./what.ts";
 import { where } from "./where.ts";
@@ -16,14 +15,14 @@ import { where } from "./where.ts";
 export const discovery: ResultView = async (found) => {
   const document = await getResult<DiscoveryDocument>(found.job.id, found.signal);
   const { hidden_in_example } = await vocabulary();
+  const inReport = !("subject" in found.request); // whose head says already how the search went
   const first = (found.place.parts[2] ?? "where") === "where";
-  found.main.append(...(first ? verdict(document, isExample(document) ? hidden_in_example : []) : [summary(document)]));
+  found.main.append(...(first ? verdict(document, inReport || isExample(document) ? hidden_in_example : [], inReport) : [summary(document)]));
   await parts("Steps of the story", found, [
     { name: "where", title: "1. Where", show: (place) => where(document, found.signal, place) },
     { name: "what", title: "2. What", show: (place) => what(document, found.signal, place) },
-    { name: "space", title: "3. With and without", show: (place) => withAndWithout(found, place) },
+    { name: "space", title: "3. With and without", handled: true, show: (place) => withAndWithout(found, place) },
     { name: "unseen", title: "4. On unseen data", show: (place) => unseen(document, found.signal, place) },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
 
@@ -31,8 +30,6 @@ async function withAndWithout(found: Finished, place: HTMLElement): Promise<void
   place.append(h("p", null, "The model as given, and with what was named, in the same recording. The map shows what is left over; choose the other model under “Error of” to compare."));
   await (await part(() => import("./space.ts"))).space(found, place, ["with what was named", "as given"]);
 }
-
-const TONES = { found: "good", nothing: "", unexplained: "fair" } as const;
 
 /** The service knows its example by the same: its name, and that it brings markers on images. */
 const isExample = ({ subject, input_hashes }: DiscoveryDocument): boolean =>
@@ -43,16 +40,16 @@ const cautionsOf = ({ effects }: DiscoveryDocument): string[] =>
   effects.flatMap(({ belief }) => belief?.cautions ?? []);
 
 const summary = (document: DiscoveryDocument, ...more: (HTMLElement | false)[]): HTMLElement =>
-  callout(document.headline, cautionsOf(document).length > 0 ? "fair" : TONES[document.verdict], ...more);
+  callout(document.headline, document.tone ?? "plain", ...more);
 
 /** All that was found; steps after the first show only the summary above their own pictures. */
-function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLElement[] {
+function verdict(document: DiscoveryDocument, hidden: readonly string[], inReport: boolean): HTMLElement[] {
   const { effects, unexplained, notes } = document;
   const law = document.verdict === "unexplained" ? unexplained[0]?.law : undefined;
   const cautions = cautionsOf(document);
   const left = few(unexplained.flatMap((one) => one.where));
   return [
-    h("p", { class: "quiet" }, subtitle(document)),
+    h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
       effects.length > 0 && h("ol", null, ...effects.map(({ name, belief }) => h("li", null, name, belief != null && h("div", { class: "quiet" }, belief.summary)))),
@@ -60,7 +57,7 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[]): HTMLEl
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
     cautions.length > 0 ? callout("Sizes to doubt", "fair", bullets(cautions)) : h("span"),
-    hidden.length > 0 ? folded("What the example had hidden", bullets(hidden)) : h("span"),
+    hidden.length > 0 ? folded("What had been hidden in this virtual person", bullets(hidden)) : h("span"),
     bones(document),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];

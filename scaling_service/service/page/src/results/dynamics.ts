@@ -2,16 +2,15 @@
 
 import { getResult } from "../api/jobs.ts";
 import type { DynamicsDocument } from "../api/schema.ts";
+import { inertia } from "./inertia.ts";
 import { residuals } from "./residuals.ts";
 import { parts, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 
-export const dynamics: ResultView = (found) =>
-  parts("Parts of the check", found, [
-    {
-      name: "residuals",
-      title: "Residual forces",
-      show: async (place) => residuals(await getResult<DynamicsDocument>(found.job.id, found.signal), found.job.id, found.signal, place),
-    },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
+export const dynamics: ResultView = async (found) => {
+  const document = await getResult<DynamicsDocument>(found.job.id, found.signal);
+  const { inertial } = document;
+  await parts("Parts of the check", found, [
+    { name: "residuals", title: "Residual forces", show: (place) => residuals(document, found.job.id, found.signal, place) },
+    ...(inertial == null ? [] : [{ name: "inertia", title: "Inertia", show: (place: HTMLElement) => inertia(inertial, place) }]),
   ]);
+};

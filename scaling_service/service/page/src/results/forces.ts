@@ -8,8 +8,7 @@ import { guarded } from "../ui/problem.ts";
 import { residuals } from "./residuals.ts";
 import type { Finished } from "./result.ts";
 
-export async function forces({ origin, signal }: Finished, place: HTMLElement): Promise<void> {
-  const { subject } = origin.specification.request;
+export async function forces({ request: { subject }, signal }: Finished, place: HTMLElement): Promise<void> {
   if (typeof subject !== "string") return;
   const { items } = await listJobs({ subject, kind: "dynamics", state: "done", limit: "1" }, signal);
   if (signal.aborted) return;

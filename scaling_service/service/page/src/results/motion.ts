@@ -7,14 +7,12 @@ import { cell, table } from "../ui/table.ts";
 import { few, number, words } from "../ui/words.ts";
 import { bands } from "./bands.ts";
 import { parts, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 
 export const motion: ResultView = async (found) => {
   const document = await getResult<MotionDocument>(found.job.id, found.signal);
   await parts("Parts of the motion", found, [
     { name: "errors", title: "Errors", show: (place) => place.append(...errors(document)) },
     { name: "angles", title: "Angles and their bands", show: (place) => bands(document, found, place) },
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
 

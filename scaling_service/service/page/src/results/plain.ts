@@ -5,13 +5,12 @@ import { getResult, listFiles } from "../api/jobs.ts";
 import { h } from "../ui/dom.ts";
 import { figures } from "../ui/words.ts";
 import { parts, type ResultView } from "./result.ts";
-import { takeAway } from "./takeaway.ts";
 
 const DEEP = 1;
 
 export const plain: ResultView = async (found) => {
   const files = await listFiles(found.job.id);
-  const inSpace = { name: "space", title: "In space", show: async (place: HTMLElement) => (await part(() => import("./space.ts"))).space(found, place) };
+  const inSpace = { name: "space", title: "In space", handled: true, show: async (place: HTMLElement) => (await part(() => import("./space.ts"))).space(found, place) };
   await parts("Parts of the result", found, [
     {
       name: "numbers",
@@ -19,7 +18,6 @@ export const plain: ResultView = async (found) => {
       show: async (place) => void place.append(tree(await getResult<unknown>(found.job.id, found.signal), 0)),
     },
     ...(files.some(({ name }) => name === "scene/scene.json") ? [inSpace] : []),
-    { name: "files", title: "Take away", show: (place) => takeAway(found, place) },
   ]);
 };
 

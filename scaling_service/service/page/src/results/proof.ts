@@ -3,7 +3,6 @@
 import { toSubject } from "../routes.ts";
 import type { ResultView } from "./result.ts";
 
-export const proof: ResultView = ({ origin }) => {
-  const { subject } = origin.specification.request;
+export const proof: ResultView = ({ request: { subject } }) => {
   if (typeof subject === "string") location.hash = toSubject(subject, "import");
 };

@@ -11,8 +11,7 @@ import { residualCurves } from "./residualcurves.ts";
 export async function residuals(document: DynamicsDocument, job: string, signal: AbortSignal, place: HTMLElement): Promise<void> {
   const curves = await residualCurves(document, job, signal);
   if (signal.aborted) return;
-  const [first = "", ...rest] = document.verdict.split(/(?<=\.) (?=[A-Z])/);
-  place.append(callout(sentence(first), "", h("p", null, rest.join(" "))), gates(document), curves, rms(document), uncertainty(document), loads(document));
+  place.append(callout(sentence(document.headline ?? ""), document.tone ?? "plain", h("p", null, document.verdict)), gates(document), curves, rms(document), uncertainty(document), loads(document));
   const warnings = [...document.warnings, ...Object.values(document.trials).flatMap((trial) => trial.warnings)];
   if (warnings.length > 0) place.append(folded("Notes", bullets([...new Set(warnings)])));
 }

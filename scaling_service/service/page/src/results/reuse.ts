@@ -14,9 +14,8 @@ import type { Finished } from "./result.ts";
 const MODEL = /(^|\/|_)model\.json$/;
 
 /** Nothing where the job made no model, or is no single subject's. */
-export function reuse({ job, origin }: Finished, files: readonly FileEntry[]): HTMLElement | null {
+export function reuse({ job, request: { subject } }: Finished, files: readonly FileEntry[]): HTMLElement | null {
   const models = files.map(({ name }) => name).filter((name) => MODEL.test(name));
-  const { subject } = origin.specification.request;
   let chosen = models[0];
   if (chosen === undefined || typeof subject !== "string") return null;
   const id = newId("recordings");

@@ -12,7 +12,7 @@ import type { Finished } from "./result.ts";
 import { reuse } from "./reuse.ts";
 
 export async function takeAway(found: Finished, place: HTMLElement): Promise<void> {
-  const { job, origin, signal } = found;
+  const { job, request, signal } = found;
   const failed = h("div");
   place.append(failed);
   const files = await listFiles(job.id);
@@ -33,7 +33,7 @@ export async function takeAway(found: Finished, place: HTMLElement): Promise<voi
         : h("code", null, `GET ${location.origin}/v1/jobs/${job.id}`),
     ),
     ...[reuse(found, files)].filter((section) => section !== null),
-    ...commands(job.kind, origin.specification.request),
+    ...commands(job.kind, request),
     table({
       caption: "Files",
       name: "files",

@@ -10,11 +10,10 @@ import { h } from "../ui/dom.ts";
 import { METHODS } from "../ui/glossary.ts";
 import { styles } from "../ui/palette.ts";
 import { cell, table, type Cell, type Column, type Tone } from "../ui/table.ts";
-import { number, plural, words } from "../ui/words.ts";
+import { number, plural } from "../ui/words.ts";
 import { union } from "./result.ts";
 import type { Finished } from "./result.ts";
 
-const TONES = { decided: "good", leaning: "fair", undecided: "unknown" } as const;
 const LEVELS = { good: "good", fair: "fair", poor: "poor", unknown: "not known" };
 
 export function verdict(document: ComparisonDocument, found: Finished, place: HTMLElement): void {
@@ -25,7 +24,7 @@ export function verdict(document: ComparisonDocument, found: Finished, place: HT
     const others = ["MB_am", "MB", ...Object.keys(document.methods)].filter((name) => name !== verdict.method && name in document.methods);
     place.append(
       h("div", { class: "outcome" },
-        h("div", null, callout(verdict.headline, TONES[verdict.strength], bullets(verdict.why)), onwards(found, verdict.strength === "decided"), trust(verdict)),
+        h("div", null, callout(verdict.headline, verdict.tone ?? "plain", bullets(verdict.why)), onwards(found, verdict.strength === "decided"), trust(verdict)),
         h("div", null, seen, bars(document, found))),
     );
     // The words are there at once; the picture comes when it can, and a browser without WebGL does without.
@@ -45,20 +44,16 @@ function trust({ method, trust: all }: VerdictDocument): HTMLElement {
     caption: `How far to trust ${method}`,
     name: "trust",
     columns: [{ title: "topic" }, { title: "trust" }, { title: "because", words: true }],
-    rows: all.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text.replace(SIDED, words))]),
+    rows: all.map(({ topic, level, text }) => [cell(topic), cell(LEVELS[level], level, level), cell(text)]),
   });
 }
-
-/** A coordinate or segment in a sentence. */
-const SIDED = /\b[a-z]+(_[a-z]+)*_[rl]\b/g;
 
 function glossary(names: readonly string[]): HTMLElement {
   return folded("What the methods are", h("dl", { class: "facts" }, ...names.map((name) => h("div", null, h("dt", null, name), h("dd", null, METHODS[name] ?? "")))));
 }
 
 /** Where one goes from here. */
-function onwards({ job, origin }: Finished, decided: boolean): HTMLElement {
-  const { subject } = origin.specification.request;
+function onwards({ job, request: { subject } }: Finished, decided: boolean): HTMLElement {
   return h("nav", { class: "actions", "aria-label": "What to do next" },
     h("a", { class: "button", href: toJob(job.id, "space") }, "Play the models in space"),
     h("a", { class: "button", href: toJob(job.id, "angles") }, "Joint angles"),

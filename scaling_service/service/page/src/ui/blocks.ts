@@ -6,7 +6,7 @@ import type { Tone } from "./table.ts";
 
 export const bullets = (lines: readonly (string | Node)[]): HTMLElement => h("ul", null, ...lines.map((line) => h("li", null, ...(typeof line === "string" ? explained(line) : [line]))));
 
-export function callout(headline: string, tone: Tone | "", ...content: (HTMLElement | false)[]): HTMLElement {
+export function callout(headline: string, tone: Tone | "plain", ...content: (HTMLElement | false)[]): HTMLElement {
   return h("div", { class: `callout ${tone}` }, h("p", { class: "headline" }, ...explained(headline)), ...content);
 }
 

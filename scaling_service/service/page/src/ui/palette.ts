@@ -1,6 +1,6 @@
-/** Colours: of each method one and one kind of line, the reports' own; and those of the page. */
+/** Colours: of each method one and one kind of line, and those of the page. */
 
-import methods from "../../../../report/assets/methods.json";
+import methods from "./methods.json";
 
 export interface Style {
   colour: string;

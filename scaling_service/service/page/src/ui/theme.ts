@@ -1,5 +1,7 @@
 /** Light or dark: as the system has it, unless chosen here. */
 
+import { browser } from "./memory.ts";
+
 export type Theme = "light" | "dark";
 
 const PLACE = "scaling-service theme";
@@ -7,13 +9,13 @@ const system = matchMedia("(prefers-color-scheme: dark)");
 const listeners = new Set<(theme: Theme) => void>();
 
 export function theme(): Theme {
-  const chosen = localStorage.getItem(PLACE);
+  const chosen = browser.getItem(PLACE);
   if (chosen === "light" || chosen === "dark") return chosen;
   return system.matches ? "dark" : "light";
 }
 
 export function choose(chosen: Theme): void {
-  localStorage.setItem(PLACE, chosen);
+  browser.setItem(PLACE, chosen);
   apply();
 }
 

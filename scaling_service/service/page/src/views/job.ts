@@ -5,7 +5,7 @@ import { Problem } from "../api/problem.ts";
 import { end, finished, getJob, getOrigin } from "../api/jobs.ts";
 import type { JobDocument, Origin } from "../api/schema.ts";
 import { link, toSubject } from "../routes.ts";
-import type { ResultView } from "../results/result.ts";
+import { viewOf } from "../results/views.ts";
 import { confirmed } from "../ui/dialog.ts";
 import { h } from "../ui/dom.ts";
 import { guarded, problemBox } from "../ui/problem.ts";
@@ -24,7 +24,8 @@ export const job: View = async ({ main, place, signal }) => {
     const done = await finished(first, progress.show, signal);
     if (signal.aborted) return;
     const view = await viewOf(done.kind);
-    await view({ job: done, origin, main, place, signal });
+    const { takeAway } = await part(() => import("../results/takeaway.ts"));
+    await view({ job: done, request: origin.specification.request, takeAway, main, place, signal });
   });
   if (first.failure !== null && failed.childElementCount === 0) failed.append(problemBox(first.failure));
 };
@@ -55,26 +56,4 @@ function head(job: JobDocument, { specification }: Origin, failed: HTMLElement):
       h("button", { class: "small", onclick: () => void guarded(failed, remove) }, "Delete"),
     ),
   );
-}
-
-/** How the result of a kind of job is shown; each is loaded when it is first needed. */
-async function viewOf(kind: string): Promise<ResultView> {
-  switch (kind) {
-    case "scaling":
-      return (await part(() => import("../results/comparison.ts"))).comparison;
-    case "discovery":
-      return (await part(() => import("../results/discovery.ts"))).discovery;
-    case "motion":
-      return (await part(() => import("../results/motion.ts"))).motion;
-    case "dynamics":
-      return (await part(() => import("../results/dynamics.ts"))).dynamics;
-    case "consistent":
-      return (await part(() => import("../results/consistent.ts"))).consistent;
-    case "batch":
-      return (await part(() => import("../results/cohort.ts"))).cohort;
-    case "proof":
-      return (await part(() => import("../results/proof.ts"))).proof;
-    default:
-      return (await part(() => import("../results/plain.ts"))).plain;
-  }
 }

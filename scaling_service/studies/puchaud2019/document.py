@@ -1,4 +1,4 @@
-"""The page of Puchaud 2019 done again: the paper's numbers, claims, tables and figures beside ours."""
+"""``study.json`` of Puchaud 2019 done again: the paper's numbers beside ours, and the tables of both."""
 
 from __future__ import annotations
 
@@ -11,18 +11,13 @@ import numpy as np
 from pydantic import Field
 
 from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
-from scaling_service.capabilities.cohort.report import (
-    build_angle_blocks,
-    build_statistics_sections,
-    describe_quantity,
-)
+from scaling_service.capabilities.cohort.words import describe_quantity
 from scaling_service.core.text import format_p
 from scaling_service.documents.base import Part, Rounded
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.report.blocks import Cell, Grid, Page, Row, Section, Table
-from scaling_service.report.figures import Figure, draw_grouped_bars
-from scaling_service.report.methods import FAINT, list_method_columns, list_styles
-from scaling_service.studies.claims import StudyDocument, build_study_page
+from scaling_service.report.summary import Summary
+from scaling_service.report.tables import Row, Table
+from scaling_service.studies.claims import StudyDocument, summarise_study
 
 
 class Beside(Part):
@@ -165,22 +160,9 @@ def _put_against_image(found: QuantityEntry, method: str, theirs: Spread, stars:
     return plain.model_copy(update=tested)
 
 
-def build_page(document: Puchaud2019Document) -> Page:
-    """The page of the study."""
-    return build_study_page(
-        "Puchaud et al. 2019",
-        document,
-        [
-            Section("The paper's tables beside ours", list(make_tables(document)), new_page=True),
-            Section("The paper's figures beside ours", [_build_figures(document)], new_page=True),
-            Section(
-                f"Figure 6: joint angles of {len(document.walkers)} walkers",
-                list(build_angle_blocks(document.walkers_statistics.joint_angles)),
-                new_page=True,
-            ),
-            *build_statistics_sections(document.statistics),
-        ],
-    )
+def summarise(document: Puchaud2019Document) -> Summary:
+    """The study in short."""
+    return summarise_study("Puchaud et al. 2019", document, make_tables(document))
 
 
 def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
@@ -211,9 +193,7 @@ def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> T
         rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
         rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
-    return Table(
-        caption=caption, columns=["", *list_method_columns(methods)], rows=rows, note=f"{said} {note}".strip()
-    )
+    return Table(caption=caption, columns=["", *methods], rows=rows, note=f"{said} {note}".strip())
 
 
 def _format_paper(cell: Beside | None) -> str:
@@ -222,38 +202,8 @@ def _format_paper(cell: Beside | None) -> str:
     return f"{cell.paper_mean:.1f} ± {cell.paper_sd or 0.0:.1f}{cell.paper_stars}"
 
 
-def _format_ours(cell: Beside | None) -> Cell:
+def _format_ours(cell: Beside | None) -> str:
     if cell is None:
-        return Cell("–")
+        return "–"
     tested = f" (p {format_p(cell.p_from_EB)})" if cell.p_from_EB is not None and cell.significant else ""
-    return Cell(f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}")
-
-
-def _build_figures(document: Puchaud2019Document) -> Grid:
-    return Grid(
-        [
-            _draw_bars("Figure 4: length minus that of EB, mm", document.length_difference_mm),
-            _draw_bars("Figure 5: kinematic error, mm", document.kinematic_error_mm),
-        ]
-    )
-
-
-def _draw_bars(caption: str, cells: Sequence[Beside]) -> Figure:
-    """The paper's means in grey, ours in the method's colour, each with its SD."""
-    known = list_styles(list(dict.fromkeys(cell.method for cell in cells)))
-    many = len({cell.quantity for cell in cells}) > 1
-    names = [f"{describe_quantity(c.quantity)} {c.method}" if many else c.method for c in cells]
-    figure = draw_grouped_bars(
-        names,
-        [
-            ("paper", FAINT, [cell.paper_mean for cell in cells]),
-            ("here", [known[cell.method].colour for cell in cells], [cell.mean for cell in cells]),
-        ],
-        [[cell.paper_sd for cell in cells], [cell.sd for cell in cells]],
-        y_title="mm",
-    )
-    described = "; ".join(
-        f"{name}: paper {_format_paper(cell)}, here {cell.mean:.1f} ± {cell.sd:.1f}"
-        for name, cell in zip(names, cells, strict=True)
-    )
-    return Figure(figure, f"{caption}. Grey: the paper.", f"{caption}. {described}.", 320)
+    return f"{cell.mean:.1f} ± {cell.sd:.1f}{'*' if cell.significant else ''}{tested}"

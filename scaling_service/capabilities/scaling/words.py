@@ -1,17 +1,50 @@
-"""The tables of a comparison of methods, as the report and the terminal show them."""
+"""What is said of a comparison of methods, once for terminal and report: a summary and its tables."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from scaling_service.documents.results import ComparisonDocument, MethodResult, TrialError, TruthDocument
-from scaling_service.report.blocks import Cell, Row, Table
-from scaling_service.report.methods import format_signed, list_method_columns, number, spell_name, unite_keys
+from scaling_service.documents.results import (
+    ComparisonDocument,
+    MethodResult,
+    TrialError,
+    TruthDocument,
+    VerdictDocument,
+)
+from scaling_service.report.summary import Summary
+from scaling_service.report.tables import Cell, Row, Table
+from scaling_service.report.words import format_signed, number, spell_name, unite_keys
 
 Methods = Mapping[str, MethodResult]
 
-FAR_MM = 20.0
-"""The darkest shade of a difference. Chosen: twice what counts as agreeing with an image."""
+
+def summarise(document: ComparisonDocument) -> Summary:
+    """Which method to use for this person, why, how far to trust it, and all that the terminal shows."""
+    verdict = document.verdict
+    muscles = [] if document.muscles is None else document.muscles.summary
+    trust = [] if verdict is None else [tabulate_trust(verdict)]
+    return Summary(
+        title=f"Scaled models of {document.subject}",
+        subtitle=f"Methods: {', '.join(document.methods)}",
+        headline="" if verdict is None else verdict.headline,
+        tone="plain" if verdict is None else verdict.tone,
+        why=[*([] if verdict is None else verdict.why), *muscles],
+        cautions=document.all_warnings,
+        tables=[*trust, *make_comparison_tables(document)],
+    )
+
+
+def tabulate_trust(verdict: VerdictDocument) -> Table:
+    """How far to trust the method that the verdict names."""
+    return Table(
+        caption=f"How far to trust {verdict.method}",
+        columns=["", "trust", "because"],
+        rows=[
+            Row(t.topic, [Cell("not known" if t.level == "unknown" else t.level, tone=t.level), t.text])
+            for t in verdict.trust
+        ],
+        words=True,
+    )
 
 
 def make_comparison_tables(document: ComparisonDocument) -> Iterator[Table]:
@@ -122,9 +155,7 @@ def name_measure(name: str) -> str:
 def _make_table(
     caption: str, methods: Mapping[str, object], rows: Sequence[Row], note: str = "", more: Sequence[str] = ()
 ) -> Table:
-    return Table(
-        caption=caption, columns=["", *list_method_columns(list(methods)), *more], rows=rows, note=note
-    )
+    return Table(caption=caption, columns=["", *methods, *more], rows=rows, note=note)
 
 
 def _list_roles(methods: Methods) -> dict[str, str]:
@@ -138,12 +169,12 @@ def _format_error(error: TrialError | None) -> str:
     return "–" if error is None else f"{error.mean:.1f} ± {error.sd:.1f} ({error.max:.0f})"
 
 
-def _format_length(method: MethodResult, name: str, against: float | None) -> str | Cell:
+def _format_length(method: MethodResult, name: str, against: float | None) -> str:
     value, estimate = method.segment_lengths_mm.get(name), method.length_estimates.get(name)
     text = number(value) + (f" ± {number(estimate.sd_mm)}" if estimate is not None else "")
     if value is None or against is None:
         return text
-    return Cell(f"{text} ({format_signed(value - against)})", shade=abs(value - against) / FAR_MM)
+    return f"{text} ({format_signed(value - against)})"
 
 
 def _format_mean(values: Sequence[float | None]) -> str:

@@ -1,0 +1,65 @@
+"""The models before and after a search, as they are played back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.result import DiscoverResults
+from scaling_service.capabilities.discovery.start import Prepared
+from scaling_service.capabilities.playback.document import SceneDocument
+from scaling_service.capabilities.playback.drawing import coarsen, place_bones
+from scaling_service.capabilities.playback.scene import (
+    WHOLE,
+    Body,
+    Detail,
+    Played,
+    Recorded,
+    write_scene,
+)
+from scaling_service.model.trial import Bone
+
+BEFORE, AFTER = "as given", "with what was named"
+"""Bodies of a search."""
+
+
+def write_discovery_scene(results: DiscoverResults, outputs: Path, detail: Detail = WHOLE) -> SceneDocument:
+    """Write the model as given, and with what was named, in all recordings, into a job's folder."""
+    pairs = list(zip(results.before.tracked, results.after.tracked, strict=True))
+    bones = _list_bones(results.prepared, detail)
+    bodies = [
+        Body(name, item.task.model, bones) for name, item in zip((BEFORE, AFTER), pairs[0], strict=True)
+    ]
+    recorded = [
+        Recorded(
+            trial=before.trial,
+            role="calibration" if before.role == "fit" else "evaluation",
+            played=(_play_recording(BEFORE, before), _play_recording(AFTER, after)),
+        )
+        for before, after in pairs
+    ]
+    return write_scene(results.prepared.subject.id, bodies, recorded, None, outputs, detail.most_frames)
+
+
+def _list_bones(prepared: Prepared, detail: Detail) -> dict[str, Bone]:
+    """The person's bones where the model was scaled from images."""
+    images = prepared.loaded.session.images
+    if images is None or prepared.calibration is None:
+        return {}
+    coarse = {segment: coarsen(bone, detail.most_faces) for segment, bone in images.bones.items()}
+    return place_bones(prepared.calibration, coarse)
+
+
+def _play_recording(name: str, item: TrackedTrial) -> Played:
+    distances = np.linalg.norm(item.residuals, axis=2)
+    model = item.task.model
+    return Played(
+        body=name,
+        model=model,
+        q=item.q,
+        markers=item.markers,
+        distances=distances,
+        estimated=frozenset(model.coordinate_names),
+    )

@@ -1,0 +1,194 @@
+"""What is said of a person's dynamics, once for terminal, page and report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from scaling_service.capabilities.dynamics.document import (
+    DynamicsDocument,
+    IdentificationDocument,
+    InertialChange,
+    TrialDynamicsDocument,
+    merge_warnings,
+)
+from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
+from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
+from scaling_service.documents.base import Tone
+from scaling_service.report.summary import Summary
+from scaling_service.report.tables import Cell, Row, Table
+
+_HEADLINES: tuple[tuple[str, Tone], ...] = (
+    ("These recordings cannot tell this person's inertia better than a table", "unknown"),
+    ("These recordings can tell this person's inertia in part", "fair"),
+    ("These recordings can tell this person's inertia", "good"),
+)
+"""For no component of any recording, some, or all."""
+
+_WRONG_MASS: tuple[str, Tone] = (
+    "The declared mass is wrong: until it is right, nothing is said about the inertia",
+    "fair",
+)
+
+_NOTED = 0.1
+"""Least change that is worth a row in the first table, prior standard deviations (chosen)."""
+
+
+def summarise(document: DynamicsDocument) -> Summary:
+    """The verdict on these recordings, what to beware of, residuals, and inertia where it was identified."""
+    found = document.inertial
+    inertial = () if found is None else make_inertial_tables(found)
+    return Summary(
+        title=f"Dynamics of {document.subject}",
+        subtitle=f"The {describe_model(document)}, {document.height_m:.2f} m",
+        headline=document.headline,
+        tone=document.tone,
+        why=[document.verdict, *([] if found is None else [f"{found.headline}."])],
+        cautions=list_cautions(document),
+        tables=[*make_residual_tables(document.trials), *inertial],
+    )
+
+
+def describe_model(document: DynamicsDocument) -> str:
+    """Which model was checked, with which inertia."""
+    how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
+    own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
+    return f"model {how}, {own}, {document.mass_kg:.1f} kg"
+
+
+def list_cautions(document: DynamicsDocument) -> list[str]:
+    """All warnings, each once."""
+    found = () if document.inertial is None else document.inertial.warnings
+    return list(dict.fromkeys((*document.warnings, *merge_warnings(document), *found)))
+
+
+def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str, Tone]:
+    """Whether recordings can tell a person's inertia, and whether that is good news.
+
+    ``supported``: of every component of every recording, whether it can.
+
+    Examples
+    --------
+    >>> write_headline([True, False], wrong_mass=False)
+    ("These recordings can tell this person's inertia in part", 'fair')
+    """
+    return _WRONG_MASS if wrong_mass else _HEADLINES[any(supported) + all(supported)]
+
+
+def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
+    """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
+    yield _tabulate_fits(found)
+    moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
+    if moved:
+        largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
+        yield _tabulate_parameters(f"What moved by {_NOTED:g} prior SD or more", largest)
+
+
+def write_inertial_headline(
+    combinations: int, held_out_ratio: float | None, components: Sequence[bool]
+) -> tuple[str, Tone]:
+    """What an identification of inertia found, and whether that is good news."""
+    count = combinations
+    if not count:
+        return "Nothing moved: the recordings say less about the inertia than the tables", "unknown"
+    moved = f"{count} combination{'s' if count != 1 else ''} of parameters moved"
+    ratio = held_out_ratio
+    if ratio is None:
+        return f"{moved}; no recording was held out to check it", "unknown"
+    what = "the wrench" if all(components) else _describe_used(components)
+    better = ratio < 1.0
+    how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
+    return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
+
+
+def _describe_used(components: Sequence[bool]) -> str:
+    return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
+
+
+def _tabulate_fits(found: IdentificationDocument) -> Table:
+    rows: list[Row] = []
+    for name, fit in found.trials.items():
+        rows.append(Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
+        for when, wrench in (("before", fit.before), ("after", fit.after)):
+            rows.append(Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
+    units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
+    return Table(caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows)
+
+
+def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
+    rows = [
+        Row(
+            f"{p.segment} {p.quantity}, {p.unit}",
+            [
+                f"{p.before:.4g}",
+                f"{p.after:.4g}",
+                f"{p.prior_sd:.2g}",
+                f"{p.sd:.2g}",
+                f"{p.moved:+.2f}",
+                Cell("yes", tone="good") if p.identifiable else Cell("no", tone="unknown"),
+            ],
+        )
+        for p in parameters
+    ]
+    return Table(
+        caption=caption,
+        columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
+        rows=rows,
+        note="Centres of mass in the segment's frame, moments of inertia about the centre of mass. "
+        "Determined: the recordings say more about this number alone than the tables do.",
+    )
+
+
+def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
+    """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
+    first = next(iter(trials.values()))
+    columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
+    rms = Table(
+        caption="RMS of the residual",
+        columns=columns,
+        rows=[
+            *(
+                Row(
+                    key.replace("_", ", ").replace("Nm", "N m"),
+                    [f"{getattr(trial.residual_rms, key):.1f}" for trial in trials.values()],
+                )
+                for key in first.residual_rms.model_dump()
+            ),
+            Row("frames that count", [str(t.frames) for t in trials.values()]),
+            Row("frames left out", [str(t.left_out) for t in trials.values()]),
+        ],
+        note="Left out: frames whose motion or forces are not all known, and half a period of the "
+        "filter's cutoff at both ends of the others.",
+    )
+    shares = Table(
+        caption="Residual (its uncertainty), % of weight, of weight × height",
+        columns=columns,
+        rows=[
+            *(
+                Row(
+                    component,
+                    [f"{100 * t.dr[k]:.1f} ({100 * t.uncertainty.total[k]:.1f})" for t in trials.values()],
+                )
+                for k, component in enumerate(COMPONENTS)
+            ),
+            Row("marker error, mm", [f"{t.reconstruction_error_mm:.1f}" for t in trials.values()]),
+        ],
+    )
+    gates = Table(
+        caption="Residuals against published limits: value (limit)",
+        columns=columns,
+        rows=[
+            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()])
+            for k, gate in enumerate(first.gates)
+        ],
+        note="Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation "
+        "checklist, which holds for walking. Keeping them is necessary, not sufficient.",
+    )
+    return rms, shares, gates
+
+
+def _format_gate(trial: TrialDynamicsDocument, k: int) -> Cell:
+    gate = trial.gates[k]
+    return Cell(
+        f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
+        tone="good" if gate.passed else "poor",
+    )

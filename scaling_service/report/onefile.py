@@ -1,0 +1,131 @@
+"""``report.html``: the page's own views of a result with the result inside, one file that needs nothing else.
+
+Without JavaScript it shows the :class:`~scaling_service.report.summary.Summary`. A content security policy
+forbids it to load or send anything, and lets no script run but the bundle's, whatever text comes from files.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from scaling_service.documents.writing import code_version
+from scaling_service.report.summary import Summary
+
+BUNDLE = Path(__file__).parents[1] / "service" / "page" / "built" / "report"
+"""What the page's build makes for reports: ``report.js``, ``style.css``, ``licences.txt``."""
+
+_WITHOUT_SCRIPTS = (
+    "This is the summary. With JavaScript this file also shows figures, all tables and the models in space; "
+    "nothing is loaded from elsewhere. All numbers are in {name}, too."
+)
+_WITHOUT_BUNDLE = (
+    "This is the summary only: this installation was built without the web page, whose views a report shows. "
+    "All numbers are in {name}."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A result and what its views show.
+
+    ``kind``: names the view, as kinds of jobs do.
+    ``name``: of the document's file beside the report.
+    ``files``: name to content of what the views ask for, as among a job's files.
+    ``beside``: names of further files beside the report.
+    ``vocabulary``: what the views need of the service's words.
+    """
+
+    kind: str
+    name: str
+    summary: Summary
+    document: BaseModel
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    beside: Sequence[str] = ()
+    vocabulary: Mapping[str, Any] = field(default_factory=dict)
+
+    def html(self) -> str:
+        """The whole file; the summary alone where the page was not built."""
+        script, style, licences = (_read_part(name) for name in ("report.js", "style.css", "licences.txt"))
+        lacking = (_WITHOUT_SCRIPTS if script else _WITHOUT_BUNDLE).format(name=self.name)
+        said = f'<p class="note">{escape(lacking)}</p>'
+        note = f"<noscript>{said}</noscript>" if script else said
+        views = f"{self._write_data()}<script>{script}</script>" if script else ""
+        return (
+            '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+            f'<meta http-equiv="Content-Security-Policy" content="{_write_policy(script)}">'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">'
+            f'<meta name="color-scheme" content="light dark"><title>{escape(self.summary.title)}</title>'
+            # plotly writes its styles into an element of this id, unless the element says not to
+            f'<style id="plotly.js-style-global" class="no-inline-styles">{style}</style></head><body>'
+            '<header><span class="brand">scaling-service</span><span class="push"></span></header>'
+            f'<main id="main">{self.summary.html()}{note}</main>'
+            f"<footer>scaling-service {escape(code_version())}, Apache-2.0. All numbers are in "
+            f"<code>{escape(self.name)}</code>, too."
+            f"{_fold_licences(licences)}</footer>{views}</body></html>\n"
+        )
+
+    def _write_data(self) -> str:
+        """All that the views show, as JSON that no browser executes."""
+        held = {
+            "kind": self.kind,
+            "title": self.summary.title,
+            "subtitle": self.summary.subtitle,
+            "name": self.name,
+            "document": self.document.model_dump(mode="json"),
+            "files": {name: _pack(content) for name, content in self.files.items()},
+            "beside": [self.name, *self.beside],
+            "vocabulary": dict(self.vocabulary),
+            "summary": self.summary.describe(),
+        }
+        text = json.dumps(held, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        # no text can end the element
+        return f'<script type="application/json" id="held">{text.replace("<", chr(92) + "u003c")}</script>'
+
+
+def read_files(folder: Path) -> dict[str, bytes]:
+    """All files below a folder, by their names relative to it."""
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def _pack(content: bytes) -> str:
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+
+
+def _fold_licences(text: str) -> str:
+    if not text:
+        return ""
+    title = "Licences of what this file is made of"
+    return f"<details><summary>{title}</summary><pre>{escape(text)}</pre></details>"
+
+
+def _write_policy(script: str) -> str:
+    """Nothing from elsewhere, and only this script."""
+    scripts = f"'sha256-{_digest(script)}'" if script else "'none'"
+    return (
+        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+@lru_cache(maxsize=2)
+def _digest(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+
+
+@lru_cache(maxsize=8)
+def _read_part(name: str) -> str:
+    """A part of the bundle; empty where the page was not built."""
+    file = BUNDLE / name
+    return file.read_text(encoding="utf-8") if file.is_file() else ""

@@ -1,0 +1,134 @@
+"""The demo's report in a browser, from the disk: quick, quiet, whole, and readable without JavaScript."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaling_service.capabilities.scaling.run import run_demo
+from scaling_service.capabilities.scaling.saving import save
+from scaling_service.report.onefile import BUNDLE
+from tests.service.page.node import packages
+from tests.service.page.visitor import Visitor
+
+MOST_BYTES = 5e6
+SOON_MS = 1000.0
+"""Until something is painted. Chosen: what a person does not wait for."""
+
+TRIES = 5  # one of them must be quick, for the machine may be busy
+PAINTED = "performance.getEntriesByName('first-contentful-paint').map((entry) => entry.startTime)"
+TOO_WIDE = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+
+Open = Callable[..., Visitor]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if not (BUNDLE / "report.js").is_file():
+        pytest.skip("this installation was built without the web page")
+    folder = tmp_path_factory.mktemp("demo")
+    results, truth = run_demo()
+    save(results, folder, truth=truth)
+    return folder / "report.html"
+
+
+@pytest.fixture(scope="module")
+def headline(report: Path) -> str:
+    document = json.loads(report.with_name("comparison.json").read_text(encoding="utf-8"))
+    return str(document["verdict"]["headline"])
+
+
+@pytest.fixture(scope="session")
+def axe(tmp_path_factory: pytest.TempPathFactory) -> str | None:
+    """What finds barriers; None where it cannot be fetched."""
+    npm = packages(tmp_path_factory)
+    return None if npm is None else (npm / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def open_report(browser: Any, report: Path) -> Iterator[Open]:
+    """Opens the file at a place in it; nobody who did may have met a defect, nor have asked for more."""
+    with ExitStack() as stack:
+        visitors: list[Visitor] = []
+
+        def opened(place: str = "", **options: Any) -> Visitor:
+            context = browser.new_context(**{"viewport": {"width": 1440, "height": 900}} | options)
+            stack.callback(context.close)
+            visitor = Visitor(context.new_page(), report.as_uri())
+            visitors.append(visitor)
+            visitor.page.goto(f"{report.as_uri()}{place}")
+            return visitor
+
+        yield opened
+        for visitor in visitors:
+            assert visitor.defects == []
+            assert visitor.foreign == []
+            assert visitor.page.evaluate("window.violations ?? []") == []
+
+
+def test_it_is_small_and_painted_at_once(report: Path, open_report: Open) -> None:
+    assert report.stat().st_size <= MOST_BYTES
+    painted = []
+    for _ in range(TRIES):
+        visitor = open_report()
+        visitor.page.wait_for_selector("nav.tabs")
+        painted += visitor.page.evaluate(PAINTED)
+    assert min(painted) <= SOON_MS
+
+
+@pytest.mark.parametrize(
+    "place", ["", "space", "sizes", "errors", "angles", "numbers", "files", "everything"]
+)
+def test_every_part_is_shown(open_report: Open, headline: str, axe: str | None, place: str) -> None:
+    visitor = open_report(f"#/jobs/report/{place}" if place else "")
+    visitor.page.wait_for_selector("nav.tabs [aria-current]")
+    if place in ("", "everything"):
+        visitor.sees(headline)
+        visitor.page.wait_for_selector(".picture canvas")
+    if place == "space":
+        visitor.page.wait_for_selector(".playback canvas")
+        visitor.page.wait_for_selector(".main-svg")
+    if axe is not None:
+        assert visitor.barriers(axe) == []
+
+
+def test_parts_are_reached_by_their_names_and_back(open_report: Open, headline: str) -> None:
+    visitor = open_report()
+    visitor.sees(headline)
+    visitor.follow("Sizes")
+    visitor.sees("Segment lengths, mm")
+    visitor.page.go_back()
+    visitor.sees(headline)
+
+
+@pytest.mark.parametrize("place", ["verdict", "space", "sizes", "angles"])
+def test_it_fits_a_phone(open_report: Open, place: str) -> None:
+    visitor = open_report(f"#/jobs/report/{place}", viewport={"width": 390, "height": 844})
+    visitor.page.wait_for_selector("nav.tabs")
+    assert visitor.page.evaluate(TOO_WIDE) <= 0
+
+
+def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:
+    visitor = open_report(java_script_enabled=False)
+    text = visitor.page.locator("main").inner_text()
+    for said in (
+        headline,
+        "What to beware of",
+        "How far to trust",
+        "Kinematic error, mm",
+        "With JavaScript this file",
+    ):
+        assert said in text
+
+
+def test_the_result_is_saved_as_it_is(open_report: Open, report: Path) -> None:
+    visitor = open_report("#/jobs/report/files")
+    with visitor.page.expect_download() as saved:
+        visitor.press("The result as JSON")
+    content = json.loads(Path(saved.value.path()).read_text(encoding="utf-8"))
+    assert content == json.loads(report.with_name("comparison.json").read_text(encoding="utf-8"))

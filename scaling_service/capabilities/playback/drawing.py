@@ -20,9 +20,6 @@ Shape = Literal["image", "simple", "none"]
 _AXIS_HALF_M = 0.07
 """Chosen: a knee axis is drawn a little wider than a knee."""
 
-MOST_FACES = 20_000
-"""Of a bone: fine enough to fill a screen, and two legs of them turn smoothly."""
-
 THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
 """Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
 

@@ -46,9 +46,9 @@ class DisagreementDocument(Part):
     observable: Literal["marker", "force", "moment"]
     unit: Unit
     rms: Number
-    floor: Known = Field(description="Noise floor: what noise alone would leave.")
-    share: Known = Field(description="Of all that stands above the noise floors.")
-    p: Known = Field(description="Of standing so far above its noise floor by chance, over all places.")
+    floor: Known = Field(description="What is ordinary for people, as lively as this person is.")
+    share: Known = Field(description="Of all that stands above what is ordinary.")
+    p: Known = Field(description="Of standing so far above what is ordinary by chance.")
     trials: dict[str, Number] = Field(description="Recording to its RMS.")
     when: str
     along: str

@@ -8,15 +8,20 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
 import requests
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from scaling_service.client import Client
 from scaling_service.documents.jobs import State
+from scaling_service.service.jobs import health
+from scaling_service.service.jobs.attempts import SLOTS
 from scaling_service.service.jobs.settings import PREFIX, ServiceSettings
 from tests.cli.serving import COMMAND, ENVIRONMENT, free_port
 from tests.service.http.example import example_files, put_example
@@ -34,6 +39,7 @@ def test_nothing_has_more_rights_than_it_needs(name: str) -> None:
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
     assert "no-new-privileges:true" in service["security_opt"]
+    assert re.fullmatch(r"\d+g", service["mem_limit"])
     assert not {"privileged", "cap_add", "devices", "network_mode", "pid"} & service.keys()
     assert all(port.startswith("127.0.0.1:") for port in service.get("ports", []))
     assert all(volume.partition(":")[0] in COMPOSE["volumes"] for volume in service["volumes"])
@@ -44,6 +50,67 @@ def test_every_variable_is_a_setting_and_no_secret_is_written() -> None:
     assert {name.removeprefix(PREFIX).lower() for name in values} <= ServiceSettings.model_fields.keys()
     assert "${POSTGRES_PASSWORD:?" in values[f"{PREFIX}DATABASE_URL"]
     assert "${POSTGRES_PASSWORD:?" in SERVICES["database"]["environment"]["POSTGRES_PASSWORD"]
+
+
+def test_everything_has_a_health_check() -> None:
+    """The service has the image's own."""
+    checked = {name: service.get("healthcheck") for name, service in SERVICES.items()}
+    assert [name for name, check in checked.items() if check is None] == ["service"]
+    assert "HEALTHCHECK" in (FOLDER / "Dockerfile").read_text(encoding="utf-8")
+    for service in SERVICES.values():
+        for awaited in service.get("depends_on", {}).values():
+            assert awaited == {"condition": "service_healthy"}
+
+
+def test_a_worker_has_threads_for_looks_beside_jobs_and_memory_for_them() -> None:
+    worker, command = SERVICES["worker"], SERVICES["worker"]["command"]
+    threads = int(command[command.index("--nthreads") + 1])
+    jobs = int(SERVICES["service"]["environment"][f"{PREFIX}WORKERS"])
+    assert threads * worker["deploy"]["replicas"] >= jobs + SLOTS
+    least = (jobs / worker["deploy"]["replicas"] + 2) * ServiceSettings().limit_memory_mb / 1e3
+    assert int(worker["mem_limit"].removesuffix("g")) >= least
+
+
+def test_what_is_installed_is_locked() -> None:
+    """Versions of everything, by hashes; what the program needs is among them, and none is too old."""
+    project = tomllib.loads((FOLDER.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = project["project"]["optional-dependencies"]
+    wanted = [*project["project"]["dependencies"], *extras["opensim"], *extras["postgres"], *extras["dask"]]
+    for lock, names in (("requirements", wanted), ("build", project["build-system"]["requires"])):
+        text = (FOLDER / f"{lock}.lock").read_text(encoding="utf-8")
+        entries = re.findall(r"^(\S+)==(\S+) \\\n((?: +--hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)", text, re.M)
+        assert len(entries) == len(re.findall(r"^\S", text, re.M))
+        locked = {canonicalize_name(name): version for name, version, _ in entries}
+        for line in names:
+            needed = Requirement(line)
+            assert locked[canonicalize_name(needed.name)] in needed.specifier, line
+    for image in re.findall(r"^FROM (\S+)|image: (postgres\S+)", _read_both(), re.M):
+        assert re.fullmatch(r"[a-z]+:\d+\.\d+(\.\d+)?-(slim-)?bookworm", "".join(image)), image
+
+
+def _read_both() -> str:
+    return "\n".join((FOLDER / name).read_text(encoding="utf-8") for name in ("Dockerfile", "compose.yaml"))
+
+
+def test_only_what_is_copied_is_sent_to_the_builder() -> None:
+    """Neither the repository's history, nor passwords, nor recordings that lie about."""
+    first, *lines = [
+        line
+        for line in (FOLDER.parent / ".dockerignore").read_text(encoding="utf-8").splitlines()
+        if line and not line.startswith("#")
+    ]
+    assert first == "*"
+    copied = {
+        source
+        for line in (FOLDER / "Dockerfile").read_text(encoding="utf-8").splitlines()
+        if line.startswith("COPY") and "--from" not in line
+        for source in line.split()[1:-1]
+    }
+    assert {line.removeprefix("!") for line in lines if line.startswith("!")} == copied
+
+
+def test_the_health_check_tells_who_answers() -> None:
+    assert health.main(f"tcp://127.0.0.1:{free_port()}") == 1
 
 
 def test_the_image_copies_what_there_is_and_ends_as_another_user() -> None:
@@ -61,7 +128,7 @@ def test_what_compose_runs_computes_together(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
     dask = shutil.which("dask", path=str(Path(sys.executable).parent))
     assert dask is not None
-    ports = {"8786": str(free_port()), "8000": str(free_port())}
+    ports = {port: str(free_port()) for port in ("8786", "8787", "8000")}
 
     def here(words: list[str]) -> list[str]:
         joined = "\n".join(words).replace("scheduler:", "127.0.0.1:")
@@ -87,6 +154,11 @@ def test_what_compose_runs_computes_together(tmp_path: Path) -> None:
             started.append(_started(command, environment, tmp_path / f"{name}.log"))
         url = f"http://127.0.0.1:{ports['8000']}"
         _await(url, tmp_path)
+        for name in ("scheduler", "worker"):
+            words = " ".join(here(SERVICES[name]["healthcheck"]["test"][1:])).split()[1:]
+            command = [sys.executable, *(word.replace("$$HOSTNAME", "127.0.0.1") for word in words)]
+            checked = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+            assert checked.returncode == 0, (name, checked.stderr)
         with Client(url, made.stdout.strip()) as client:
             put_example(client, example_files(tmp_path / "lab"))
             job = client.wait(client.ask("scalings/linear", subject="S01"), 60.0)

@@ -68,7 +68,7 @@ class BoneLandmarks:
     ``side_from``: ``"shape"``, or ``"name"`` where the bone is too incomplete to say and its name was
     believed. ``axes`` mapping of str to ndarray, shape (3,): unit vectors to the subject's right.
     ``definitions``: how each point is defined, in words. ``refused``: a point that could not be found, and
-    why.
+    why. ``pose_odds``: of the pose of a pelvis against its best rival, as a logarithm to base 10.
     """
 
     bone: str  # ``femur``, ``tibia``, ``talus`` or ``pelvis``
@@ -81,6 +81,7 @@ class BoneLandmarks:
     definitions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     refused: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()
+    pose_odds: float | None = None
 
 
 class MeshRefused(InputError):

@@ -25,6 +25,13 @@ SettingsFile = Annotated[
     ),
 ]
 
+keys = typer.Typer(help="Make, list and revoke API keys of the service.", no_args_is_help=True)
+
+data = typer.Typer(help="Delete what the service keeps, for good.", no_args_is_help=True)
+settings = typer.Typer(help="Show the settings of the service.", no_args_is_help=True)
+
+GROUPS = {"keys": keys, "data": data, "settings": settings}
+
 
 def serve(
     settings: SettingsFile = None,
@@ -56,9 +63,6 @@ def serve(
     loaded = load_settings(settings, **{name: value for name, value in chosen.items() if value is not None})
     # By its name: commands and routes know nothing of each other, but one command runs the other side.
     import_module("scaling_service.service.http.serving").serve(loaded)
-
-
-keys = typer.Typer(help="Make, list and revoke API keys of the service.", no_args_is_help=True)
 
 
 @keys.command("create")
@@ -116,10 +120,6 @@ def _format_day(microseconds: int) -> str:
     return datetime.fromtimestamp(microseconds / 1e6, UTC).date().isoformat()
 
 
-data = typer.Typer(help="Delete what the service keeps, for good.", no_args_is_help=True)
-settings = typer.Typer(help="Show the settings of the service.", no_args_is_help=True)
-
-
 @data.command()
 def delete(
     owner: Annotated[str, typer.Argument(help="Whose subject it is.")],
@@ -156,4 +156,3 @@ def show(settings: SettingsFile = None) -> None:
 
 
 COMMANDS = (serve,)
-GROUPS = {"keys": keys, "data": data, "settings": settings}

@@ -8,6 +8,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+LARGEST = 1e9
+"""Of any number among options. Chosen: far above all that make sense."""
+
 
 def _leave_examples_out(schema: dict[str, Any]) -> None:
     """Of a schema for other programs: examples in docstrings are for Python."""
@@ -29,10 +32,6 @@ class Options(BaseModel):
     def resolved(self) -> dict[str, Any]:
         """All options with their defaults, as plain values for a document."""
         return self.model_dump()
-
-
-LARGEST = 1e9
-"""Of any number among options. Chosen: far above all that make sense."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,9 @@ from threading import Lock
 Progress = Callable[[str, float], None]
 """Called with what is being done and the share of the whole that is done, 0 to 1."""
 
+_STRIDE = 0.04
+"""Share of the way to the next mark that a step takes (chosen: half way after seventeen steps)."""
+
 
 def show_nothing(what: str, share: float = 0.0) -> None:
     """No progress is shown, whether with a share or by names alone."""
@@ -28,10 +31,6 @@ def report_part(progress: Progress, start: float, length: float) -> Progress:
     fitting 0.75
     """
     return lambda what, share: progress(what, start + length * share)
-
-
-_STRIDE = 0.04
-"""Share of the way to the next mark that a step takes (chosen: half way after seventeen steps)."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

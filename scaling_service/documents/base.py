@@ -12,6 +12,14 @@ from scaling_service.core.errors import InputError
 Rounded = Annotated[float, AfterValidator(lambda value: round(value, 4))]
 """In mm or degrees: a tenth of a micrometre, or less than a second of arc."""
 
+DOCUMENT = "subject.json"  # under this name a subject's document lies beside its files when a job computes
+
+PARTS = ".parts.json"
+"""Under this name it stands among the inputs how the parts of a job ended; no subject is called so."""
+
+_PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
+_MOST_BYTES = 255  # of a name, on the usual file systems
+
 Tone = Literal["good", "fair", "poor", "unknown", "plain"]
 """Whether a sentence is good news, as it is decided where the sentence is written."""
 
@@ -54,15 +62,6 @@ class PlateEntry(Part):
     centre_m: list[float] | None = Field(default=None, description="Of its surface, x, y, z.")
     loaded_by: list[str] = Field(default=[], description="Who stood on it and when, in words.")
     offset_N: float | None = Field(default=None, description="Its reading while no foot is near it.")
-
-
-DOCUMENT = "subject.json"  # under this name a subject's document lies beside its files when a job computes
-
-PARTS = ".parts.json"
-"""Under this name it stands among the inputs how the parts of a job ended; no subject is called so."""
-
-_PLAIN = re.compile(r"\w[\w .()+=@,\-]{0,199}")
-_MOST_BYTES = 255  # of a name, on the usual file systems
 
 
 def require_plain_name(name: str, field: str = "name") -> str:

@@ -17,6 +17,22 @@ from scaling_service.documents.subject import SubjectDocument
 
 MAX_BYTES = 1_000_000  # chosen: a subject document has a few kB; beyond this it is some other file
 
+_WANTED = {
+    "string_type": ("a text", "Write a text, in quotes if it looks like a number, a date or yes and no"),
+    "string_too_short": ("a text", "Write it, or remove the key"),
+    "string_too_long": ("a short text", "Shorten it"),
+    "string_pattern_mismatch": (
+        "a name of letters, digits, spaces, dots, hyphens and underscores",
+        "Rename it, for it also names folders",
+    ),
+    "float_type": ("a number", "Write a number without quotes or unit"),
+    "finite_number": ("a finite number", "Write a number, or remove the key"),
+    "list_type": ("a list", "Write a list, such as [walk1.c3d, walk2.c3d]"),
+    "dict_type": ("a mapping", "Write `key: value` pairs"),
+    "model_type": ("a mapping", "Write `key: value` pairs"),
+}
+"""Kind of a validation error to what is wanted there and the remedy."""
+
 
 def read_document(path: str | Path) -> SubjectDocument:
     """Read and check a subject document.
@@ -165,23 +181,6 @@ def _explain(error: ErrorDetails) -> tuple[str, str, str]:
         wanted, remedy = _WANTED[kind]
         return field, f"{wanted} is needed here, not {_name_kind(value)}", remedy
     return field, f"{value!r} is not possible here: {error['msg']}", "Correct it"
-
-
-_WANTED = {
-    "string_type": ("a text", "Write a text, in quotes if it looks like a number, a date or yes and no"),
-    "string_too_short": ("a text", "Write it, or remove the key"),
-    "string_too_long": ("a short text", "Shorten it"),
-    "string_pattern_mismatch": (
-        "a name of letters, digits, spaces, dots, hyphens and underscores",
-        "Rename it, for it also names folders",
-    ),
-    "float_type": ("a number", "Write a number without quotes or unit"),
-    "finite_number": ("a finite number", "Write a number, or remove the key"),
-    "list_type": ("a list", "Write a list, such as [walk1.c3d, walk2.c3d]"),
-    "dict_type": ("a mapping", "Write `key: value` pairs"),
-    "model_type": ("a mapping", "Write `key: value` pairs"),
-}
-"""Kind of a validation error to what is wanted there and the remedy."""
 
 
 def _name_kind(value: object) -> str:

@@ -10,6 +10,8 @@ from pydantic import ConfigDict, Field, StringConstraints
 from scaling_service.documents.base import Part
 from scaling_service.documents.jobs import Failure, State
 
+MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
+
 
 class Problem(Part):
     """Why a request was not answered (RFC 9457), in the words of the command line."""
@@ -78,10 +80,13 @@ class LinkRequest(Part):
         max_length=2000,
         description="Of a file of a job or a subject, or of a job's `files.zip`, as in its links.",
     )
+    lifetime_s: int = Field(
+        default=60, ge=1, le=30 * 86_400, description="Seconds for which it works, up to 30 days."
+    )
 
 
 class Link(Part):
-    """A link that works without a key, for a short time."""
+    """A link that works without a key until it ends."""
 
     path: str
     until: datetime = Field(description="It must be opened before.")
@@ -197,8 +202,6 @@ class Vocabulary(Part):
         "answer to a discovery on it."
     )
 
-
-MOST = 2000  # entries of a map. Chosen: many times the markers of a whole body
 
 _Word = Annotated[str, StringConstraints(min_length=1, max_length=200)]
 MarkerLabels = Annotated[dict[_Word, _Word], Field(max_length=MOST)]

@@ -60,6 +60,8 @@ BoneName = Literal[
 ]
 Identifier = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
 
+_OTHER_BONES = re.compile(r"calc|heel|patella|fibula|sacrum|foot|toe", re.IGNORECASE)
+
 
 class _Strict(BaseModel):
     """No unknown keys, no conversions: a number in quotes is an error."""
@@ -138,9 +140,6 @@ class Trials(_Strict):
         """All recordings, each once."""
         static = (self.static,) if self.static else ()
         return tuple(dict.fromkeys((*static, *self.calibration, *self.evaluation)))
-
-
-_OTHER_BONES = re.compile(r"calc|heel|patella|fibula|sacrum|foot|toe", re.IGNORECASE)
 
 
 class Bones(_Strict):

@@ -17,6 +17,11 @@ from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 
+_QUARTIC = 4
+_WORTH_SAYING = 1e-9  # rad or m; chosen: below it a fit is exact
+_SMALLEST = 1e-6
+"""kg and kg m2 of a moving body without mass, which MuJoCo refuses. Chosen: some micrograms move nothing."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class DrivenAxis:
@@ -146,12 +151,6 @@ class Skeleton:
 
     text: str
     left_out: tuple[str, ...]
-
-
-_QUARTIC = 4
-_WORTH_SAYING = 1e-9  # rad or m; chosen: below it a fit is exact
-_SMALLEST = 1e-6
-"""kg and kg m2 of a moving body without mass, which MuJoCo refuses. Chosen: some micrograms move nothing."""
 
 
 def write_mjcf(model: BodyModel) -> Skeleton:

@@ -13,7 +13,7 @@ import numpy as np
 
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.model.forces import PlateRecording
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import Trial, is_unlabelled
 
 FORMATS = "scaling_service.formats"
 """Entry points of other distributions that read further formats: a suffix, and what reads such a file."""
@@ -31,6 +31,10 @@ READERS: Mapping[str, EntryPoint] = MappingProxyType(
     }
 )
 """Suffix (lower case) to what takes a path and gives a Recording; it is imported when first used."""
+
+MOST_LABELS = 2_500
+"""Chosen: ten persons with full-body sets and all that software computes from them have fewer. Trajectories
+that nobody labelled do not count."""
 
 NOT_STATED = "mm (not stated)"  # the unit of files that state none: mm is usual
 
@@ -93,4 +97,12 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
         said = f"'{file.suffix}' is not a format of recordings" if file.suffix else "the name has no suffix"
         raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
     recording: Recording = reader.load()(file)
+    named = sum(not is_unlabelled(label) for label in recording.labels)
+    if named > MOST_LABELS:
+        raise TrialUnusable(
+            f"it has {named:,} labels, and {MOST_LABELS:,} is the most that is looked at",
+            file=file,
+            field="labels",
+            remedy="Export the markers of one person",
+        )
     return recording

@@ -37,6 +37,19 @@ Flags = NDArray[np.bool_]
 
 Line = tuple[int, str]  # line number in the file, from 1, and its text
 
+_REPAIRS = {
+    "blank": ("blank_cells", "blank cells were taken as missing"),
+    "short": ("short_rows", "rows shorter than the header: the cells at their end were taken as missing"),
+    "unplaced": (
+        "short_rows",
+        "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
+    ),
+    "extra": ("extra_cells", "cells beyond the last column were dropped"),
+    "comma": ("decimal_comma", "decimal commas were read as points"),
+    "infinite": ("infinite_values", "infinite values were taken as missing"),
+}
+"""What a row can need, to the kind of repair and what is said of it."""
+
 
 def read_bytes(path: Path, kind: str) -> bytes:
     """The content of a file that must exist and hold something.
@@ -178,20 +191,6 @@ def _number(cell: str, tally: Counter[str], path: Path, line: int, column: str) 
         field=column,
         remedy="Correct the cell, or leave it blank if the value is missing",
     )
-
-
-_REPAIRS = {
-    "blank": ("blank_cells", "blank cells were taken as missing"),
-    "short": ("short_rows", "rows shorter than the header: the cells at their end were taken as missing"),
-    "unplaced": (
-        "short_rows",
-        "rows with too few numbers and no tabs: which value is missing is unknown, so all were dropped",
-    ),
-    "extra": ("extra_cells", "cells beyond the last column were dropped"),
-    "comma": ("decimal_comma", "decimal commas were read as points"),
-    "infinite": ("infinite_values", "infinite values were taken as missing"),
-}
-"""What a row can need, to the kind of repair and what is said of it."""
 
 
 def _describe(tally: Counter[str]) -> tuple[Repair, ...]:

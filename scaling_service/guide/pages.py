@@ -29,6 +29,43 @@ from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, render_notebook
 _SECTION = re.compile(r"^([A-Z][a-z]+)\n-{3,}\n", re.MULTILINE)
 _ENTRY = re.compile(r"^(\S.*)\n?((?:(?: .*)?\n?(?!\S))*)", re.MULTILINE)
 
+FIGURES = Path(__file__).with_name("figures.json")
+
+PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "Use it": (
+            "first-steps",
+            "own-recording",
+            "verdict",
+            "joint-angles",
+            "forces",
+            "missing-effect",
+            "cohort",
+        ),
+        "Run it for others": ("service", "scaling-out"),
+        "How it works": (
+            "method-scaling",
+            "method-lengths",
+            "method-motion",
+            "method-bones",
+            "method-forces",
+            "method-effects",
+            "studies",
+        ),
+        "Notebooks": (
+            "notebook-scale",
+            "notebook-compare",
+            "notebook-bones",
+            "notebook-cohort",
+            "notebook-effect",
+        ),
+        "Look up": ("files", "python", "python-names", "http"),
+    }
+)
+"""Headings of the table of contents, and the pages under each: file names without suffix."""
+
+_FIGURE = re.compile(r"\{\{(table )?([\w.]+)(?::([^{}]+))?\}\}")
+
 
 @lru_cache(maxsize=64)
 def describe_interface() -> str:
@@ -152,44 +189,6 @@ def _format_entry(head: str, body: str) -> str:
 def _format_inline(text: str) -> str:
     """Code as Markdown has it."""
     return re.sub(r":\w+:(?=`)", "", text).replace("``", "`")
-
-
-FIGURES = Path(__file__).with_name("figures.json")
-
-PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "Use it": (
-            "first-steps",
-            "own-recording",
-            "verdict",
-            "joint-angles",
-            "forces",
-            "missing-effect",
-            "cohort",
-        ),
-        "Run it for others": ("service", "scaling-out"),
-        "How it works": (
-            "method-scaling",
-            "method-lengths",
-            "method-motion",
-            "method-bones",
-            "method-forces",
-            "method-effects",
-            "studies",
-        ),
-        "Notebooks": (
-            "notebook-scale",
-            "notebook-compare",
-            "notebook-bones",
-            "notebook-cohort",
-            "notebook-effect",
-        ),
-        "Look up": ("files", "python", "python-names", "http"),
-    }
-)
-"""Headings of the table of contents, and the pages under each: file names without suffix."""
-
-_FIGURE = re.compile(r"\{\{(table )?([\w.]+)(?::([^{}]+))?\}\}")
 
 
 class NoSuchPage(InputError):

@@ -19,6 +19,12 @@ from scaling_service.guide.pages import PARTS, list_pages, list_sections, parse,
 _HERE = Path(__file__).parent
 _AS_THEY_ARE = (".svg", ".png", ".ipynb")
 
+_OPTIONS = MarkdownIt("commonmark").options
+_SEARCH = (
+    '<form role="search" id="search"><input type="search" id="words" placeholder="Search the guide" '
+    'aria-label="Search the guide" autocomplete="off"></form>'
+)
+
 
 @cache
 def make_site() -> Mapping[str, bytes]:
@@ -70,13 +76,6 @@ def _render_page(name: str) -> str:
         f'<ol id="found" hidden></ol><article>{body}</article>'
         f'<nav class="around" aria-label="Pages before and after">{"".join(around)}</nav></main></div></html>'
     )
-
-
-_OPTIONS = MarkdownIt("commonmark").options
-_SEARCH = (
-    '<form role="search" id="search"><input type="search" id="words" placeholder="Search the guide" '
-    'aria-label="Search the guide" autocomplete="off"></form>'
-)
 
 
 def _rewrite_address(href: str) -> str:

@@ -38,6 +38,16 @@ BUILTIN_NAMES: tuple[str, ...] = (
 )
 """Puchaud 2019 (section 2.2.1), the same with feet, Muller 2017 (section 2.3) and Futamure (section II.A)."""
 
+_STIFF = 0.1
+"""Weight of markers on what is taken as one rigid part with its neighbour. Chosen: a trunk bends by three
+times what skin slides on the pelvis."""
+
+_AXES: dict[str, Vector] = {
+    sign + name: (factor * x, factor * y, factor * z)
+    for sign, factor in (("", 1.0), ("-", -1.0))
+    for name, (x, y, z) in {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}.items()
+}
+
 
 def load_builtin(name: str) -> BodyModel:
     """A built-in generic model.
@@ -75,11 +85,6 @@ def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyMode
         f"{name} is locked: no recording shows a marker on the {need.marked}" for name, need in locked.items()
     )
     return replace(model, coordinates=coordinates, markers=markers), tuple(notes)
-
-
-_STIFF = 0.1
-"""Weight of markers on what is taken as one rigid part with its neighbour. Chosen: a trunk bends by three
-times what skin slides on the pelvis."""
 
 
 class _Need(NamedTuple):
@@ -274,13 +279,6 @@ def _make_segment(entry: _Segment, person: GenericPerson) -> tuple[Segment, list
         inertia=inertia,
     )
     return segment, coordinates
-
-
-_AXES: dict[str, Vector] = {
-    sign + name: (factor * x, factor * y, factor * z)
-    for sign, factor in (("", 1.0), ("-", -1.0))
-    for name, (x, y, z) in {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}.items()
-}
 
 
 def _make_inertia(entry: _Inertia, person: GenericPerson) -> tuple[float, Vector, Tensor]:

@@ -46,6 +46,10 @@ from scaling_service.numerics.multibody.tree import MarkerTerm, Tree
 
 _KEPT = 32  # trees; chosen: the models of one person by all methods, with the markers of a few recordings
 
+_STILL = "fixed to the ground"
+_WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+"""Two axes of a welded frame, whose tips must meet, too (m; chosen: an error of 1 rad counts as 1 m)."""
+
 
 class _Index:
     """Numbers for names, and for every distinct factor."""
@@ -239,11 +243,6 @@ def _compile_constraints(same: _Same) -> Closure:
         distances=np.array([distance for *_, distance in apart]),
         level=np.array(level, dtype=np.intp).reshape(-1, 3),
     )
-
-
-_STILL = "fixed to the ground"
-_WELDED = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
-"""Two axes of a welded frame, whose tips must meet, too (m; chosen: an error of 1 rad counts as 1 m)."""
 
 
 def _move(end: Marker, by: Array) -> tuple[Law, Law, Law]:

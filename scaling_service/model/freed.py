@@ -28,6 +28,12 @@ UNBOUNDED = 10.0
 
 _SKIN = re.compile(r"skin\.(.+)\.[xyz]\.([^.]+)")
 
+MARKERS_HELD = (
+    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
+    "how well each number is known, is in model.json"
+)
+"""Said of an OpenSim model whose markers were held."""
+
 
 def free_named(model: BodyModel, names: Sequence[str]) -> BodyModel:
     """Free numbers by the names of their parameters, of which the module's head has the kinds.
@@ -67,13 +73,6 @@ def _read_part(name: str) -> tuple[str, str]:
     if kind == "scale":
         return ("sizes", target) if letter in ("x", "y", "z") and target else ("size", rest)
     return kind, target
-
-
-MARKERS_HELD = (
-    "model.osim has the markers where skin holds them in the neutral pose; how skin moves with joints, and "
-    "how well each number is known, is in model.json"
-)
-"""Said of an OpenSim model whose markers were held."""
 
 
 def hold_markers(model: BodyModel) -> BodyModel:

@@ -32,6 +32,23 @@ _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 LETTERS = "xyz"
 UNITS = (_ALONG_X, _ALONG_Y, (0.0, 0.0, 1.0))
 
+_TURNS: Mapping[KneeKind, tuple[str, ...]] = {
+    "hinge": (),
+    "universal": ("rotation",),
+    "spherical": ("adduction", "rotation"),
+}
+"""What follows flexion, in the order of the ISB (Grood and Suntay 1983; Wu 2002): about the floating axis,
+then about the shank's. A knee's second freedom is the turn of the shank: 10 to 20 deg against a few of varus
+and valgus (Grood and Suntay 1983), so that is what a joint of two axes takes."""
+
+_KNEE_AXES: Mapping[str, Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
+
+_RANGE_DEG: Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
+"""To either side. Chosen: about twice what knees reach, for skin movement is taken for knee movement. They
+inform the first guess, they do not bind."""
+
+_ALONG_Z = 1.0 - 1e-9  # of an axis' z part: rounding
+
 
 def free_scale(
     model: BodyModel, segment: str, relative_bound: float, prior_sd: float | None = None
@@ -249,23 +266,6 @@ def _with(model: BodyModel, *added: Parameter) -> BodyModel:
 
 
 KneeKind = Literal["hinge", "universal", "spherical"]
-
-_TURNS: Mapping[KneeKind, tuple[str, ...]] = {
-    "hinge": (),
-    "universal": ("rotation",),
-    "spherical": ("adduction", "rotation"),
-}
-"""What follows flexion, in the order of the ISB (Grood and Suntay 1983; Wu 2002): about the floating axis,
-then about the shank's. A knee's second freedom is the turn of the shank: 10 to 20 deg against a few of varus
-and valgus (Grood and Suntay 1983), so that is what a joint of two axes takes."""
-
-_KNEE_AXES: Mapping[str, Vector] = {"adduction": (1.0, 0.0, 0.0), "rotation": (0.0, 1.0, 0.0)}
-
-_RANGE_DEG: Mapping[str, float] = {"adduction": 20.0, "rotation": 40.0}
-"""To either side. Chosen: about twice what knees reach, for skin movement is taken for knee movement. They
-inform the first guess, they do not bind."""
-
-_ALONG_Z = 1.0 - 1e-9  # of an axis' z part: rounding
 
 
 def with_knee(model: BodyModel, kind: KneeKind) -> BodyModel:

@@ -21,6 +21,10 @@ from scaling_service.numerics.multibody.tree import pose_markers
 Frame = tuple[Array, Array]
 """Rotation (3, 3) that maps the frame to ground, and its origin in ground (3,), m."""
 
+_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_BLOCK = 4096
+"""Frames at a time. Chosen: some tens of megabytes for a whole body."""
+
 
 def list_model_values(model: BodyModel, values: Mapping[str, float] | None = None) -> dict[str, float]:
     """Coordinates at their default and parameters at their value, unless ``values`` says otherwise.
@@ -83,11 +87,6 @@ def pose_neutral_markers(model: BodyModel, values: Mapping[str, float] | None = 
 def evaluate_marker(marker: Marker, values: Mapping[str, float]) -> Array:
     """A marker's position in its segment's frame, (3,), m."""
     return np.array([evaluate_law(law, values) for law in marker.laws])
-
-
-_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-_BLOCK = 4096
-"""Frames at a time. Chosen: some tens of megabytes for a whole body."""
 
 
 def pose_segments(model: BodyModel, q: Array) -> Array:

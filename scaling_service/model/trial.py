@@ -19,6 +19,11 @@ Array = NDArray[np.float64]
 _AGREE = 0.005
 """Chosen: heights, masses and sizes of two files that differ by less are one measurement, rounded."""
 
+_UNLABELLED = re.compile(
+    r"^(\*\d*|\?+|[cu]_\d+|uname\*?\d*|(unlabell?ed|unnamed|unidentified)[\s_]*\d*)$", re.IGNORECASE
+)
+"""What systems write where nobody gave a label: ``*110`` (Vicon), ``U_3``, ``Unlabeled 12``."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredSizes:
@@ -71,12 +76,6 @@ def merge(sizes: Iterable[MeasuredSizes]) -> MeasuredSizes:
     for item in sizes:
         result = result.or_else(item)
     return result
-
-
-_UNLABELLED = re.compile(
-    r"^(\*\d*|\?+|[cu]_\d+|uname\*?\d*|(unlabell?ed|unnamed|unidentified)[\s_]*\d*)$", re.IGNORECASE
-)
-"""What systems write where nobody gave a label: ``*110`` (Vicon), ``U_3``, ``Unlabeled 12``."""
 
 
 def is_unlabelled(label: str) -> bool:
@@ -187,9 +186,10 @@ class Trial:
     def select(self, labels: Sequence[str]) -> Trial:
         """Only these labels, in this order; a label that is absent becomes an all-NaN column."""
         columns = np.full((self.n_frames, len(labels), 3), np.nan)
+        own = {label: k for k, label in reversed(list(enumerate(self.labels)))}  # the first of a name
         for k, label in enumerate(labels):
-            if label in self.labels:
-                columns[:, k] = self.position(label)
+            if label in own:
+                columns[:, k] = self.markers[:, own[label]]
         return replace(self, labels=tuple(labels), markers=columns)
 
     def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Trial:

@@ -36,6 +36,9 @@ GRAVITY = np.array([0.0, -9.80665, 0.0])
 BLOCK = 256
 """Frames computed together (chosen: the fastest measured on one thread, 128 and 512 being close)."""
 
+REGRESSOR_BLOCK = 64
+"""Frames computed together (chosen: 35 rows by 160 columns by 64 frames are 3 MB)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loads:
@@ -142,10 +145,6 @@ def compute_joint_forces(mechanism: Mechanism, state: LinkMotion, wrenches: Arra
     power = np.einsum("ean,ean->en", state.screws, through) * state.slopes
     forces: Array = mechanism.gathering @ power
     return forces
-
-
-REGRESSOR_BLOCK = 64
-"""Frames computed together (chosen: 35 rows by 160 columns by 64 frames are 3 MB)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,6 +41,22 @@ CLEAR = 0.5
 _PELVIS = (("RASIS", "LASIS"), ("RPSIS", "LPSIS"))
 _Places = Mapping[str, tuple[str, Array]]  # landmark to its label and its trajectory, (n_frames, 3)
 
+CHANGED_M = 0.025
+"""Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
+squats reaches 40 mm, so a better assignment of the labels must explain it, too)."""
+
+EXPLAINED = 0.4
+"""Chosen: share of the difference that labels put right may leave; those of real recordings leave 0.2."""
+
+JUMP_M = 0.015
+"""Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
+(1.5 m/s at 100 frames per second; skin in running stays below 1)."""
+
+MOST_COMPARED = 40
+"""Chosen: labels of one segment whose distances are compared. Densely marked thighs have up to thirty."""
+
+_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
+
 
 def find_exchanged_labels(trial: Trial, roles: Mapping[str, str]) -> Iterator[tuple[Exchange, bool]]:
     """Where the labels of an outer and an inner landmark look exchanged, and whether throughout.
@@ -155,20 +171,6 @@ Clusters = Mapping[str, Sequence[str]]  # segment to labels on it
 Shape = Mapping[tuple[str, str], float]
 """Two labels of one segment, in alphabetical order, to their usual distance, m."""
 
-CHANGED_M = 0.025
-"""Chosen: a distance within a segment that differs by more is no skin alone (soft tissue of a thigh in deep
-squats reaches 40 mm, so a better assignment of the labels must explain it, too)."""
-
-EXPLAINED = 0.4
-"""Chosen: share of the difference that labels put right may leave; those of real recordings leave 0.2."""
-
-
-JUMP_M = 0.015
-"""Chosen: a distance within a segment that changes by more from one frame to the next is a change of labels
-(1.5 m/s at 100 frames per second; skin in running stays below 1)."""
-
-_EVERY_ORDER = 7  # markers of a segment whose every order is tried (5040); of more, exchanges of two
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
@@ -194,12 +196,16 @@ def measure_shape(trials: Iterable[Trial], clusters: Clusters) -> dict[tuple[str
     found: dict[tuple[str, str], list[float]] = {}
     for trial in trials:
         for labels in clusters.values():
-            for pair in combinations(sorted(name for name in labels if name in trial.labels), 2):
+            for pair in combinations(_list_compared(trial, labels), 2):
                 distance = _measure_distance(trial, *pair)
                 known = distance[np.isfinite(distance)]
                 if len(known):
                     found.setdefault(pair, []).append(float(np.median(known)))
     return {pair: float(np.median(values)) for pair, values in found.items()}
+
+
+def _list_compared(trial: Trial, labels: Sequence[str]) -> list[str]:
+    return sorted(set(trial.labels).intersection(labels))[:MOST_COMPARED]
 
 
 def _measure_distance(trial: Trial, one: str, other: str) -> Array:
@@ -214,7 +220,7 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
     :func:`measure_shape`.
     """
     for labels in clusters.values():
-        names = sorted(name for name in labels if name in trial.labels)
+        names = _list_compared(trial, labels)
         pairs = [pair for pair in combinations(names, 2) if pair in usual]
         if len(pairs) < 2:
             continue

@@ -20,17 +20,6 @@ _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
 FAULTS = ("merged", "jitter", "shaking", "spikes", "dead_channel", "saturated")
 """Repairs of this module."""
 
-
-def repair_markers(trial: _AnyTrial) -> _AnyTrial:
-    """A recording as read without positions that cannot be those of its markers; shaking is noted."""
-    return note_shaking(remove_jitter(separate_merged(remove_strays(trial))))
-
-
-def repair_forces(forces: GroundForces) -> GroundForces:
-    """Forces as read without spikes; what cannot be repaired is noted."""
-    return note_saturation(note_dead_channels(remove_spikes(forces)))
-
-
 ONE_POINT_M = 5e-3
 """Two balls whose middles are nearer are one point with two labels (chosen: the balls of body markers measure
 9 mm and more, and noise of 1 mm on each parts one point by more only once in 200 frames)."""
@@ -44,6 +33,64 @@ PAIR = ", "
 
 _LOOKED_AT_S = 0.02  # chosen: two markers are taken for one for longer
 _FLICKER = 5  # frames between two of one point that are of it, too (chosen)
+
+JITTER_M = 8e-3  # chosen: skin and an impact leave 6 mm from frame to frame, over a window
+_UNUSUAL, _FEW = 5.0, 0.25
+"""Of the noise of the others, from which a marker's own is a fault, and the share of markers of which it may
+be (both chosen: where more jump about, the cameras do)."""
+
+_SLOWEST_HZ = 60.0  # chosen: at fewer frames a second a kick is as rough as noise
+_WINDOW = 11  # frames over which noise is measured (chosen: an impact lasts five)
+_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
+"""Fourth differences, of which noise leaves its own deviation, and what moves smoothly nothing."""
+
+SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
+SHAKEN_MS2 = 1.0  # chosen: RMS over the markers; a body that does so at such a pace jumps
+_OF_PLACE, _OF_WHOLE, _OVER_OTHERS = 0.85, 0.6, 10.0
+"""Share of a line's power over the lines near it that depends on the place alone, of its whole power, and how
+far what depends on the place stands above the lines near it (all chosen: in 128 real files no line of such an
+acceleration passes the last; where cameras were shaken by 2 mm, walking shows 10 to 30 and squats 400)."""
+
+_NEAR, _FINER = (3.0, 15.0), 4  # widths of a line between which others are near; points of a line (chosen)
+_FASTEST, _LONGEST_S, _LEAST = 0.4, 20.0, (40, 8)  # of the frame rate; at most; frames and markers (chosen)
+_SEEN = 0.9  # of these frames, in which a marker must be seen (chosen)
+
+SPIKE_N = 50.0
+"""Least force of a spike (chosen: a tenth of most feet's load, above what shakes a floor)."""
+
+_BESIDE = 2  # samples on either side of a spike, which itself lasts up to as many (chosen)
+_CLEAR = 3.0
+"""Of a spike, over how much the course without it bends nearby (chosen: an impact's flanks bend, too)."""
+
+LOADED_N = 100.0  # chosen: under less load a sideways force may be lost in the noise
+_FEWEST_LOADED = 50  # samples (chosen)
+_DEAD, _ALIVE = 0.004, 0.01
+"""Spread of a sideways force over the load it stands under: below the first no foot moves, above the second
+it shows that feet push so here (chosen: 0.02 to 0.1 in squats and walking)."""
+
+_SIDEWAYS = np.array([True, False, True])
+
+_TOP, _FLAT, _STANDS = 0.95, 0.005, 0.6
+"""Of the highest force: from where on it may have been cut off, by how much it then differs from its median,
+and in which share of these samples (all chosen: of a parabola's top 0.2 lie so near)."""
+
+_BEYOND = 0.015  # of the limit, by which noise passes it (chosen: who comes to rest bears 3 % more before)
+_SHORTEST = 4  # samples that stand still (chosen)
+_STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
+_BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load
+_CORNER, _CORNER_S = 0.025, 0.1
+"""Of the limit, and in how long: what a load changes there that is cut off as it rises or falls, and not one
+that slowly comes to rest (chosen: a squat's load that is cut by a twentieth changes twice as fast)."""
+
+
+def repair_markers(trial: _AnyTrial) -> _AnyTrial:
+    """A recording as read without positions that cannot be those of its markers; shaking is noted."""
+    return note_shaking(remove_jitter(separate_merged(remove_strays(trial))))
+
+
+def repair_forces(forces: GroundForces) -> GroundForces:
+    """Forces as read without spikes; what cannot be repaired is noted."""
+    return note_saturation(note_dead_channels(remove_spikes(forces)))
 
 
 def separate_merged(trial: _AnyTrial) -> _AnyTrial:
@@ -87,17 +134,6 @@ def _find_meeting(trial: Trial) -> Iterator[tuple[int, int, float]]:
                 yield named[k], named[k + 1 + other], usual
 
 
-JITTER_M = 8e-3  # chosen: skin and an impact leave 6 mm from frame to frame, over a window
-_UNUSUAL, _FEW = 5.0, 0.25
-"""Of the noise of the others, from which a marker's own is a fault, and the share of markers of which it may
-be (both chosen: where more jump about, the cameras do)."""
-
-_SLOWEST_HZ = 60.0  # chosen: at fewer frames a second a kick is as rough as noise
-_WINDOW = 11  # frames over which noise is measured (chosen: an impact lasts five)
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / np.sqrt(70.0)
-"""Fourth differences, of which noise leaves its own deviation, and what moves smoothly nothing."""
-
-
 def remove_jitter(trial: _AnyTrial) -> _AnyTrial:
     """Mark a marker as not seen where it jumps about from frame to frame, as no skin does, nor the others.
 
@@ -135,18 +171,6 @@ def _find_mostly(flags: Mask) -> Mask:
     return np.asarray(
         ndimage.uniform_filter1d(flags.astype(np.float32), _WINDOW, axis=0, mode="nearest") > 0.5
     )
-
-
-SHAKEN_HZ = 6.0  # chosen: above what people do (Winter 2009, sec. 3.4.3)
-SHAKEN_MS2 = 1.0  # chosen: RMS over the markers; a body that does so at such a pace jumps
-_OF_PLACE, _OF_WHOLE, _OVER_OTHERS = 0.85, 0.6, 10.0
-"""Share of a line's power over the lines near it that depends on the place alone, of its whole power, and how
-far what depends on the place stands above the lines near it (all chosen: in 128 real files no line of such an
-acceleration passes the last; where cameras were shaken by 2 mm, walking shows 10 to 30 and squats 400)."""
-
-_NEAR, _FINER = (3.0, 15.0), 4  # widths of a line between which others are near; points of a line (chosen)
-_FASTEST, _LONGEST_S, _LEAST = 0.4, 20.0, (40, 8)  # of the frame rate; at most; frames and markers (chosen)
-_SEEN = 0.9  # of these frames, in which a marker must be seen (chosen)
 
 
 def note_shaking(trial: _AnyTrial) -> _AnyTrial:
@@ -219,14 +243,6 @@ def _compute_spectrum(paths: Array, rate_hz: float) -> tuple[Array, Array, Array
     return hertz[some], *(np.square(np.abs(x)).sum(axis=(1, 2)) for x in (lines, shared))
 
 
-SPIKE_N = 50.0
-"""Least force of a spike (chosen: a tenth of most feet's load, above what shakes a floor)."""
-
-_BESIDE = 2  # samples on either side of a spike, which itself lasts up to as many (chosen)
-_CLEAR = 3.0
-"""Of a spike, over how much the course without it bends nearby (chosen: an impact's flanks bend, too)."""
-
-
 def remove_spikes(forces: GroundForces) -> GroundForces:
     """Interpolate over a sample or two in which a plate jumps and comes back, as no foot does.
 
@@ -266,15 +282,6 @@ def _find_spikes(force: Array) -> Mask:
     return np.asarray(spikes.any(axis=1))
 
 
-LOADED_N = 100.0  # chosen: under less load a sideways force may be lost in the noise
-_FEWEST_LOADED = 50  # samples (chosen)
-_DEAD, _ALIVE = 0.004, 0.01
-"""Spread of a sideways force over the load it stands under: below the first no foot moves, above the second
-it shows that feet push so here (chosen: 0.02 to 0.1 in squats and walking)."""
-
-_SIDEWAYS = np.array([True, False, True])
-
-
 def note_dead_channels(forces: GroundForces) -> GroundForces:
     """Note where a sideways force of one plate reads nothing while another plate's does.
 
@@ -301,19 +308,6 @@ def note_dead_channels(forces: GroundForces) -> GroundForces:
             for k, axis in np.argwhere(dead).tolist()
         )
     )
-
-
-_TOP, _FLAT, _STANDS = 0.95, 0.005, 0.6
-"""Of the highest force: from where on it may have been cut off, by how much it then differs from its median,
-and in which share of these samples (all chosen: of a parabola's top 0.2 lie so near)."""
-
-_BEYOND = 0.015  # of the limit, by which noise passes it (chosen: who comes to rest bears 3 % more before)
-_SHORTEST = 4  # samples that stand still (chosen)
-_STILL = 0.9  # of the limit; chosen: who stands still on a plate never loads it less (0.995 when quiet)
-_BRIEF_S = 1.0  # chosen: nobody stands still for less, again and again at one load
-_CORNER, _CORNER_S = 0.025, 0.1
-"""Of the limit, and in how long: what a load changes there that is cut off as it rises or falls, and not one
-that slowly comes to rest (chosen: a squat's load that is cut by a twentieth changes twice as fast)."""
 
 
 def note_saturation(forces: GroundForces) -> GroundForces:

@@ -7,7 +7,7 @@ doubt are refused by whoever computes; the others are told.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import TypeVar
@@ -42,6 +42,17 @@ from scaling_service.recording.same_person import ask_same_person
 from scaling_service.recording.sides import MIRRORED, judge_handedness
 from scaling_service.recording.sizes import ask_sizes
 from scaling_service.recording.witnesses import FRAMES, WRONG
+
+ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
+_FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
+_MOST_ALIKE = 20  # labels of one name or landmark that are compared (chosen: so many persons in one volume)
+_AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
+
+_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
+_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
+_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
+
+_HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
 
 def ask(given: Recordings) -> tuple[Finding, ...]:
@@ -79,11 +90,6 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
     return relabel(trial, corrections)
 
 
-ANOTHER_M = 0.3  # chosen: two labels of one landmark of one person are nearer, whoever palpated
-_FEWEST_TWICE = 4  # labels that stand twice, far apart, before they make another person (chosen)
-_AFFIX = 8  # letters that a system or a person adds to tell two subjects apart (chosen)
-
-
 def ask_one_person(trial: Trial) -> Iterator[Finding]:
     """Whether two sets of the same labels stand in one recording, far apart."""
     step = max(1, trial.n_frames // FRAMES)
@@ -93,14 +99,8 @@ def ask_one_person(trial: Trial) -> Iterator[Finding]:
         for label, seen in zip(trial.labels, shown, strict=True)
         if seen and not is_computed(label) and not is_unlabelled(label)
     }
-    roles = {label: find_canonical(label) for label in keys}
     twice: dict[str, list[tuple[str, str]]] = {}
-    for one, other in combinations(keys, 2):
-        alike = _find_affix(keys[one], keys[other])
-        if alike is None and roles[one] is not None and roles[other] == roles[one]:
-            alike = ""
-        if alike is None:
-            continue
+    for (one, other), alike in _find_alike(keys).items():
         distance = np.linalg.norm((trial.position(one) - trial.position(other))[::step], axis=1)
         known = distance[np.isfinite(distance)]
         if len(known) and np.median(known) > ANOTHER_M:
@@ -117,6 +117,36 @@ def ask_one_person(trial: Trial) -> Iterator[Finding]:
             f"{ANOTHER_M:g} m apart ({names})",
             remedy="Export one person alone, or remove the other's labels",
         )
+
+
+def _find_alike(keys: Mapping[str, str]) -> dict[tuple[str, str], str]:
+    """Pairs of labels that stand for one place, in the order of the recording, and what tells them apart.
+
+    ``keys``: label to its plain name. Each name is looked up among those that are some letters shorter.
+    """
+    order = {label: k for k, label in enumerate(keys)}
+    named: dict[str, list[str]] = {}
+    placed: dict[str, list[str]] = {}
+    for label, key in keys.items():
+        named.setdefault(key, []).append(label)
+        role = find_canonical(label)
+        if role is not None:
+            placed.setdefault(role, []).append(label)
+    found: dict[tuple[str, str], str] = {}
+
+    def keep(one: str, other: str, alike: str) -> None:
+        found.setdefault((one, other) if order[one] < order[other] else (other, one), alike)
+
+    for label, key in keys.items():
+        shorter = {part for n in range(1, _AFFIX + 1) for part in (key[:-n], key[n:]) if len(part) > 1}
+        for short in shorter & named.keys():
+            affix = _find_affix(short, key)
+            for other in named[short][:_MOST_ALIKE] if affix is not None else ():
+                keep(label, other, affix or "")
+    for labels in placed.values():
+        for one, other in combinations(labels[:_MOST_ALIKE], 2):
+            keep(one, other, "")
+    return dict(sorted(found.items(), key=lambda pair: (order[pair[0][0]], order[pair[0][1]])))
 
 
 def _find_affix(one: str, other: str) -> str | None:
@@ -189,11 +219,6 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
         )
 
 
-_NOISE_FLOOR_M = 0.003  # chosen: no marker keeps its place on a segment better, over skin
-_SAFE, _ODD = np.log1p(-WRONG), np.log(WRONG)  # that a model's segment is as it says, and that it is not
-_FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
-
-
 def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
     """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
     turned, seen = 0.0, []
@@ -242,9 +267,6 @@ def _compare_with_mirror(cloud: Array, places: Array) -> float:
         for side in (1.0, -1.0)
     )
     return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
-
-
-_HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
 
 def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:

@@ -19,6 +19,17 @@ from scaling_service.numerics.signals.filters import (
 from scaling_service.recording import orientation
 from scaling_service.recording.settings import LEAST_RATE, LONGEST_SPLINE_S, ProcessingSettings
 
+ORDER = 4
+"""Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
+
+MIN_COMMON_FRAMES = 10
+"""Frames in which a marker and three others are seen together (chosen: 0.1 s at 100 Hz, so that one bad frame
+does not make the shape)."""
+
+_MOST_COMMON = 2000  # chosen: frames, equally spaced; noise of 1 mm leaves 0.02 mm in their mean shape
+_SHAPE_ROUNDS = 10  # chosen: the mean shape settles by a factor above ten per round
+_SHAPE_SETTLED_M = 1e-6  # chosen: a hundredth of a camera system's noise
+
 
 def process(
     trial: Trial,
@@ -40,10 +51,6 @@ def process(
     elif chosen.smoothing != "none":
         turned = smooth(turned, chosen.cutoff_hz)
     return fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
-
-
-ORDER = 4
-"""Effective order, 2 forwards and 2 backwards (chosen: the custom of gait laboratories, Winter 2009)."""
 
 
 def _tell_not_smoothed(trial: Trial, cutoff_hz: float) -> Repair:
@@ -76,15 +83,6 @@ def smooth(trial: Trial, cutoff_hz: float) -> Trial:
         Repair(what="smoothing", where=trial.name, detail=detail, frames=trial.n_frames),
         *short,
     )
-
-
-MIN_COMMON_FRAMES = 10
-"""Frames in which a marker and three others are seen together (chosen: 0.1 s at 100 Hz, so that one bad frame
-does not make the shape)."""
-
-_MOST_COMMON = 2000  # chosen: frames, equally spaced; noise of 1 mm leaves 0.02 mm in their mean shape
-_SHAPE_ROUNDS = 10  # chosen: the mean shape settles by a factor above ten per round
-_SHAPE_SETTLED_M = 1e-6  # chosen: a hundredth of a camera system's noise
 
 
 def fill(

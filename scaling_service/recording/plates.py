@@ -23,6 +23,12 @@ from scaling_service.recording.orientation import Orientation
 BEYOND_M = 0.1  # chosen: a centre of pressure may lie this far off the plate by errors of corners and offsets
 MOSTLY = 0.5  # chosen: share of the loaded samples that decides
 
+ORDER = 4
+"""Effective order, zero phase: Muller et al. 2017, sec. 2.1, for the motion; the same must hold for forces,
+or impacts appear on one side of the equation only (van den Bogert & de Koning 1996)."""
+
+ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
+
 
 def compute_ground_forces(recording: PlateRecording | TrialUnusable) -> GroundForces:
     """Wrenches of all plates in the laboratory's axes, about the laboratory's origin.
@@ -156,13 +162,6 @@ def orient_forces(axes: Orientation, forces: GroundForces) -> GroundForces:
         )
         return turned.change(note, force=-force, moment=-moment)
     return turned
-
-
-ORDER = 4
-"""Effective order, zero phase: Muller et al. 2017, sec. 2.1, for the motion; the same must hold for forces,
-or impacts appear on one side of the equation only (van den Bogert & de Koning 1996)."""
-
-ROUNDED = 0.25  # share of a step by which a time may be rounded and still stand on a regular clock (chosen)
 
 
 def synchronise(forces: GroundForces, times: ArrayLike, *, cutoff_hz: float | None = None) -> GroundForces:

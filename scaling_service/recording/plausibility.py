@@ -21,6 +21,29 @@ PLAUSIBLE_EXTENT_M = (0.2, 5.0)
 UNIT_MIXUPS = (1e-3, 1e3)
 """m that are mm, and mm that are m: the mix-ups that occur; their plausible ranges do not overlap."""
 
+FARTHEST = 20.0
+"""Distance from the middle of a frame's markers, over the typical one, beyond which a marker is no part of a
+body (chosen: real recordings of whole bodies and of legs reach 2 to 5)."""
+
+FEWEST = 4  # markers of a frame that tell where its middle is (chosen: of three, two may be the strays)
+
+NEAR_M = 0.03
+"""Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
+
+OVERLAP = 0.1  # chosen: share of its frames in which a trajectory may be seen beside the marker that it fills
+
+MOVED_M = 0.02
+"""Chosen: a distance within a segment whose median differs by more between recordings is no skin alone where
+the segment's other markers keep theirs (over a greater trochanter, hip against knee bending: 15 mm)."""
+
+FEWEST_OF_SEGMENT = 4
+"""Markers of a segment from which one can be seen to have moved (chosen: three others are a shape)."""
+
+TOLD_BY = 2
+"""Neighbours from which its distance must differ (chosen: of one distance, either end may be wrong)."""
+
+_FRAMES = 500  # of a recording, evenly: a median needs no more (chosen)
+
 
 def find_unit_factor(trial: Trial) -> tuple[float, tuple[Repair, ...]]:
     """The factor that makes the size of the body plausible, 1 where the stated unit can be true.
@@ -67,13 +90,6 @@ def find_extremes(positions: Array) -> tuple[Array, Array]:
     return np.where(none, np.nan, low), np.where(none, np.nan, high)
 
 
-FARTHEST = 20.0
-"""Distance from the middle of a frame's markers, over the typical one, beyond which a marker is no part of a
-body (chosen: real recordings of whole bodies and of legs reach 2 to 5)."""
-
-FEWEST = 4  # markers of a frame that tell where its middle is (chosen: of three, two may be the strays)
-
-
 def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     """Mark positions that no body can reach as not seen.
 
@@ -104,12 +120,6 @@ def _take_median(positions: Array) -> Array:
     count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
     low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
     return 0.5 * (low + high)
-
-
-NEAR_M = 0.03
-"""Chosen: a trajectory that goes on within this distance where a marker is lost is the marker's own."""
-
-OVERLAP = 0.1  # chosen: share of its frames in which a trajectory may be seen beside the marker that it fills
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,19 +171,6 @@ def _measure_distance_in_gaps(markers: Array, shown: Mask, column: int, other: i
     if not len(distances):
         return float("inf"), other, 0
     return float(np.median(distances)), other, int((here & ~there).sum())
-
-
-MOVED_M = 0.02
-"""Chosen: a distance within a segment whose median differs by more between recordings is no skin alone where
-the segment's other markers keep theirs (over a greater trochanter, hip against knee bending: 15 mm)."""
-
-FEWEST_OF_SEGMENT = 4
-"""Markers of a segment from which one can be seen to have moved (chosen: three others are a shape)."""
-
-TOLD_BY = 2
-"""Neighbours from which its distance must differ (chosen: of one distance, either end may be wrong)."""
-
-_FRAMES = 500  # of a recording, evenly: a median needs no more (chosen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +229,8 @@ def _find_moved(
     trial: str, shapes: Mapping[str, Shape], others: Sequence[str], clusters: Clusters
 ) -> Iterator[MovedMarker]:
     for labels in clusters.values():
-        for label in labels:
+        measured = {label for pair in shapes[trial] for label in pair}
+        for label in labels if measured.intersection(labels) else ():
             known = [_compare(label, labels, trial, other, shapes) for other in others]
             reported = [one for one in known if one is not None]
             moved = [one for one, alone in reported if alone]

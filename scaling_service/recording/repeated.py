@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from scaling_service.model.trial import Repair, Trial
+from scaling_service.model.trial import Array, Repair, Trial
 
 _Kind = TypeVar("_Kind", bound=Trial)
 
@@ -39,25 +39,26 @@ def choose_repeated(trials: Sequence[_Kind]) -> list[_Kind]:
     where it stands once; where there are none the first in the file keeps the name. Exchanges are among
     the repairs.
     """
-    usual: dict[frozenset[str], float] = {}
-    for trial in trials:
-        twice = list_repeated(trial.labels)
+    repeated = [list_repeated(trial.labels) for trial in trials]
+    asked = dict.fromkeys(name for twice in repeated for name in twice)
+    usual: dict[str, dict[str, float]] = {name: {} for name in asked}
+    for trial, twice in zip(trials, repeated, strict=True):
         sound = [k for k in trial.shown_labels if k not in twice and k.rpartition("#")[0] not in twice]
-        for k, label in enumerate(sound):
-            for other in sound[k + 1 :]:
-                usual.setdefault(frozenset((label, other)), _measure(trial, label, other))
-    return [_choose(trial, usual) for trial in trials]
+        for name in asked.keys() & set(sound):
+            others = [label for label in sound if label != name]
+            usual[name] = dict(zip(others, _measure(trial, name, others), strict=True)) | usual[name]
+    return [_choose(trial, twice, usual) for trial, twice in zip(trials, repeated, strict=True)]
 
 
-def _choose(trial: _Kind, usual: Mapping[frozenset[str], float]) -> _Kind:
-    for name, further in list_repeated(trial.labels).items():
-        others = [o for o in trial.shown_labels if frozenset((name, o)) in usual]
+def _choose(
+    trial: _Kind, repeated: Mapping[str, Sequence[str]], usual: Mapping[str, Mapping[str, float]]
+) -> _Kind:
+    for name, further in repeated.items():
+        others = [o for o in trial.shown_labels if o in usual[name]]
         if not others:
             continue
-        off = {
-            point: np.median([abs(_measure(trial, point, o) - usual[frozenset((name, o))]) for o in others])
-            for point in (name, *further)
-        }
+        there = np.array([usual[name][o] for o in others])
+        off = {point: np.median(np.abs(_measure(trial, point, others) - there)) for point in (name, *further)}
         best = min(off, key=lambda point: (np.isnan(off[point]), off[point]))
         if best != name:
             exchanged = {name: best, best: name}
@@ -70,8 +71,12 @@ def _choose(trial: _Kind, usual: Mapping[frozenset[str], float]) -> _Kind:
     return trial
 
 
-def _measure(trial: Trial, one: str, other: str) -> float:
+def _measure(trial: Trial, one: str, others: Sequence[str]) -> Array:
+    """The usual distances of a label from others, (n_others,), m; NaN where they are never seen together."""
     step = max(1, trial.n_frames // _FRAMES)
-    apart = np.linalg.norm((trial.position(one) - trial.position(other))[::step], axis=1)
-    known = apart[np.isfinite(apart)]
-    return float(np.median(known)) if len(known) else float("nan")
+    theirs = trial.select(others).markers[::step]
+    apart = np.linalg.norm(trial.position(one)[::step, None] - theirs, axis=2)
+    usual = np.full(len(others), np.nan)
+    known = np.isfinite(apart).any(axis=0)
+    usual[known] = np.nanmedian(apart[:, known], axis=0)
+    return usual

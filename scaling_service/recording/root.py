@@ -24,6 +24,8 @@ _NOISE_M = 0.01  # chosen: skin over bone
 _LARGEST_SD = np.radians(30.0)
 """Chosen: the root's turn that markers with this noise leave less certain is not shown by them."""
 
+_ACROSS_M = 0.01  # chosen: three markers that lie nearer to one line show no turn about it
+
 
 def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Iterator[Finding]:
     """Whether the segment that carries all others is shown, by its own markers or by what hangs on it.
@@ -60,9 +62,6 @@ def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Itera
                 remedy=f"Record or label {list_few(own)}; if they have other names, map them under "
                 "`markers:`; if other markers sit on it, name them under `extra_markers:`",
             )
-
-
-_ACROSS_M = 0.01  # chosen: three markers that lie nearer to one line show no turn about it
 
 
 def _is_shown(trial: Trial, labels: Sequence[str]) -> bool:

@@ -39,6 +39,8 @@ _ODD_SEGMENT = 0.01  # share of segments with a fault of their own (chosen: 2 of
 
 _PLATE_M = 0.001  # chosen: markers that keep their distances so well sit on a plate, which fits everybody
 
+_FEWEST_BONES = 3  # distances that tell a person's size (chosen)
+
 
 def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
     """Whether all recordings show one person with one placement of the markers, at one scale.
@@ -83,9 +85,6 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
             remedy="Use recordings of one person with one calibration of the volume, and of one placement of "
             "the markers where they are fitted together",
         )
-
-
-_FEWEST_BONES = 3  # distances that tell a person's size (chosen)
 
 
 def _weigh_anew(

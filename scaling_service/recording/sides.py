@@ -63,6 +63,9 @@ _BLOCKS: Mapping[str, frozenset[str]] = {
 """Parts whose labels may all be exchanged, as when somebody corrected only the others."""
 
 
+_MOST_PAIRS = 60  # that are weighed against each other (chosen: both hands' fingers have as many)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handedness:
     """What the posterior says of one recording.
@@ -87,7 +90,7 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     ``trial``: in any axes and unit. ``roles``: label to landmark (``RASIS``, ``RLFE`` …), others by words.
     """
     body = Body(trial, roles)
-    pairs = list(body.find_pairs())
+    pairs = list(body.find_pairs())[:_MOST_PAIRS]
     witnesses = [w for w in body.find_witnesses() if np.isfinite(w.right).all(axis=1).any()]
     if not pairs or not witnesses:
         return None

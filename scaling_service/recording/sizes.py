@@ -24,6 +24,16 @@ MISSTATED = 0.04
 """Relative standard deviation of a stated height that is wrong (chosen: 70 mm; last year's child, shoes, a
 slip of the pen): what only contradicts the height is asked about and not refused."""
 
+_UPRIGHT = np.cos(np.radians(15.0))  # chosen: thighs, shanks and trunk of somebody who stands lean less
+
+_REACHES: Mapping[str, float] = {
+    "head": 0.20, "trunk": 0.33, "arm": 0.50, "pelvis": 0.25, "thigh": 0.33, "shank": 0.28, "foot": 0.22
+}  # fmt: skip
+"""How far apart two markers of a part of the body may be, over stature (chosen: a quarter more than the
+farthest of twelve persons, clusters and wands included)."""
+
+_TALLEST_M = 2.1  # chosen: of a person whose height is not known
+
 
 @dataclass(frozen=True, slots=True)
 class _Size:
@@ -75,8 +85,6 @@ _STANDING = (
 """Heights over the ankles of somebody who stands upright, whose stature foretells them (deviations chosen: 15
 mm of slack in trunk and knees, and palpation)."""
 
-_UPRIGHT = np.cos(np.radians(15.0))  # chosen: thighs, shanks and trunk of somebody who stands lean less
-
 
 def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> Iterator[Finding]:
     """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
@@ -84,15 +92,6 @@ def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> It
     for trial in trials:
         found = list(_ask_sizes_of(trial, people, stated, standing=trial.name == static))
         yield from found or _ask_reaches(trial, stated)
-
-
-_REACHES: Mapping[str, float] = {
-    "head": 0.20, "trunk": 0.33, "arm": 0.50, "pelvis": 0.25, "thigh": 0.33, "shank": 0.28, "foot": 0.22
-}  # fmt: skip
-"""How far apart two markers of a part of the body may be, over stature (chosen: a quarter more than the
-farthest of twelve persons, clusters and wands included)."""
-
-_TALLEST_M = 2.1  # chosen: of a person whose height is not known
 
 
 def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ import numpy as np
 from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
 from scaling_service.model.trial import Array, Trial, is_unlabelled
 from scaling_service.numerics.least_squares.problem import find_shown
+from scaling_service.recording.exchanged import MOST_COMPARED
 from scaling_service.recording.repeated import list_repeated
 
 WRONG = 0.01
@@ -288,7 +289,7 @@ def measure_within_segments(trial: Trial, roles: Mapping[str, str]) -> dict[tupl
         segments.setdefault(f"{region}{side}", []).append(name)
     found = {}
     for segment, names in segments.items():
-        for a, b in combinations(sorted(names), 2):
+        for a, b in combinations(sorted(names)[:MOST_COMPARED], 2):
             distance = np.linalg.norm(
                 body.markers[:, body.columns[a]] - body.markers[:, body.columns[b]], axis=1
             )

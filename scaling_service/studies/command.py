@@ -55,6 +55,8 @@ _Recordings = Annotated[
     ),
 ]
 
+_STYLES = {True: "green", False: "red", None: "yellow"}
+
 
 @with_flags
 def reproduce(
@@ -148,7 +150,5 @@ def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, fil
     console.print(f"{count_held(document)} claims hold; {taken}", highlight=False)
     list_files(console, out, [", ".join(files)])
 
-
-_STYLES = {True: "green", False: "red", None: "yellow"}
 
 COMMANDS = (reproduce,)

@@ -59,6 +59,38 @@ _WAVES = 64  # chosen: in the random field, enough for a normal distribution
 _MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean of |u| for u of SD 1
 _FRAME_M = 0.5  # chosen: SD of the image's origin about the standing person's
 
+RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
+"""Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
+movement are found to be enough, and are searched in seconds."""
+
+_M_PER_MM, _RAD_PER_DEG = 1e-3, np.pi / 180.0
+
+PREFIX = "V"
+"""Before every label, as trackers write it where several persons can be seen."""
+
+DOCUMENT = "subject.json"
+IMAGE_MARKERS = "image_markers.csv"
+
+LABELS: Mapping[str, str] = {
+    f"{side}{marker}": f"{PREFIX}:{side}{label}"
+    for side in "RL"
+    for marker, label in (
+        ("ASIS", "ASI"),
+        ("PSIS", "PSI"),
+        ("LFE", "KNE"),
+        ("MFE", "KNM"),
+        ("FH", "FH"),
+        ("LM", "ANK"),
+        ("MM", "MMA"),
+    )
+}
+"""Model marker to its label in the recordings: as many laboratories write them."""
+
+R_OURS_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""The recordings' axes: Z up, as most laboratories have it; the person walks along X."""
+
+_MM = 1e3
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VirtualImage:
@@ -172,13 +204,6 @@ def _draw_waves(rng: np.random.Generator, points: Array) -> Array:
     return np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
 
 
-RECORDED = VirtualSettings(artefact=0.0, functional_s=5.0)
-"""Chosen: the skin rests but for what is hidden, so that all there is to find is known; five seconds of each
-movement are found to be enough, and are searched in seconds."""
-
-_M_PER_MM, _RAD_PER_DEG = 1e-3, np.pi / 180.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hidden:
     """One thing that was hidden."""
@@ -274,33 +299,6 @@ def _swap_labels(trial: Trial) -> Trial:
     markers = trial.markers.copy()
     markers[rows[:, None], pair] = markers[rows[:, None], pair[::-1]]
     return replace(trial, markers=markers)
-
-
-PREFIX = "V"
-"""Before every label, as trackers write it where several persons can be seen."""
-
-DOCUMENT = "subject.json"
-IMAGE_MARKERS = "image_markers.csv"
-
-LABELS: Mapping[str, str] = {
-    f"{side}{marker}": f"{PREFIX}:{side}{label}"
-    for side in "RL"
-    for marker, label in (
-        ("ASIS", "ASI"),
-        ("PSIS", "PSI"),
-        ("LFE", "KNE"),
-        ("MFE", "KNM"),
-        ("FH", "FH"),
-        ("LM", "ANK"),
-        ("MM", "MMA"),
-    )
-}
-"""Model marker to its label in the recordings: as many laboratories write them."""
-
-R_OURS_LAB = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""The recordings' axes: Z up, as most laboratories have it; the person walks along X."""
-
-_MM = 1e3
 
 
 def write_example(

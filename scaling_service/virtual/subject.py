@@ -58,6 +58,14 @@ KNEE_AXIS_DEG: Mapping[str, tuple[tuple[float, float], tuple[float, float]]] = {
 }
 """Mean and SD of the turns about x and y of the thigh (Puchaud 2019, table 3, EB_a,m*)."""
 
+GENERIC = "lower_limb_14dof"
+
+CAMERA_MM: Mapping[str, float] = {"static": 0.2, "dynamic": 0.5}
+"""SD of each coordinate in each frame, standing and moving (facts section 8)."""
+GAPS_PER_S, GAP_S = 0.02, 0.10
+"""Chosen: two or three hidden markers in ten seconds, a tenth of a second on average, so that some are longer
+than the 0.15 s that a spline may bridge."""
+
 
 def read_stature_spread(sex: Sex) -> tuple[float, float]:
     """Mean and SD of the stature (m) of one sex in the cohort."""
@@ -104,15 +112,6 @@ def draw_knee_tilt(seed: int, side: str) -> tuple[float, float]:
     rng = stream(seed, "knee_axis", side)
     x, y = (float(np.radians(rng.normal(*spread))) for spread in KNEE_AXIS_DEG[side])
     return (x, y)
-
-
-GENERIC = "lower_limb_14dof"
-
-CAMERA_MM: Mapping[str, float] = {"static": 0.2, "dynamic": 0.5}
-"""SD of each coordinate in each frame, standing and moving (facts section 8)."""
-GAPS_PER_S, GAP_S = 0.02, 0.10
-"""Chosen: two or three hidden markers in ten seconds, a tenth of a second on average, so that some are longer
-than the 0.15 s that a spline may bridge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,6 +49,18 @@ def test_a_hidden_effect_is_named(
     assert after < before
 
 
+def test_what_is_too_small_to_be_named_is_estimated() -> None:
+    _, truth = hide("joint_centre_offset", "hip_r", numbers=(3.0, 0.0, 0.0))
+    result = found(recorded(person(), truth))
+    assert not result.findings.named
+    where = ("joint_centre_offset", ("hip_r",))
+    (hip,) = (x for x in result.leanings if (x.candidate.kind, x.candidate.where) == where)
+    size, covariance = hip.solve()
+    sds = np.sqrt(np.diag(covariance))
+    assert (sds < 0.002).all()
+    assert (np.abs(size - [0.003, 0.0, 0.0]) < 2.0 * sds).all()
+
+
 def test_nothing_is_named_where_nothing_is() -> None:
     shares: list[float] = []
     recordings = recorded(person(), person().model, seed=3)

@@ -14,6 +14,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     FreeMotion,
 )
 from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.search.findings import Findings, Gap, Level, NamedEffect
 
 
@@ -70,7 +71,7 @@ TOUCH = replace(
             where=("torso",),
             columns=(),
             trials=("squat",),
-            change=Contact("torso", 0.5, 1.5, (0.05, 0.3, 0.0)),
+            change=Contact("torso", 0.5, 1.5, (0.05, 0.3, 0.0), tuple(NOISE)),
         ),
         [],
         [],

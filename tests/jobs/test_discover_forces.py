@@ -15,6 +15,7 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Co
 from scaling_service.capabilities.discovery.laws.loads import PlateBias, PlateGain
 from scaling_service.capabilities.discovery.observations.performed import perform_on_plates
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.saving import tabulate_forces, write_contacts, write_corrected
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.capabilities.discovery.start import Prepared, find_usable_frames, prepare
@@ -116,7 +117,7 @@ TOUCH = Estimate(
         where=("torso",),
         columns=(),
         trials=("sway",),
-        change=Contact("torso", 0.5, 1.5, (0.0,) * 3),
+        change=Contact("torso", 0.5, 1.5, (0.0,) * 3, tuple(NOISE)),
     ),
     np.zeros(0),
 )

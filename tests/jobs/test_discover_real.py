@@ -11,6 +11,7 @@ import pytest
 from scaling_service.capabilities.discovery.evidence.fit import SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Contact, Estimate
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
+from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.start import Prepared, prepare
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.files.sto import read_sto, write_sto
@@ -53,7 +54,7 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
     start, end = (float(prepared.recordings[0].trial.times[k]) for k in (0, -1))
     contact = Candidate(
         kind="external_contact", where=("calcn_l",), columns=(), trials=("squats1",),
-        change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0)),
+        change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0), tuple(NOISE)),
     )  # fmt: skip
     found = fit_recordings(
         SearchContext(model=prepared.model, recordings=prepared.recordings),

@@ -42,6 +42,8 @@ SAME = 1e-9
 and its optimisation of axes and markers only) reach it by different sums; nine digits call it a tie,
 where rounding errors would be ranked otherwise."""
 
+_MM, _DEG = 1e3, 180.0 / math.pi
+
 
 def compare_groups(
     values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
@@ -139,8 +141,6 @@ def _shift(method: MethodSummary) -> dict[str, float]:
     shifts = list(method.marker_shifts.values())
     return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
 
-
-_MM, _DEG = 1e3, 180.0 / math.pi
 
 KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]] = MappingProxyType(
     {

@@ -35,6 +35,11 @@ from scaling_service.model.subject import Subject
 
 Status = Literal["done", "skipped", "failed"]
 
+RECORD_VERSION = 1
+"""Part of every specification: raised when a summary holds other things than before."""
+
+_COMPUTING = 0.85  # chosen: about computing's share of a subject's time, before its files are written
+
 
 class NothingPossible(InputError):
     """None of the methods that were asked for can be done with what a subject has."""
@@ -172,12 +177,6 @@ def _run_member(member: Member, methods: Sequence[str] | None, settings: Setting
     except Exception as error:  # noqa: BLE001 (a defect met by one subject must not cost the others)
         return make_outcome("failed", f"a defect of the program: {type(error).__name__}: {error}")
     return make_outcome("done", "unchanged since an earlier run" if done.kept else "", done)
-
-
-RECORD_VERSION = 1
-"""Part of every specification: raised when a summary holds other things than before."""
-
-_COMPUTING = 0.85  # chosen: about computing's share of a subject's time, before its files are written
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.cohort.document import CohortDocument
     from scaling_service.capabilities.cohort.outcomes import Outcome
 
+_MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
+_ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
+
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
     """The methods over subjects, then the subjects that are not done, notes and files."""
@@ -40,10 +43,6 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
     list_files(console, out, [*written, *files])
-
-
-_MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
-_ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
 
 
 class _Rest(TimeRemainingColumn):

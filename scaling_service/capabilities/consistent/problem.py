@@ -47,6 +47,12 @@ from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 SPREAD = GeometryPrior(0.05, 0.009)
 """5 % of a length, 9 mm of a marker's coordinate: the priors of the other calibrations."""
 
+CONSTANT = 0
+"""The signal of constant shifts."""
+
+BLOCK = 128
+"""Frames at a time (chosen: 30 coordinates then take 10 MB for each matrix of a frame's unknowns)."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistentSettings:
@@ -84,13 +90,6 @@ class ConsistentSettings:
 
 PLAIN = ConsistentSettings()
 """Nothing chosen."""
-
-
-CONSTANT = 0
-"""The signal of constant shifts."""
-
-BLOCK = 128
-"""Frames at a time (chosen: 30 coordinates then take 10 MB for each matrix of a frame's unknowns)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -84,6 +84,10 @@ FULL_RAD = np.radians(45.0)
 """Range of the angles from which on the whole artefact is expected (chosen: that of table 1 is of large
 movements; below, it grows with the angle)."""
 
+SPATIAL = (True,) * 6
+SAGITTAL = (True, True, False, False, False, True)
+"""Components of the ground wrench that a model in space, and a planar one, can follow."""
+
 
 def expect_artefacts(model: BodyModel) -> dict[str, float]:
     """The expected error of every marker of a model, m."""
@@ -149,11 +153,6 @@ def _find_driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
         return None
     score = angles @ np.linalg.svd(angles, full_matrices=False)[2][0]
     return np.asarray(score / max(float(np.ptp(score)), FULL_RAD))
-
-
-SPATIAL = (True,) * 6
-SAGITTAL = (True, True, False, False, False, True)
-"""Components of the ground wrench that a model in space, and a planar one, can follow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

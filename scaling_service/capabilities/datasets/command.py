@@ -53,6 +53,8 @@ _BaseUrl = Annotated[
     ),
 ]
 
+GROUPS = {"datasets": app}
+
 
 @app.callback()
 def datasets() -> None:
@@ -128,6 +130,3 @@ def _show(obtained: Obtained, dataset: Dataset) -> None:
     console.print("Now run:", highlight=False)
     for command in list_next_commands(dataset, obtained.folder):
         console.print(f"  {escape(command)}", highlight=False, soft_wrap=True, style="cyan")
-
-
-GROUPS = {"datasets": app}

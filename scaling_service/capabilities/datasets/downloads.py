@@ -21,6 +21,28 @@ _CHUNK_BYTES = 1 << 16  # chosen: the progress moves several times a second on a
 
 Received = Callable[[int], None]
 
+_AGAIN = "Try again: files that came are kept"
+_ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
+    (
+        requests.exceptions.ProxyError,
+        "the proxy on the way to {host} does not answer",
+        "Check HTTPS_PROXY and HTTP_PROXY",
+    ),
+    (
+        requests.exceptions.SSLError,
+        "the certificate of {host} cannot be verified",
+        "Name your organisation's certificates in REQUESTS_CA_BUNDLE, or another address by --base-url",
+    ),
+    (requests.Timeout, "{host} does not answer in time", f"{_AGAIN}; or name another address by --base-url"),
+    (
+        requests.ConnectionError,
+        "{host} cannot be reached",
+        "Check the network (HTTPS_PROXY names a proxy), or name another address by --base-url",
+    ),
+    (requests.RequestException, "the download from {host} broke off", _AGAIN),
+)
+"""Kind of failure, problem and remedy, the particular before the general."""
+
 
 class DownloadFailed(InputError):
     """A file cannot be had from where it should be, or is not the one that was asked for."""
@@ -141,29 +163,6 @@ def _report_another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
         remedy="Try again later, or name another address by --base-url; "
         "a network's sign-in page can be the cause, too",
     )
-
-
-_AGAIN = "Try again: files that came are kept"
-_ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
-    (
-        requests.exceptions.ProxyError,
-        "the proxy on the way to {host} does not answer",
-        "Check HTTPS_PROXY and HTTP_PROXY",
-    ),
-    (
-        requests.exceptions.SSLError,
-        "the certificate of {host} cannot be verified",
-        "Name your organisation's certificates in REQUESTS_CA_BUNDLE, or another address by --base-url",
-    ),
-    (requests.Timeout, "{host} does not answer in time", f"{_AGAIN}; or name another address by --base-url"),
-    (
-        requests.ConnectionError,
-        "{host} cannot be reached",
-        "Check the network (HTTPS_PROXY names a proxy), or name another address by --base-url",
-    ),
-    (requests.RequestException, "the download from {host} broke off", _AGAIN),
-)
-"""Kind of failure, problem and remedy, the particular before the general."""
 
 
 def _explain_failure(error: requests.RequestException, url: str, file: RemoteFile) -> DownloadFailed:

@@ -34,6 +34,8 @@ from scaling_service.files.osim.setups import parse_xml
 
 _MB = 1e6
 
+_MM = 1e3
+
 
 @dataclass(frozen=True, slots=True)
 class Obtained:
@@ -175,9 +177,6 @@ def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> Non
                 field="--out",
                 remedy="Free some space, or name another folder",
             ) from None
-
-
-_MM = 1e3
 
 
 def tabulate_image_markers(model: Path) -> str:

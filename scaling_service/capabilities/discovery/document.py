@@ -46,9 +46,9 @@ class DisagreementDocument(Part):
     observable: Literal["marker", "force", "moment"]
     unit: Unit
     rms: Number
-    floor: Known = Field(description="Noise floor: what noise alone would leave.")
-    share: Known = Field(description="Of all that stands above the noise floors.")
-    p: Known = Field(description="Of standing so far above its noise floor by chance, over all places.")
+    floor: Known = Field(description="What is ordinary for people, as lively as this person is.")
+    share: Known = Field(description="Of all that stands above what is ordinary.")
+    p: Known = Field(description="Of standing so far above what is ordinary by chance.")
     trials: dict[str, Number] = Field(description="Recording to its RMS.")
     when: str
     along: str
@@ -163,6 +163,14 @@ class TriedDocument(PlacedEffect):
     )
 
 
+class EstimateDocument(PlacedEffect):
+    """What these recordings say of one thing of the model, named or not, were only that unlike the model."""
+
+    parameters: dict[str, QuantityDocument] = Field(
+        description="By the names of an effect's; `determined`: these recordings tell more than half of it."
+    )
+
+
 class UnexplainedDocument(Part):
     """What stands out of what is ordinary and matches no effect."""
 
@@ -219,6 +227,10 @@ class DiscoveryDocument(Provenance):
     effects: list[EffectDocument]
     gap: BothGaps
     tried: list[TriedDocument]
+    estimates: list[EstimateDocument] = Field(
+        default=[],
+        description="Masses, centres and axes of the model as these recordings have them, most unlike first.",
+    )
     unexplained: list[UnexplainedDocument]
     bones: BonesDocument | None = Field(default=None, description="Null in results of earlier versions.")
     start: str = Field(description="The method that scaled the model, or 'none'.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
@@ -21,6 +21,7 @@ from scaling_service.capabilities.discovery.document import (
     DisagreementDocument,
     DiscoveryDocument,
     EffectDocument,
+    EstimateDocument,
     EvidenceDocument,
     ExpectationDocument,
     GapDocument,
@@ -63,6 +64,15 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law
 from scaling_service.numerics.multibody.laws import Array
 
+_MM = 1e3
+_UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
+"""Observable to the unit in the results and its factor."""
+
+_FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
+_MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
+_ESTIMATED = ("segment_mass", "segment_com", "joint_centre_offset", "joint_axis_tilt")
+_TOLD = 0.5  # share of what is not known beforehand that recordings must tell of a number (chosen)
+
 
 def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
     """How probable it is that all of it, in the found proportions, points the way that was found.
@@ -84,14 +94,6 @@ def list_bounds(named: NamedEffect) -> Mapping[str, Range]:
     if named.candidate.oscillation is not None:
         found |= {n: Range(*ends) for n, ends in zip(SHAPES, (FREQUENCIES_HZ, DAMPINGS), strict=True)}
     return found
-
-
-_MM = 1e3
-_UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
-"""Observable to the unit in the results and its factor."""
-
-_FACTORS = {"whitened": 1.0, "markers": _MM, "force": 1.0, "moment": 1.0}
-_MOMENTS = ("x_kgmm", "y_kgmm", "z_kgmm")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
@@ -168,6 +170,7 @@ def make_discovery_document(
             )
             for o in found.tried
         ],
+        estimates=list(_list_estimates(results.leanings)),
         unexplained=left,
         bones=_make_bones(results),
         start=prepared.start,
@@ -179,6 +182,27 @@ def make_discovery_document(
         wall_s=round(results.wall_s, 3),
         hidden=None if results.hidden is None else list(results.hidden),
     )
+
+
+def _list_estimates(leanings: Sequence[Leaning]) -> Iterator[EstimateDocument]:
+    """What is told of single things of the model, the one that is most unlike it first."""
+    posteriors = [(one, *one.solve()) for one in leanings if one.candidate.kind in _ESTIMATED]
+    posteriors.sort(key=lambda each: -float(each[1] @ np.linalg.solve(each[2], each[1])))
+    for one, size, covariance in posteriors:
+        sds = np.sqrt(np.diag(covariance))
+        told = 1.0 - np.square(sds / one.sd) > _TOLD
+        if told.any():
+            yield EstimateDocument(
+                **_place(one.candidate),
+                parameters={
+                    c.name: QuantityDocument(
+                        value=c.neutral + c.unit * value, sd=abs(c.unit) * sd, determined=known
+                    )
+                    for c, value, sd, known in zip(
+                        one.candidate.columns, size.tolist(), sds.tolist(), told.tolist(), strict=True
+                    )
+                },
+            )
 
 
 def _make_bones(results: DiscoverResults) -> BonesDocument:

@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.observations.wrench import ContactAs
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
 from scaling_service.capabilities.dynamics.unmeasured import describe_unmeasured
-from scaling_service.capabilities.dynamics.weight import FAR_OFF
+from scaling_service.capabilities.dynamics.weight import FAR_OFF, NOTICED
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
@@ -50,6 +50,11 @@ _RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gon
 
 Mask = NDArray[np.bool_]
 
+_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
+
+PLAIN_METHODS = ("MB", "EB")
+"""Scalings that fit no marker's place, and so take up least of what is looked for."""
+
 
 def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
     """Forces of all movements that have some, by their stems, and notes on what could not be used.
@@ -66,6 +71,12 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
     recorded = {path.stem for path in read}
     without = [trial.name for trial in loaded.session.dynamic if trial.name not in recorded]
     notes = [f"{list_few(without)}: no forces, so only markers were compared"] if without else []
+    declared, own = loaded.session.subject.mass_kg, sum_mass(model)
+    if declared is not None and abs(own - declared) > NOTICED * declared:
+        notes.append(
+            f"the model's segments weigh {own:.1f} kg together, {declared:.1f} kg are declared: one of its "
+            "segments, or all of them, do not have this person's mass"
+        )
     return found, (*notes, *unusable, *_note_repairs(found))
 
 
@@ -135,12 +146,6 @@ def _note_repairs(found: Mapping[str, TrialForces]) -> tuple[str, ...]:
         for repair in forces.repairs
         if repair.what in _NOTED
     )
-
-
-_OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
-
-PLAIN_METHODS = ("MB", "EB")
-"""Scalings that fit no marker's place, and so take up least of what is looked for."""
 
 
 def choose_plain(session: Session) -> str:

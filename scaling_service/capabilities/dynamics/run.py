@@ -62,6 +62,15 @@ _WARNED_OF = (
 )  # fmt: skip
 """Repairs of forces that a person should know of without opening the results."""
 
+_WRONG_MASS = (
+    "Give the right mass first: until then the residual is that of the mass, and says nothing else of "
+    "the inertia or of the measurement."
+)
+_NOT_MEASURED = (
+    "Inertial parameters are not to be calibrated by {}: the plates do not measure all that bears the "
+    "person, or landings load them faster than the filter follows."
+)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrialDynamics:
@@ -279,16 +288,6 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
             f"{list_few(shaking)} tremble faster than joints do: markers hardly determine them, "
             "nor the residual"
         )
-
-
-_WRONG_MASS = (
-    "Give the right mass first: until then the residual is that of the mass, and says nothing else of "
-    "the inertia or of the measurement."
-)
-_NOT_MEASURED = (
-    "Inertial parameters are not to be calibrated by {}: the plates do not measure all that bears the "
-    "person, or landings load them faster than the filter follows."
-)
 
 
 def write_verdict(

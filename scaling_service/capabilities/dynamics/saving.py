@@ -39,6 +39,8 @@ from scaling_service.report.onefile import Report, read_files
 
 FILE_NAME = "dynamics.json"
 
+RESIDUALS_FILE = f"{FOLDER}/residuals.json"
+
 
 def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool = True) -> DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
@@ -238,9 +240,6 @@ def _make_identification(found: InertialIdentification, before: BodyModel) -> Id
         },
         from_attributes=True,
     )
-
-
-RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 
 def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:

@@ -24,6 +24,10 @@ mm in real recordings, 50 mm and more of a leg that moves)."""
 FIDGETS_M = 0.05
 """Chosen: a recording that its name calls standing is taken up to this, where none is stiller."""
 
+STOOD_S = 0.5
+"""Chosen: in a shorter recording anything stands still, so that only landmarks or a name tell that somebody
+does."""
+
 STANDING = re.compile(r"stat|stand|steh|neutral|anat|pose$|tpose|apose")
 """How a word of a standing recording's name begins."""
 
@@ -47,6 +51,7 @@ class Standing:
     sway_m: float
     landmarks: int  # that are seen in it
     frames: int
+    lasts_s: float
     pelvis: float  # the pelvis' size over that in the movements; 1 where that is not known
     upright: bool  # whether the legs are straight, as far as that is known
     named: bool  # whether its name says standing
@@ -54,6 +59,8 @@ class Standing:
     @property
     def still(self) -> bool:
         """Whether somebody stands in it."""
+        if self.lasts_s < STOOD_S and not (self.landmarks or self.named):
+            return False
         return self.sway_m < (FIDGETS_M if self.named else STILL_M)
 
     @property
@@ -126,6 +133,7 @@ def rank_standing(recordings: Sequence[RecordingFile]) -> list[Standing]:
             sway_m=sways[file],
             landmarks=count_landmarks(trial),
             frames=trial.n_frames,
+            lasts_s=float(trial.times[-1] - trial.times[0]),
             pelvis=compare_pelvis(trial, moving),
             upright=is_upright(trial),
             named=any(STANDING.match(word) for word in split_into_words(file)),

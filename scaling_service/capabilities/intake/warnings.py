@@ -18,9 +18,10 @@ from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.recording.exchanged import Exchange
 from scaling_service.recording.findings import Finding
+from scaling_service.recording.identity.identify import MOST_LABELS
 from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
@@ -67,8 +68,16 @@ def check_units(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
 
 
 def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
-    """Trajectories without a label, with the markers whose gaps they fill."""
+    """More labels than a person carries; trajectories without one, with the markers whose gaps they fill."""
     for item in recordings:
+        named = sum(not is_unlabelled(label) for label in item.trial.labels)
+        if named > MOST_LABELS:
+            yield _make_warning(
+                f"it has {named:,} labels, more than one person carries: where they are does not tell whose",
+                "Export the markers of one person",
+                file=item.file,
+                field="labels",
+            )
         found = sorted(find_unlabelled(item.trial.with_unlabelled()), key=lambda n: (-n.filled, -n.frames))
         filling = [f"{n.label} fills {n.filled} frames of {n.fills}" for n in found if n.fills is not None]
         if found:

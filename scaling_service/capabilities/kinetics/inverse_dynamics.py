@@ -39,6 +39,24 @@ FASTEST = 200.0
 """Angular acceleration of a filtered joint worth a note, rad/s2 (chosen: 0.2 rad to and fro at 5 Hz; knees in
 walking reach about 100). Markers that hardly determine a joint make it tremble so."""
 
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+"""Ground axes X forward, Y up, Z right. Muller et al. 2017 have Z up: their Fz, Mz are our fy, my."""
+
+HICKS = "Hicks 2015"
+"""Name of the limits of Hicks et al. 2015, J Biomech Eng 137:020905, table 2."""
+
+FORCE_SHARE = 0.05
+"""Residual force over net external force (Hicks et al. 2015)."""
+
+MOMENT_SHARE = 0.01
+"""Residual moment over net external force times height of the centre of mass (Hicks et al. 2015)."""
+
+OPENSIM_LIMITS = (("peak force", 25.0), ("RMS force", 15.0), ("peak moment", 75.0), ("RMS moment", 50.0))
+"""N and N m: upper ends of what OpenSim's "Simulation checklist" accepts for residuals of walking."""
+
+PLAUSIBLE_M = (0.5, 2.5)
+"""Statures outside are not statures (chosen)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RatedMotion:
@@ -243,25 +261,6 @@ def find_trembling(dynamics: InverseDynamics, model: BodyModel, frames: NDArray[
         if coordinate.kind == "rotation"
     }
     return sorted((n for n, value in fastest.items() if value > FASTEST), key=lambda n: -fastest[n])
-
-
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-"""Ground axes X forward, Y up, Z right. Muller et al. 2017 have Z up: their Fz, Mz are our fy, my."""
-
-HICKS = "Hicks 2015"
-"""Name of the limits of Hicks et al. 2015, J Biomech Eng 137:020905, table 2."""
-
-FORCE_SHARE = 0.05
-"""Residual force over net external force (Hicks et al. 2015)."""
-
-MOMENT_SHARE = 0.01
-"""Residual moment over net external force times height of the centre of mass (Hicks et al. 2015)."""
-
-OPENSIM_LIMITS = (("peak force", 25.0), ("RMS force", 15.0), ("peak moment", 75.0), ("RMS moment", 50.0))
-"""N and N m: upper ends of what OpenSim's "Simulation checklist" accepts for residuals of walking."""
-
-PLAUSIBLE_M = (0.5, 2.5)
-"""Statures outside are not statures (chosen)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

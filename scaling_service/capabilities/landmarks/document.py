@@ -94,6 +94,10 @@ class PelvisDocument(BoneDocument):
     pubic_tubercle_r_mm: Vector | None = None
     pubic_tubercle_l_mm: Vector | None = None
     asis_axis: Vector | None = Field(default=None, description="From the left ASIS to the right one.")
+    pose_odds_log10: float | None = Field(
+        default=None,
+        description="How much likelier among people it lies this way than in any other, in tens.",
+    )
 
 
 class LandmarksDocument(Part):

@@ -151,7 +151,10 @@ _ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
     "femur": _describe_femur,
     "tibia": _describe_tibia,
     "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
-    "pelvis": lambda bone: {"asis_axis": _to_unit(bone.axes["asis"])},
+    "pelvis": lambda bone: (
+        {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
+        | {"pose_odds_log10": None if bone.pose_odds is None else round(bone.pose_odds, 1)}
+    ),
 }
 
 

@@ -40,6 +40,23 @@ Cycle = tuple[float, float]
 _Place = tuple[str, Array]
 """Segment, and a position in ground where all turns of the model are zero, (3,), m."""
 
+_AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
+"""Angles that are counted from the walking direction."""
+
+_LEAST_WAY_M = 0.3
+"""Of the pelvis over a cycle or a recording, else the recording's x axis is the walking direction. Chosen:
+half a child's stride; on a treadmill the pelvis stays within a few centimetres."""
+
+_TILT_UNSEEN = (
+    "pelvic tilt and hip flexion, and with them the scores: no marker behind the front spines of the pelvis "
+    "was followed, so they may be off by a constant of tens of degrees"
+)
+
+_STEP = 1e-5  # rad or m; chosen: the angles' curvature and rounding both stay below 1e-9
+
+_LOCKED = 1e-4
+"""rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
+
 
 def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     """The landmarks of ``Points`` that a model has.
@@ -155,25 +172,6 @@ def _place_foot_line(places: Mapping[str, _Place], letter: str) -> dict[str, _Pl
         return {}
     ends = {name: found[name][1][None] for name in (heel, toe)}
     return {toe: found[toe], heel: (found[heel][0], level_heel(ends, "r" if letter == "R" else "l")[0])}
-
-
-_AGAINST_THE_WAY = ("pelvis_internal_rotation", "foot_internal_progression")
-"""Angles that are counted from the walking direction."""
-
-_LEAST_WAY_M = 0.3
-"""Of the pelvis over a cycle or a recording, else the recording's x axis is the walking direction. Chosen:
-half a child's stride; on a treadmill the pelvis stays within a few centimetres."""
-
-_TILT_UNSEEN = (
-    "pelvic tilt and hip flexion, and with them the scores: no marker behind the front spines of the pelvis "
-    "was followed, so they may be off by a constant of tens of degrees"
-)
-
-
-_STEP = 1e-5  # rad or m; chosen: the angles' curvature and rounding both stay below 1e-9
-
-_LOCKED = 1e-4
-"""rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -61,6 +61,9 @@ _BENT = (0.0, 0.5)
 """Poses that are asked, as shares of the way from the default to the middle of the range: an arm that can be
 bent shows how its shoulder turns though it hangs straight by default."""
 
+_LEAST = 1e-4
+"""1/m2 or 1/rad2: of what has no range, such as the body's place in the laboratory (a spread of 100 m)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranges:
@@ -150,10 +153,6 @@ def measure_left(model: BodyModel, tree: Tree, told: Array, free: Mask, p: Array
     variance = np.einsum("npkk->npk", np.linalg.inv(information))
     left[:, variables] = np.where(asked[variables], (variance * prior).min(axis=1), 0.0)
     return left
-
-
-_LEAST = 1e-4
-"""1/m2 or 1/rad2: of what has no range, such as the body's place in the laboratory (a spread of 100 m)."""
 
 
 def list_unshown(model: BodyModel, markers: Collection[str]) -> frozenset[str]:

@@ -35,6 +35,8 @@ CLINICAL = "_clinical.csv"
 HELD = "_opensim.mot"
 """End of a motion's name whose numbers are whole: OpenSim's tools stop reading at a NaN."""
 
+FILE_NAME = "ik.json"
+
 
 def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
@@ -136,9 +138,6 @@ def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]
         writer = csv.writer(file)
         writer.writerow(heads)
         writer.writerows(rows)
-
-
-FILE_NAME = "ik.json"
 
 
 def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:

@@ -48,6 +48,21 @@ _APART = 1e-9  # of the variance, each marker's own: two that a model puts in on
 _FRAMES = 200  # looked at, equally spaced (chosen: skin moves slowly, neighbours tell the same)
 _DEFORMATION_M = 1e-4  # chosen: below it deformation is the cameras' noise
 
+_BLOCK = 256  # frames linearised together, as elsewhere
+_MOST_FRAMES = 1000  # chosen: equally spaced; their residuals give a variance to about 3 %
+_PRIOR_FREEDOM = 30.0  # chosen: below about ten frames a marker's own residuals say less than all markers' do
+_MIXING = 0.1  # chosen: combinations of markers that share a residual this much cannot be told apart
+_RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
+_NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differencing leaves
+_RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
+
+_NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
+_OTHERS = (
+    0.5,
+    1.0,
+)  # chosen: frames, as shares of those alike, that are judged where the first leaves some open
+_SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkinField:
@@ -143,14 +158,6 @@ def list_rigid_modes(places: Array) -> Array:
 
 
 Mask = NDArray[np.bool_]
-
-_BLOCK = 256  # frames linearised together, as elsewhere
-_MOST_FRAMES = 1000  # chosen: equally spaced; their residuals give a variance to about 3 %
-_PRIOR_FREEDOM = 30.0  # chosen: below about ten frames a marker's own residuals say less than all markers' do
-_MIXING = 0.1  # chosen: combinations of markers that share a residual this much cannot be told apart
-_RIDGE = 1e-13  # share of the largest curvature: keeps a singular pose from stopping all others
-_NO_RATE = 1e-6  # chosen: of an angle on a coordinate, far above what differencing leaves
-_RESOLUTION_M = 1e-6  # chosen: no camera resolves less, so a perfect fit is not taken for certainty
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -294,14 +301,6 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     shares = (shares + np.diag(_PRIOR_FREEDOM * np.ones(count))) / (freedom + _PRIOR_FREEDOM)[:, None]
     apart, _ = nnls(np.vstack([shares, _MIXING * np.eye(count)]), np.concatenate([own, _MIXING * own]))
     return np.asarray(np.maximum(apart / task.weights, _RESOLUTION_M**2))
-
-
-_NULL = 1e-7  # chosen: curvature per unit weight (1 m arm) below which a direction counts as free
-_OTHERS = (
-    0.5,
-    1.0,
-)  # chosen: frames, as shares of those alike, that are judged where the first leaves some open
-_SHARE = 1e-2  # chosen: of a coordinate's direction that may be free before it counts as not determined
 
 
 def find_determined(

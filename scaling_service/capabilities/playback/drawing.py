@@ -15,16 +15,16 @@ from scaling_service.model.poses import evaluate_marker, follow, list_model_valu
 from scaling_service.model.results import Array, Calibration
 from scaling_service.model.trial import Bone
 
+Shape = Literal["image", "simple", "none"]
+
+_AXIS_HALF_M = 0.07
+"""Chosen: a knee axis is drawn a little wider than a knee."""
+
 THICKNESS, THINNEST_M, THICKEST_M = 0.07, 0.012, 0.035
 """Chosen: radius of a simple shape over its length, about a long bone's, and its bounds."""
 
 NEAR_AN_END = 0.25
 """Chosen: share of a segment's length within which a joint belongs to one of its ends."""
-
-Shape = Literal["image", "simple", "none"]
-
-_AXIS_HALF_M = 0.07
-"""Chosen: a knee axis is drawn a little wider than a knee."""
 
 
 def find_knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:

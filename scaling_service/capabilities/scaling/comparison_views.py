@@ -19,6 +19,8 @@ from scaling_service.documents.results import ComparisonDocument, JointCentre, P
 from scaling_service.documents.writing import write_json
 from scaling_service.model.results import Array
 
+IMAGED = "EB"
+
 
 class KinematicErrorComparison(Provenance):
     """How closely each method's model follows the markers."""
@@ -93,8 +95,6 @@ class JointAngleComparison(Provenance):
 
 Row = list[str | float | None]
 View = KinematicErrorComparison | SegmentLengthComparison | JointAngleComparison
-
-IMAGED = "EB"
 
 
 def view_kinematic_error(_: Results, document: ComparisonDocument) -> KinematicErrorComparison:

@@ -52,6 +52,9 @@ _LOADING = 0.1  # chosen: about the share of reading and processing in a compari
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
 _FITTING = 0.6  # chosen: about the share of the fit in one method's time
 
+_BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
+_STEPS = 10  # of five bones: making them, finding their landmarks
+
 
 def scale(
     subject: Subject | str | Path,
@@ -323,10 +326,6 @@ def _find_total_mass(model: BodyModel, session: Session) -> float | None:
     if subject.model in BUILTIN_NAMES:
         return subject.mass_kg * own / load_generic_person(subject.model).mass_kg
     return subject.mass_kg
-
-
-_BONES = 0.3  # chosen: about the share of making bones and reading their landmarks in the whole
-_STEPS = 10  # of five bones: making them, finding their landmarks
 
 
 def run_demo(

@@ -73,6 +73,8 @@ _NUMBERS_ONLY = (
 )
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
+_BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
+
 
 def save(
     results: Results,
@@ -299,9 +301,6 @@ def make_method_document(
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
-
-
-_BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
 
 
 def _list_segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:

@@ -17,6 +17,18 @@ from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
+_BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
+
+POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[tuple[str, str]]]] = {
+    "PointConstraint": ("point", _BODIES),
+    "ConstantDistanceConstraint": ("distance", _BODIES),
+    "PointOnLineConstraint": (
+        "line",
+        (("line_body", "point_on_line"), ("follower_body", "point_on_follower")),
+    ),
+}
+"""Constraints between points: what they say; for both ends, the frame's socket and the name of the place."""
+
 
 class NotSubstituted(Exception):
     """A coordinate enters something in which the law that it follows cannot be put in its place."""
@@ -75,20 +87,6 @@ def read_constraint(constraint: Any) -> Constraint:
             found, direction=to_vector(list_numbers(line.xformFrameVecToBase(own.get_line_direction_vec())))
         )
     return found
-
-
-_BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))
-
-
-POINTS: Mapping[str, tuple[Literal["point", "distance", "line"], Sequence[tuple[str, str]]]] = {
-    "PointConstraint": ("point", _BODIES),
-    "ConstantDistanceConstraint": ("distance", _BODIES),
-    "PointOnLineConstraint": (
-        "line",
-        (("line_body", "point_on_line"), ("follower_body", "point_on_follower")),
-    ),
-}
-"""Constraints between points: what they say; for both ends, the frame's socket and the name of the place."""
 
 
 def list_end_frames(constraint: Any) -> list[tuple[Any, str]]:

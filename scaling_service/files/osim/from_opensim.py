@@ -41,6 +41,24 @@ Axis = tuple[Kind, Sequence[float], Law, bool]
 
 _REMEDY = "Remove or replace it in the model"
 
+_ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled
+
+_TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (("rotation", X), ("rotation", Y), ("rotation", Z))
+
+_FIXED_JOINTS: Mapping[str, tuple[tuple[Kind, Sequence[float]], ...]] = {
+    "WeldJoint": (),
+    "PinJoint": _TURNS[2:],
+    "SliderJoint": (("translation", X),),
+    "UniversalJoint": _TURNS[:2],
+    "GimbalJoint": _TURNS,
+    "BallJoint": _TURNS,
+    "PlanarJoint": (*_TURNS[2:], ("translation", X), ("translation", Y)),
+    "FreeJoint": (*_TURNS, ("translation", X), ("translation", Y), ("translation", Z)),
+}
+"""The joints of fixed kind: for each of their coordinates, in order, what it does. Ball and free joints turn
+by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses); translations act in the
+parent's joint frame, before the rotations."""
+
 
 def read_body_model(model: Any) -> BodyModel:
     """Everything of a connected OpenSim model that a body model holds.
@@ -132,9 +150,6 @@ def _find_prescribed(coordinate: Any) -> float | None:
     return None if constant is None else float(constant.getValue())
 
 
-_ROTATIONAL = 1  # of OpenSim's motion types; 2 is translational, 3 coupled
-
-
 def _read_marker(marker: Any) -> Marker:
     frame = marker.getParentFrame()
     in_body = frame.findTransformInBaseFrame().shiftFrameStationToBase(marker.get_location())
@@ -172,23 +187,6 @@ def _read_moves(joint: Any, parent: str, ranges: Mapping[str, Range], dependent:
     axes = _read_axes(joint, ranges)
     moves = [_move(axis, parent, dependent) for axis in axes if axis[2].terms]
     return sorted(moves, key=lambda move: move.kind == "rotation")
-
-
-_TURNS: tuple[tuple[Kind, Sequence[float]], ...] = (("rotation", X), ("rotation", Y), ("rotation", Z))
-
-_FIXED_JOINTS: Mapping[str, tuple[tuple[Kind, Sequence[float]], ...]] = {
-    "WeldJoint": (),
-    "PinJoint": _TURNS[2:],
-    "SliderJoint": (("translation", X),),
-    "UniversalJoint": _TURNS[:2],
-    "GimbalJoint": _TURNS,
-    "BallJoint": _TURNS,
-    "PlanarJoint": (*_TURNS[2:], ("translation", X), ("translation", Y)),
-    "FreeJoint": (*_TURNS, ("translation", X), ("translation", Y), ("translation", Z)),
-}
-"""The joints of fixed kind: for each of their coordinates, in order, what it does. Ball and free joints turn
-by body-fixed x, y, z angles (Simbody's Euler mode, which OpenSim always chooses); translations act in the
-parent's joint frame, before the rotations."""
 
 
 def _read_axes(joint: Any, ranges: Mapping[str, Range]) -> list[Axis]:

@@ -28,6 +28,10 @@ POLYNOMIAL_SPAN = (-math.pi, math.pi)
 """Where a polynomial of a coordinate without a finite range is centred (chosen: one turn); the fit reaches
 one further turn to each side."""
 
+_STEP_DEGREE = 5  # of SimTK's step
+
+_PIECES, _PIECE_DEGREE = 128, 9  # chosen: sines of up to ten turns a turn are met to EXACT
+
 
 def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Range], component: str) -> Law:
     """A function of coordinates (none where the component names none) as a law.
@@ -78,12 +82,6 @@ def read_law(function: Any, coordinates: Sequence[str], ranges: Mapping[str, Ran
     lower, upper = span if _is_range(span) else POLYNOMIAL_SPAN
     breaks = [float(x) for x in np.linspace(lower - REACH, upper + REACH, _PIECES + 1)]
     return _fit_law(function, breaks, _PIECE_DEGREE, coordinate, component, follow_ends=False)
-
-
-_STEP_DEGREE = 5  # of SimTK's step
-
-
-_PIECES, _PIECE_DEGREE = 128, 9  # chosen: sines of up to ten turns a turn are met to EXACT
 
 
 def read_number(thing: Any, name: str) -> float:

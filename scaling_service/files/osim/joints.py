@@ -24,6 +24,12 @@ REACH = 2.0 * float(np.pi)
 
 MAX_DEGREE = 12  # the highest degree of a composition (chosen: above it, fitted powers lose their digits)
 
+_PARALLEL = 1e-9
+"""Sine below which two axes count as one (chosen: far below OpenSim's own limit for axes that differ)."""
+_COLLINEAR = 1e-5
+"""Sine below which OpenSim's CustomJoint refuses two axes (CustomJoint::extendFinalizeFromProperties)."""
+_REMEDY = "OpenSim's CustomJoint has up to three translations followed by up to three rotations"
+
 
 class NotPolynomial(ValueError):
     """A function is not a polynomial of the supposed degree between its breaks."""
@@ -176,13 +182,6 @@ def _separate_points(points: Iterable[float]) -> list[float]:
         if not kept or point - kept[-1] > 1e-9:
             kept.append(point)
     return kept
-
-
-_PARALLEL = 1e-9
-"""Sine below which two axes count as one (chosen: far below OpenSim's own limit for axes that differ)."""
-_COLLINEAR = 1e-5
-"""Sine below which OpenSim's CustomJoint refuses two axes (CustomJoint::extendFinalizeFromProperties)."""
-_REMEDY = "OpenSim's CustomJoint has up to three translations followed by up to three rotations"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,12 @@ from xml.etree import ElementTree
 
 from scaling_service.core.errors import DependencyMissing, FileUnreadable, ModelRefused
 
+_WITHOUT_KINEMATICS = ("ForceSet", "ControllerSet", "ProbeSet", "ComponentSet")
+"""Sets of a model that its motion does not need."""
+_NAMING_OTHERS = ("ControllerSet", "ProbeSet")
+"""Of these, the sets whose members name forces: they are set aside with any force."""
+_KNOWN = "known.osim"  # in the worker's own scratch directory
+
 
 @cache
 def import_opensim() -> Any:
@@ -63,13 +69,6 @@ def shorten_message(error: RuntimeError) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     head = lines[0] if lines else "no message"
     return head.split("': ", 1)[1] if head.startswith("std::exception in") and "': " in head else head
-
-
-_WITHOUT_KINEMATICS = ("ForceSet", "ControllerSet", "ProbeSet", "ComponentSet")
-"""Sets of a model that its motion does not need."""
-_NAMING_OTHERS = ("ControllerSet", "ProbeSet")
-"""Of these, the sets whose members name forces: they are set aside with any force."""
-_KNOWN = "known.osim"  # in the worker's own scratch directory
 
 
 def list_unknown(path: Path) -> list[tuple[str, str]]:

@@ -36,6 +36,10 @@ _KINDS: Mapping[str, type[InputError]] = {
 
 _GRAVITY = re.compile(rb"<gravity>\s*([^<]*?)\s*</gravity>")
 
+_NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
+_NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+_NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
+
 
 def read_vertical(path: Path) -> int:
     """Which axis of an OpenSim model its gravity points along, 0 to 2; y where the file does not say."""
@@ -115,11 +119,6 @@ def _describe_ending(done: subprocess.CompletedProcess[str]) -> str:
         return signal.Signals(-done.returncode).name
     lines = done.stderr.strip().splitlines()
     return f"exit {done.returncode}: {lines[-1]}" if lines else f"exit {done.returncode}"
-
-
-_NO_FACTORS: Mapping[str, Vector] = MappingProxyType({})
-_NO_TILTS: Mapping[str, tuple[float, float]] = MappingProxyType({})
-_NO_MOVES: Mapping[str, JointMove] = MappingProxyType({})
 
 
 def read_osim(path: Path, marker_set: Path | None = None) -> BodyModel:

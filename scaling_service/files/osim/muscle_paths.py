@@ -15,6 +15,13 @@ from scaling_service.numerics.multibody.laws import Array
 
 _NO_ARM = 1e-9  # m; chosen: a moment arm below is rounding
 
+_LENGTHS: Mapping[str, tuple[str, ...]] = {
+    "WrapSphere": ("radius",),
+    "WrapCylinder": ("radius", "length"),
+    "WrapTorus": ("inner_radius", "outer_radius"),
+}
+"""Kinds of wraps, and their properties that are lengths."""
+
 
 def measure(request: Mapping[str, Any]) -> dict[str, Any]:
     """Lengths and moment arms of all muscles in every frame; see ``muscles.measure_muscles``."""
@@ -94,14 +101,6 @@ def _find_row(coordinate: Any, state: Any) -> int:
     (row,) = np.flatnonzero(state.getU().to_numpy())
     coordinate.setSpeedValue(state, 0.0)
     return int(row)
-
-
-_LENGTHS: Mapping[str, tuple[str, ...]] = {
-    "WrapSphere": ("radius",),
-    "WrapCylinder": ("radius", "length"),
-    "WrapTorus": ("inner_radius", "outer_radius"),
-}
-"""Kinds of wraps, and their properties that are lengths."""
 
 
 def list_points(request: Mapping[str, Any]) -> dict[str, Any]:

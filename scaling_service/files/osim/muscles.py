@@ -18,6 +18,10 @@ from scaling_service.numerics.multibody.laws import Array
 
 _FRAME_S = 0.1  # chosen: of time allowed for each frame; 80 muscles take 4 ms on a quiet machine
 
+_MOST_CHANGE = 0.25
+"""Chosen: logarithm of a muscle's length over its length before, in the default pose, beyond which it has
+changed sides. Attachments move by a few cm, muscles are 50 to 500 mm long."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MuscleGeometry:
@@ -69,11 +73,6 @@ def _spread(known: NDArray[np.bool_], values: Array) -> Array:
     full = np.full((len(known), *values.shape[1:]), np.nan)
     full[known] = values
     return full
-
-
-_MOST_CHANGE = 0.25
-"""Chosen: logarithm of a muscle's length over its length before, in the default pose, beyond which it has
-changed sides. Attachments move by a few cm, muscles are 50 to 500 mm long."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,9 @@ _DECLARATION = re.compile(r"^[^<]*<\?xml[^>]*\?>")
 _SEPARATORS = re.compile(r"[\[\](),;]")
 """What scripts write about and between the numbers of a vector, which OpenSim takes for blanks."""
 
+_AXES = "XYZ"
+_STEPS = ("measurements", "manualScale")
+
 
 def parse_xml(path: Path) -> Element:
     """The root element of an XML file.
@@ -43,10 +46,6 @@ def parse_xml(path: Path) -> Element:
         raise FileUnreadable(
             f"is not well-formed XML ({first})", file=path, remedy="Export or save it again from OpenSim"
         ) from first
-
-
-_AXES = "XYZ"
-_STEPS = ("measurements", "manualScale")
 
 
 def read_scale_setup(path: Path) -> ScaleSetup:

@@ -22,6 +22,15 @@ from scaling_service.model.inertia import Sex
 from scaling_service.model.reference import find_reference_folder, read_reference
 from scaling_service.numerics.multibody.laws import Array
 
+GROWING_YEARS = (14.0, 18.0)
+"""Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
+
+STATED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.006, "mass": 0.02})
+"""Relative standard deviation of stature and mass measured on the day (chosen: 10 mm, 1.4 kg)."""
+
+MEASURED_SD = 0.006
+"""Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DimensionPrior:
@@ -98,16 +107,6 @@ class DimensionPrior:
                 f"there is no dimension '{name}'", field=name, remedy=f"There are {', '.join(self.names)}"
             )
         return self.names.index(name)
-
-
-GROWING_YEARS = (14.0, 18.0)
-"""Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""
-
-STATED_SD: Mapping[str, float] = MappingProxyType({"stature": 0.006, "mass": 0.02})
-"""Relative standard deviation of stature and mass measured on the day (chosen: 10 mm, 1.4 kg)."""
-
-MEASURED_SD = 0.006
-"""Relative standard deviation of a size measured with tape or calliper (chosen: 5 mm of a leg)."""
 
 
 def predict_dimensions(

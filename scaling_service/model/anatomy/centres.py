@@ -55,34 +55,7 @@ TAPE_SD = 0.03
 
 _SIZE_SD_M: Mapping[str, float] = MappingProxyType({"asis_width": CALIPER_ASIS_SD_M})
 
-
-def size_sd(name: str, value: float) -> float:
-    """Standard deviation (m) of a size measured by hand, by its name in ``sizes``.
-
-    Examples
-    --------
-    >>> size_sd("knee_width_r", 0.104), size_sd("leg_length_r", 0.8)
-    (0.003, 0.024)
-    """
-    return TAPE_SD * value if name.startswith("leg_length") else _SIZE_SD_M.get(name, CALIPER_SD_M)
-
-
-def look_up_landmark_sd(landmark: str) -> Vector:
-    """Standard deviation (m) of a marker about its landmark, by canonical name.
-
-    Examples
-    --------
-    >>> look_up_landmark_sd("RASIS"), look_up_landmark_sd("C7")
-    ((0.007, 0.007, 0.007), (0.006, 0.006, 0.006))
-    """
-    return LANDMARK_SD_M.get(landmark) or LANDMARK_SD_M.get(landmark[1:], OTHER_SD_M)
-
-
-Joint = Literal["knee", "ankle"]
-Side = Literal["r", "l"]
 SIDES: tuple[Side, Side] = ("r", "l")
-Points = Mapping[str, Array]
-"""Canonical landmark to its trajectory, (n_frames, 3), m."""
 
 MARKER_RADIUS_M = 0.007
 """Chosen: of the usual balls of 14 mm, where the recording does not say."""
@@ -130,6 +103,34 @@ _JOINTS: Mapping[Joint, tuple[str, str, str]] = MappingProxyType(
     {"knee": ("hip", "LFE", "MFE"), "ankle": ("knee", "LM", "MM")}
 )
 """Joint to the joint above, its lateral and its medial landmark."""
+
+
+def size_sd(name: str, value: float) -> float:
+    """Standard deviation (m) of a size measured by hand, by its name in ``sizes``.
+
+    Examples
+    --------
+    >>> size_sd("knee_width_r", 0.104), size_sd("leg_length_r", 0.8)
+    (0.003, 0.024)
+    """
+    return TAPE_SD * value if name.startswith("leg_length") else _SIZE_SD_M.get(name, CALIPER_SD_M)
+
+
+def look_up_landmark_sd(landmark: str) -> Vector:
+    """Standard deviation (m) of a marker about its landmark, by canonical name.
+
+    Examples
+    --------
+    >>> look_up_landmark_sd("RASIS"), look_up_landmark_sd("C7")
+    ((0.007, 0.007, 0.007), (0.006, 0.006, 0.006))
+    """
+    return LANDMARK_SD_M.get(landmark) or LANDMARK_SD_M.get(landmark[1:], OTHER_SD_M)
+
+
+Joint = Literal["knee", "ankle"]
+Side = Literal["r", "l"]
+Points = Mapping[str, Array]
+"""Canonical landmark to its trajectory, (n_frames, 3), m."""
 
 
 Size = float | Array

@@ -25,6 +25,30 @@ SIDES: tuple[Side, ...] = ("r", "l")
 
 _MIN_LENGTH = 1e-6  # m; chosen: landmarks closer than a thousandth of a millimetre give no direction
 
+PELVIS: Final = ("pelvis_anterior_tilt", "pelvis_obliquity_up", "pelvis_internal_rotation")
+HIP: Final = ("hip_flexion", "hip_adduction", "hip_internal_rotation")
+KNEE: Final = ("knee_flexion", "knee_adduction", "knee_internal_rotation")
+ANKLE: Final = ("ankle_dorsiflexion", "ankle_internal_rotation")
+FOOT: Final = ("foot_internal_progression",)
+ANGLES: Final = PELVIS + HIP + KNEE + ANKLE + FOOT
+"""All angles of one side. Anterior tilt, own side up, own side forward, flexion, adduction (of the knee:
+varus), inward rotation, dorsiflexion, toes inward are positive."""
+
+WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
+    "pelvis_anterior_tilt": ("pelvic tilt", "back", "front"),
+    "pelvis_obliquity_up": ("pelvic obliquity", "down", "up"),
+    "pelvis_internal_rotation": ("pelvic rotation", "back", "forward"),
+    "hip_flexion": ("hip flexion", "extension", "flexion"),
+    "hip_adduction": ("hip adduction", "abduction", "adduction"),
+    "hip_internal_rotation": ("hip rotation", "out", "in"),
+    "knee_flexion": ("knee flexion", "extension", "flexion"),
+    "knee_adduction": ("knee adduction", "valgus", "varus"),
+    "knee_internal_rotation": ("knee rotation", "out", "in"),
+    "ankle_dorsiflexion": ("ankle dorsiflexion", "plantar", "dorsal"),
+    "foot_internal_progression": ("foot progression", "out", "in"),
+}
+"""Angle to its name, and what its negative and positive values mean."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
@@ -165,30 +189,6 @@ and ``TOE`` (heel and second metatarsal's head, at equal heights over a flat sol
 beside the ankle centre that spans with ankle and knee centre the plane of the knee's axis, where the shank is
 twisted against its ankle. Without it the malleolus does, as in a laboratory that leaves tibial torsion out.
 """
-
-PELVIS: Final = ("pelvis_anterior_tilt", "pelvis_obliquity_up", "pelvis_internal_rotation")
-HIP: Final = ("hip_flexion", "hip_adduction", "hip_internal_rotation")
-KNEE: Final = ("knee_flexion", "knee_adduction", "knee_internal_rotation")
-ANKLE: Final = ("ankle_dorsiflexion", "ankle_internal_rotation")
-FOOT: Final = ("foot_internal_progression",)
-ANGLES: Final = PELVIS + HIP + KNEE + ANKLE + FOOT
-"""All angles of one side. Anterior tilt, own side up, own side forward, flexion, adduction (of the knee:
-varus), inward rotation, dorsiflexion, toes inward are positive."""
-
-WAYS: Final[Mapping[str, tuple[str, str, str]]] = {
-    "pelvis_anterior_tilt": ("pelvic tilt", "back", "front"),
-    "pelvis_obliquity_up": ("pelvic obliquity", "down", "up"),
-    "pelvis_internal_rotation": ("pelvic rotation", "back", "forward"),
-    "hip_flexion": ("hip flexion", "extension", "flexion"),
-    "hip_adduction": ("hip adduction", "abduction", "adduction"),
-    "hip_internal_rotation": ("hip rotation", "out", "in"),
-    "knee_flexion": ("knee flexion", "extension", "flexion"),
-    "knee_adduction": ("knee adduction", "valgus", "varus"),
-    "knee_internal_rotation": ("knee rotation", "out", "in"),
-    "ankle_dorsiflexion": ("ankle dorsiflexion", "plantar", "dorsal"),
-    "foot_internal_progression": ("foot progression", "out", "in"),
-}
-"""Angle to its name, and what its negative and positive values mean."""
 
 
 def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike = 0.0) -> dict[str, Array]:

@@ -51,6 +51,8 @@ _DAVIS_ANGLES = {"davis1991": (radians(28.4), radians(18.0)), "plug_in_gait": (0
 HIP_REGRESSIONS = (*_LINEAR, *_DAVIS_ANGLES)
 """Names of the published predictions."""
 
+_MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane
+
 
 def _predict_linear(rows: tuple[_Row, _Row, _Row], width: Array, depth: Array, leg: Array) -> list[Array]:
     return [np.asarray(w * width + d * depth + c + (k * leg if k else 0.0)) for w, d, k, c in rows]
@@ -149,9 +151,6 @@ def _choose_regression(name: str, leg_length_known: bool) -> str:
             remedy="Mark the medial malleolus in the static trial, or use harrington2007_single",
         )
     return name
-
-
-_MIN_OUT_OF_LINE = 1e-3  # m; chosen: a plane marker nearer to the line than this tells no plane
 
 
 def solve_chord_centre(

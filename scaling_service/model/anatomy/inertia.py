@@ -54,6 +54,32 @@ MASSES_KG = (20.0, 250.0)
 
 NO_SEX = "the person's sex is not given: the inertia is the mean of women's and men's"
 
+CENTRES = {
+    "HJC": "femur",
+    "KJC": "tibia",
+    "AJC": "calcn",
+    "SJC": "humerus",
+    "EJC": "ulna",
+    "WJC": "hand",
+    "LJC": "abdomen",
+    "TJC": "torso",
+    "CJC": "head",
+}
+"""Joint centre to the segment whose origin it is."""
+
+MARKERS = {"AJC": ("AJC",), "MHC": ("MH2", "MH5"), "MTC": ("MT1", "MT5"), "HEEL": ("HEE",)}
+"""Landmark to the markers whose middle it is, without the side's letter."""
+
+LUMBAR = {"M": (-0.335, -0.032), "F": (-0.340, 0.049)}
+"""Lumbar centre from the middle of the ASIS, x and y over the ASIS width (Reed et al. 1999, as given by Dumas
+and Wojtusch 2018)."""
+
+AHEAD = {"VERT": (0.0, 1.0, 0.0), "TTIP": (1.0, 0.0, 0.0)}
+"""Ends of spans that no model has: up from the cervical centre, forward from the heel or ankle."""
+
+TRUNK = "deleva1996"
+"""The table whose proportions place xiphion and omphalion between cervical centre and mid-hip."""
+
 
 @dataclass(frozen=True, slots=True)
 class InertiaResult:
@@ -248,33 +274,6 @@ def _sum_up_to_mass(segments: list[Segment], mass_kg: float, notes: list[str]) -
         replace(s, mass=factor * s.mass, inertia=take_six(factor * to_matrix(s.inertia)))  # radii stay
         for s in segments
     ]
-
-
-CENTRES = {
-    "HJC": "femur",
-    "KJC": "tibia",
-    "AJC": "calcn",
-    "SJC": "humerus",
-    "EJC": "ulna",
-    "WJC": "hand",
-    "LJC": "abdomen",
-    "TJC": "torso",
-    "CJC": "head",
-}
-"""Joint centre to the segment whose origin it is."""
-
-MARKERS = {"AJC": ("AJC",), "MHC": ("MH2", "MH5"), "MTC": ("MT1", "MT5"), "HEEL": ("HEE",)}
-"""Landmark to the markers whose middle it is, without the side's letter."""
-
-LUMBAR = {"M": (-0.335, -0.032), "F": (-0.340, 0.049)}
-"""Lumbar centre from the middle of the ASIS, x and y over the ASIS width (Reed et al. 1999, as given by Dumas
-and Wojtusch 2018)."""
-
-AHEAD = {"VERT": (0.0, 1.0, 0.0), "TTIP": (1.0, 0.0, 0.0)}
-"""Ends of spans that no model has: up from the cervical centre, forward from the heel or ankle."""
-
-TRUNK = "deleva1996"
-"""The table whose proportions place xiphion and omphalion between cervical centre and mid-hip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

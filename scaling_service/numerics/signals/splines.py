@@ -33,6 +33,9 @@ _RIDGE = 1e-10
 """Share of the largest diagonal that holds coefficients that no sample meets at zero (chosen: far below what
 a sample says, far above rounding)."""
 
+_PAIRS = [(i, j) for j in range(ORDER) for i in range(j, ORDER)]
+"""Lower half of the six by six blocks that a frame adds to."""
+
 
 @dataclass(frozen=True, eq=False)
 class SplineBasis:
@@ -169,10 +172,6 @@ def differentiate_spline(times: ArrayLike, values: ArrayLike) -> tuple[Array, Ar
                 )
                 first[part], second[part] = spline(t[rows], 1), spline(t[rows], 2)
     return first, second
-
-
-_PAIRS = [(i, j) for j in range(ORDER) for i in range(j, ORDER)]
-"""Lower half of the six by six blocks that a frame adds to."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

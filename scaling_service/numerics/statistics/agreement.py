@@ -14,6 +14,9 @@ from scaling_service.numerics.statistics.complete import ComparisonImpossible, r
 LIMITS = 0.95
 """The share of differences between the limits of agreement (Bland & Altman 1986; z = 1.96)."""
 
+_ROUNDING = 1e-13
+"""Relative: chosen, some hundred times the spacing of doubles."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -199,10 +202,6 @@ def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:
     squares[squares <= noise] = 0.0
     rows, columns, error = squares / (n - 1, k - 1, (n - 1) * (k - 1))
     return float(rows), float(columns), float(error)
-
-
-_ROUNDING = 1e-13
-"""Relative: chosen, some hundred times the spacing of doubles."""
 
 
 def _fit_slope(means: Array, differences: Array, confidence: float) -> Estimate:

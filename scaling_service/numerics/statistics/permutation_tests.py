@@ -41,6 +41,9 @@ where conditions differ by a constant, so that division by rounding errors decid
 _NOTHING = 1e-12
 """Relative to the largest value: chosen. Curves this close at a node are one curve there: statistic 0."""
 
+_TIE = 1e-7
+"""Relative: chosen. Rearrangements that mirror each other give one value, but for rounding errors."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rearrangements:
@@ -185,10 +188,6 @@ def _compute_ratio(explained: Array, total: Array, void: NDArray[np.bool_]) -> A
 def _split_batches(count: int, size: int) -> Iterator[slice]:
     step = max(1, _BATCH // size)
     return (slice(start, start + step) for start in range(0, count, step))
-
-
-_TIE = 1e-7
-"""Relative: chosen. Rearrangements that mirror each other give one value, but for rounding errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

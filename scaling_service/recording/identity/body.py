@@ -61,6 +61,23 @@ _ENDS = (("LFE", "MFE"), ("LM", "MM"))
 _WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
 _MIRROR = np.array([1.0, 1.0, -1.0])
 
+_LEVELS = (
+    ("femur", ("ASIS",), ("LFE", "MFE")),
+    ("tibia", ("LFE", "MFE"), ("LM", "MM")),
+    ("humerus", ("SHO",), ("ELB", "MEL")),
+    ("ulna", ("ELB", "MEL"), ("WRA", "WRB")),
+)
+"""Segment, and the landmarks above and below that tell its length."""
+
+_BONES = {
+    "torso": ("torso", "head"),
+    "femur": ("femur", "tibia"),
+    "tibia": ("tibia", "calcn"),
+    "humerus": ("humerus", "ulna"),
+    "ulna": ("ulna", "hand"),
+}
+"""Segment, and those whose origins are its bone's ends."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StandingBody:
@@ -291,15 +308,6 @@ def _pair_the_back(
     return [*kept, *((row, names.index(name)) for row, name in zip(rows, order, strict=True))]
 
 
-_LEVELS = (
-    ("femur", ("ASIS",), ("LFE", "MFE")),
-    ("tibia", ("LFE", "MFE"), ("LM", "MM")),
-    ("humerus", ("SHO",), ("ELB", "MEL")),
-    ("ulna", ("ELB", "MEL"), ("WRA", "WRB")),
-)
-"""Segment, and the landmarks above and below that tell its length."""
-
-
 def _resize(
     factors: dict[str, Array], at: Array, places: Array, names: list[str], pairs: list[tuple[int, int]]
 ) -> None:
@@ -323,16 +331,6 @@ def _resize(
     if {"RASIS", "LASIS"} <= seen.keys():
         wide = np.linalg.norm(seen["RASIS"] - seen["LASIS"]) / np.linalg.norm(model["RASIS"] - model["LASIS"])
         factors["pelvis"] = factors["pelvis"] * [1.0, 1.0, float(np.clip(wide, *_SIZES))]
-
-
-_BONES = {
-    "torso": ("torso", "head"),
-    "femur": ("femur", "tibia"),
-    "tibia": ("tibia", "calcn"),
-    "humerus": ("humerus", "ulna"),
-    "ulna": ("ulna", "hand"),
-}
-"""Segment, and those whose origins are its bone's ends."""
 
 
 def _list_ends(model: BodyModel, q: Array) -> dict[str, Array]:

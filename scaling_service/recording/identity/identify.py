@@ -46,7 +46,19 @@ _SPREAD = (10.0, 90.0)  # percentiles: a few bad frames change nothing
 _BENDS = np.radians(25.0)  # chosen: no knee bends forward so far
 _KNEES = 20.0  # chosen: nats for a body whose knees bend backward, against one whose knees bend forward
 _FEW = 10  # frames in which two labels must be seen together
+MOST_LABELS = 400
+"""Chosen: nobody carries more; among more, places say nothing of whose they are."""
+
 _LANDMARK_M = 0.03  # SD of a label about its landmark on the fitted body (chosen: as the body is fitted)
+
+_WORDS = {
+    "femur": "thigh",
+    "tibia": "shank",
+    "calcn": "foot",
+    "humerus": "upper arm",
+    "ulna": "forearm",
+    "torso": "trunk",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +97,8 @@ def identify(
 
     ``standing``: m, Y up. ``movements``: recordings of the same labels, in the same axes. ``stature``: m.
     ``landmarks``: label to landmark, of those whose names or the user tell. Points that software computed and
-    trajectories without a label are left out. Without a standing trial nothing is told.
+    trajectories without a label are left out. Without a standing trial, or of more labels than a person
+    carries, nothing is told.
     """
     if standing is None:
         return Identification({}, None)
@@ -94,6 +107,8 @@ def identify(
         for label in dict.fromkeys(standing.labels)
         if not is_computed(strip_prefix(label)) and not is_unlabelled(label)
     ]
+    if len(names) > MOST_LABELS:
+        return Identification({}, None)
     at = np.stack([_find_middle(standing, label) for label in names]) if names else np.zeros((0, 3))
     placed = list_landmarks()
     told = {
@@ -145,7 +160,7 @@ def _look(
     """Who the labels are if this is the body; once it is ``chosen``, its landmarks are its labels."""
     marked = {body.segments[name] for name in (*body.taken.values(), *told.values())}
     segments = [s for s in body.ends if s in marked]
-    stands = np.array([[_measure_apart(point, s, body) for s in segments] for point in at])
+    stands = np.column_stack([_measure_apart(at, s, body) for s in segments])
     for row, name in body.taken.items():
         apart = 0.0 if chosen else float(np.linalg.norm(at[row] - body.places[name]))
         own = segments.index(body.segments[name])
@@ -204,18 +219,21 @@ def _find_middle(trial: Trial, label: str) -> Array:
     return np.asarray(np.median(known, axis=0)) if len(known) else np.full(3, np.nan)
 
 
-def _measure_apart(point: Array, segment: str, body: StandingBody) -> float:
-    """Distance of a point from a segment's skin, m; its landmarks are on the skin."""
+def _measure_apart(at: Array, segment: str, body: StandingBody) -> Array:
+    """Distances (n,) of points (n, 3) from a segment's skin, m; its landmarks are on the skin."""
     first, last = body.ends[segment]
     along = last - first
     length = float(along @ along)
-    share = float(np.clip((point - first) @ along / length, 0.0, 1.0)) if length > 0.0 else 0.0
-    bone = float(np.linalg.norm(point - first - share * along))
+    share = np.clip((at - first) @ along / length, 0.0, 1.0) if length > 0.0 else np.zeros(len(at))
+    bone = np.linalg.norm(at - first - share[:, None] * along, axis=1)
     scale = body.stature / 1.762
-    depth = abs(bone - scale * _THICK_M[segment.partition("_")[0]])
-    own = [at for name, at in body.places.items() if body.segments[name] == segment]
-    nearest = min((float(np.linalg.norm(point - at)) for at in own), default=np.inf)
-    return min(depth if 0.0 < share < 1.0 else max(depth, nearest / 2.0), nearest)
+    depth = np.abs(bone - scale * _THICK_M[segment.partition("_")[0]])
+    own = [place for name, place in body.places.items() if body.segments[name] == segment]
+    nearest = np.full(len(at), np.inf)
+    for place in own:
+        nearest = np.minimum(nearest, np.linalg.norm(at - place, axis=1))
+    beside = (share > 0.0) & (share < 1.0)
+    return np.asarray(np.minimum(np.where(beside, depth, np.maximum(depth, nearest / 2.0)), nearest))
 
 
 def _measure_spreads(names: Sequence[str], movements: Sequence[Trial]) -> Array:
@@ -230,14 +248,16 @@ def _measure_spreads(names: Sequence[str], movements: Sequence[Trial]) -> Array:
         at = trial.select([names[k] for k in own]).markers[rows]
         for i, k in enumerate(own):
             distance = np.linalg.norm(at[:, i, None] - at[:, i + 1 :], axis=2)
-            for j, column in enumerate(distance.T, start=i + 1):
-                known = column[np.isfinite(column)]
-                if len(known) >= _FEW:
-                    low, high = np.percentile(known, _SPREAD)
-                    other = own[j]
-                    before = spread[k, other]
-                    wide = 0.5 * float(high - low)
-                    spread[k, other] = spread[other, k] = wide if np.isnan(before) else max(before, wide)
+            seen = np.isfinite(distance).sum(axis=0)
+            wide = np.full(distance.shape[1], np.nan)
+            whole = (seen == len(distance)) & (seen >= _FEW)
+            low, high = np.percentile(distance[:, whole], _SPREAD, axis=0)
+            wide[whole] = 0.5 * (high - low)
+            for j in np.flatnonzero(~whole & (seen >= _FEW)):
+                low, high = np.percentile(distance[np.isfinite(distance[:, j]), j], _SPREAD)
+                wide[j] = 0.5 * (high - low)
+            others = own[i + 1 :]
+            spread[k, others] = spread[others, k] = np.fmax(spread[k, others], wide)
     return spread
 
 
@@ -277,7 +297,7 @@ def _weigh_landmark(at: Array, row: int, landmark: str | None, body: StandingBod
     place = body.places[landmark]
     gaps = np.linalg.norm(at - place, axis=1)
     density = np.exp(-0.5 * (gaps / _LANDMARK_M) ** 2)
-    rivals = [k for k in range(len(at)) if k not in body.taken and np.isfinite(gaps[k])]
+    rivals = np.isfinite(gaps) & ~np.isin(np.arange(len(at)), list(body.taken))
     none = np.exp(-0.5 * 4.0)  # two deviations: as likely to be another marker
     return float(density[row] / (density[row] + density[rivals].sum() + none))
 
@@ -293,9 +313,9 @@ def _explain(
 ) -> str:
     meaning = look_up_meaning(label)
     parts = []
-    mates = [k for k in range(len(share)) if k != row and share[k].argmax() == share[row].argmax()]
-    known = [spreads[row, k] for k in mates if np.isfinite(spreads[row, k])]
-    if known:
+    mates = share.argmax(axis=1) == share[row].argmax()
+    known = spreads[row, mates & np.isfinite(spreads[row]) & (np.arange(len(share)) != row)]
+    if len(known):
         parts.append(
             f"moves with the {_word(segment)}: {1e3 * float(np.median(known)):.0f} mm over the movements"
         )
@@ -306,16 +326,6 @@ def _explain(
     if meaning is not None and meaning.segment not in segment:
         parts.append(f"its name says {meaning.segment}")
     return "; ".join(parts)
-
-
-_WORDS = {
-    "femur": "thigh",
-    "tibia": "shank",
-    "calcn": "foot",
-    "humerus": "upper arm",
-    "ulna": "forearm",
-    "torso": "trunk",
-}
 
 
 def _word(segment: str) -> str:

@@ -86,21 +86,23 @@ def place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) ->
 def assign(
     at: Array, places: Array, names: list[str], reach: float, fixed: Mapping[int, str]
 ) -> list[tuple[int, int]]:
-    """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``."""
-    squared = np.nan_to_num(((at[:, None] - places[None]) ** 2).sum(axis=2), nan=np.inf)
-    squared = squared + np.array([_RARE_M**2 if name[1:] in MORE else 0.0 for name in names])
+    """Labels and landmarks nearest to each other, (label, landmark), none farther apart than ``reach``.
+
+    Landmarks choose among the labels, so that it takes no longer than there are labels: Kuhn and Munkres'
+    method goes over the longer side once for each entry of the shorter one (Crouse 2016).
+    """
+    squared = np.nan_to_num(((places[:, None] - at[None]) ** 2).sum(axis=2), nan=np.inf)
+    squared = squared + np.array([_RARE_M**2 if name[1:] in MORE else 0.0 for name in names])[:, None]
     alone = reach**2
-    for row, name in fixed.items():
-        column = names.index(name)
+    for column, name in fixed.items():
+        row = names.index(name)
         squared[row], squared[:, column] = np.inf, np.inf
         squared[row, column] = 0.0
-    costs = np.hstack([np.minimum(squared, 1e3), np.full((len(at), len(at)), alone)])
+    costs = np.hstack([np.minimum(squared, 1e3), np.full((len(names), len(names)), alone)])
     rows, columns = linear_sum_assignment(costs)
-    return [
-        (int(r), int(c))
-        for r, c in zip(rows, columns, strict=True)
-        if c < len(names) and squared[r, c] < alone
-    ]
+    return sorted(
+        (int(c), int(r)) for r, c in zip(rows, columns, strict=True) if c < len(at) and squared[r, c] < alone
+    )
 
 
 def measure_misfit(at: Array, places: Array, pairs: list[tuple[int, int]]) -> float:

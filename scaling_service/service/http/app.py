@@ -28,6 +28,7 @@ from scaling_service.service.http import (
     subjects,
 )
 from scaling_service.service.http.callers import Callers
+from scaling_service.service.http.streams import Streams
 from scaling_service.service.jobs.example import Examples
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
@@ -60,6 +61,7 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
     )
     app.state.service = service
     app.state.callers = Callers(service, loopback=loopback)
+    app.state.streams = Streams(service.settings)
     app.state.examples = Examples(service)
     app.state.recent = monitoring.Recent(service)
     app.state.registry = CollectorRegistry()

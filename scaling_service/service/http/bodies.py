@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -23,6 +24,8 @@ Model = TypeVar("Model", bound=BaseModel)
 
 SILENCE_S = 60.0
 """Without a byte for so long, a client is taken for gone. Chosen: longer than networks pause."""
+
+DOCUMENT_S = 60.0  # within which a document must have come. Chosen: 1 MB at 0.2 Mbit/s.
 
 CHUNK_BYTES = 1 << 20
 """Handed on at once. Chosen: few hand-overs to threads, and little memory for each upload."""
@@ -56,7 +59,7 @@ async def read_json(request: Request) -> dict[str, Any]:
             remedy="Send JSON with `Content-Type: application/json`",
         )
     content = bytearray()
-    async for chunk in read_chunks(request):
+    async for chunk in read_chunks(request, DOCUMENT_S):
         content += chunk
         if len(content) > MAX_BYTES:
             raise TooLarge(
@@ -78,17 +81,20 @@ def _refuse_constant(text: str) -> float:
     raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
 
 
-async def read_chunks(request: Request) -> AsyncIterator[bytes]:
-    """The body in pieces of about a megabyte; TooSlow where nothing comes any more."""
+async def read_chunks(request: Request, longest_s: float) -> AsyncIterator[bytes]:
+    """The body in pieces of about a megabyte; TooSlow where it does not come within that time, or stops."""
     stream = request.stream().__aiter__()
     waiting = bytearray()
+    end = time.monotonic() + longest_s
     while True:
+        left_s = end - time.monotonic()
         try:
-            piece = await asyncio.wait_for(stream.__anext__(), SILENCE_S)
+            piece = await asyncio.wait_for(stream.__anext__(), min(SILENCE_S, left_s))
         except StopAsyncIteration:
             break
         except TimeoutError:
-            raise TooSlow(f"nothing came for {SILENCE_S:g} s", remedy="Try again") from None
+            said = f"nothing came for {SILENCE_S:g} s" if left_s > SILENCE_S else f"it took {longest_s:g} s"
+            raise TooSlow(said, remedy="Try again, over a faster connection") from None
         waiting += piece
         if len(waiting) >= CHUNK_BYTES:
             yield bytes(waiting)

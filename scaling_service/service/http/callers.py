@@ -6,7 +6,6 @@ plain links. How many requests a caller may make is bounded.
 
 from __future__ import annotations
 
-import secrets
 import threading
 import time
 from collections.abc import Callable
@@ -18,13 +17,10 @@ from fastapi import Depends, Request
 from scaling_service.service.http.problems import ForeignOrigin, KeyNeeded, TooManyRequests, WrongHost
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import is_loopback
-from scaling_service.service.store import keys
+from scaling_service.service.store import keys, links
 
 LOCAL = "local"
 """Owner of what is asked without a key, which only the machine's own users can, while there is no key."""
-
-LIFETIME_S = 60
-"""Within which a link must be opened. Chosen: a click follows at once; a slow machine has time."""
 
 PARAMETER = "ticket"
 
@@ -38,7 +34,6 @@ class Callers:
     def __init__(self, service: Service, *, loopback: bool) -> None:
         self._database, self._loopback = service.store.database, loopback
         self._limit = RateLimit(service.settings.request_rate, service.settings.request_burst)
-        self.tickets = Tickets()
 
     def owner(self, request: Request) -> str:
         """The owner on whose behalf a request comes; it asks the store, so call it in a thread.
@@ -109,7 +104,7 @@ class Callers:
         return owner, f"key {request.scope['caller']}"
 
     def _check_ticket(self, ticket: str, path: str) -> str:
-        owner = self.tickets.owner_of(ticket, path)
+        owner = links.find_owner(self._database, ticket, path)
         if owner is None:
             raise KeyNeeded(
                 "this link does not work any more", field=PARAMETER, remedy="Open it again where it came from"
@@ -147,36 +142,6 @@ async def _find_service(request: Request) -> Service:
 Owner = Annotated[str, Depends(_find_owner)]  # of a route: the owner whose things it may see
 
 ServiceDep = Annotated[Service, Depends(_find_service)]  # of a route: what it asks
-
-
-class Tickets:
-    """Each opens one path for one owner, for a minute; they end with this process."""
-
-    def __init__(self, clock: Callable[[], float] = time.time) -> None:
-        self._clock, self._lock = clock, threading.Lock()
-        self._open: dict[str, tuple[str, str, int]] = {}
-
-    def issue(self, owner: str, path: str) -> tuple[str, int]:
-        """A ticket for a decoded path, and the seconds since 1970 at which it ends."""
-        now_s, ticket = self._clock(), secrets.token_urlsafe(24)
-        until_s = int(now_s) + LIFETIME_S
-        with self._lock:
-            self._open = {one: entry for one, entry in self._open.items() if entry[2] >= now_s}
-            self._open[ticket] = owner, path, until_s
-        return ticket, until_s
-
-    def owner_of(self, ticket: str, path: str) -> str | None:
-        """The owner on whose behalf a ticket opens a path; None where it does not, or no more.
-
-        Examples
-        --------
-        >>> tickets = Tickets()
-        >>> ticket, _ = tickets.issue("lab", "/v1/jobs/1/files.zip")
-        >>> tickets.owner_of(ticket, "/v1/jobs/1/files.zip"), tickets.owner_of(ticket, "/v1/jobs/2/files.zip")
-        ('lab', None)
-        """
-        owner, opened, until_s = self._open.get(ticket, ("", "", 0))
-        return owner if opened == path and self._clock() <= until_s else None
 
 
 class RateLimit:

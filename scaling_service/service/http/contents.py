@@ -1,7 +1,7 @@
 """Stored files and archives, streamed: whatever their size, little of them is in memory. Links to them.
 
 What a client has already is known by its ETag (RFC 9110, sections 8.8.3 and 13.1.2); of a long file it may
-ask for one range (section 14). A browser follows a link without a key: for a minute a ticket replaces it.
+ask for one range (section 14). A browser follows a link without a key: until it ends a ticket replaces it.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import IO, Any, BinaryIO, cast
 from urllib.parse import quote, unquote
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import StreamingResponse
 
 from scaling_service.documents.service import Link, LinkRequest
-from scaling_service.service.http.bodies import read_model
-from scaling_service.service.http.callers import PARAMETER, Owner, Tickets
+from scaling_service.service.http.bodies import in_writer_thread, read_model
+from scaling_service.service.http.callers import PARAMETER, Owner, ServiceDep
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, describe_refusals
+from scaling_service.service.http.streams import BoundedResponse
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
 from scaling_service.service.store.tables import FileRow
@@ -108,7 +108,13 @@ def send_stored_file(request: Request, blobs: Blobs, file: FileRow) -> Response:
         headers["Content-Range"] = f"bytes {part[0]}-{part[-1]}/{file.size}"
     media_type = _MEDIA_TYPES.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
     status = HTTPStatus.OK if part is None else HTTPStatus.PARTIAL_CONTENT
-    return StreamingResponse(_read_pieces(opened, sent), status, headers, media_type)
+    return BoundedResponse(
+        _read_pieces(opened, sent),
+        longest_s=request.app.state.streams.longest_s,
+        status_code=status,
+        headers=headers,
+        media_type=media_type,
+    )
 
 
 def parse_range(header: str | None, size: int) -> range | None:
@@ -174,22 +180,30 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=describe_refusals(400, 408, 413, 415),
+    responses=describe_refusals(400, 408, 413, 415, 507),
     openapi_extra=describe_json_body(EXAMPLE, LinkRequest),
 )
-async def make_link(request: Request, owner: Owner) -> Link:
-    """Make a link to a file that works for a minute without a key.
+async def make_link(request: Request, owner: Owner, service: ServiceDep) -> Link:
+    """Make a link to a file that works without a key, for a minute or for as long as is said.
 
-    Browsers send no key when they open a link or stream a download to the disk. Whoever has the link can
-    fetch that file, and nothing else, until then.
+    Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.
+    Whoever has the link can fetch that file, and nothing else, until then.
     """
-    wanted = unquote((await read_model(LinkRequest, request, "Give `path` alone")).path)
+    asked = await read_model(LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days")
+    wanted = unquote(asked.path)
     if not _FILE.fullmatch(wanted):
         raise RequestInvalid(
             "this is no path of a file",
             field="path",
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
-    tickets: Tickets = request.app.state.callers.tickets
-    ticket, until_s = tickets.issue(owner, wanted)
-    return Link(path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_s, UTC))
+    ticket, until_us = await in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
+    return Link(
+        path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_us / 1e6, UTC)
+    )
+
+
+@router.delete("", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals())
+def end_links(owner: Owner, service: ServiceDep) -> None:
+    """Let none of your links open anything any more. Revoking a key does so, too."""
+    service.end_links(owner)

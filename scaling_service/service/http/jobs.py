@@ -14,7 +14,7 @@ from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Path, Query, Request, Response
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
@@ -30,6 +30,7 @@ from scaling_service.service.http.contents import (
 )
 from scaling_service.service.http.documentation import RESULT, describe_json_body
 from scaling_service.service.http.problems import describe_refusals
+from scaling_service.service.http.streams import BOUNDED, BoundedResponse
 from scaling_service.service.http.subjects import Cursor, Size, as_datetime, list_file_entries
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store.errors import NotFound, StoreUnavailable
@@ -150,6 +151,7 @@ def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
         },
         204: {"description": "It is over, and its last event was seen"},
     },
+    dependencies=BOUNDED,
 )
 async def get_events(
     job: JobId, request: Request, owner: Owner, service: ServiceDep, last_event_id: _Seen = None
@@ -163,8 +165,13 @@ async def get_events(
     async def look() -> JobDocument:
         return as_document(await run_in_threadpool(service.job, owner, job))
 
-    stream = stream_events(as_document(row), look, seen, request.app.state.stopping)
-    return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+    longest_s = service.settings.limit_stream_s
+    return BoundedResponse(
+        stream_events(as_document(row), look, seen, request.app.state.stopping, longest_s),
+        longest_s=longest_s + QUIET_S,  # for who reads it; who does not is cut off
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store"},
+    )
 
 
 @router.get(
@@ -208,6 +215,7 @@ def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
     response_class=Response,
     responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
+    dependencies=BOUNDED,
 )
 def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     """Download all that a job made as one zip."""
@@ -219,11 +227,15 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
         "Cache-Control": "no-store",
     }
     stream = zip_files(files, service.store.blobs.open)
-    return StreamingResponse(stream, media_type="application/zip", headers=headers)
+    longest_s = service.settings.limit_stream_s
+    return BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
 
 
 @router.get(
-    "/{job}/files/{path:path}", response_class=Response, responses=describe_file_responses({"type": "string"})
+    "/{job}/files/{path:path}",
+    response_class=Response,
+    responses=describe_file_responses({"type": "string"}),
+    dependencies=BOUNDED,
 )
 def get_file(
     job: JobId,
@@ -288,13 +300,20 @@ def _make_submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaita
 
 
 async def stream_events(
-    first: JobDocument, look: Callable[[], Awaitable[JobDocument]], seen: int, stopping: asyncio.Event
+    first: JobDocument,
+    look: Callable[[], Awaitable[JobDocument]],
+    seen: int,
+    stopping: asyncio.Event,
+    longest_s: float,
 ) -> AsyncIterator[str]:
-    """The events of a job from the revision ``seen`` on, until it is over or the server stops.
+    """The events of a job from the revision ``seen`` on, until it is over, the server stops, or time is up.
+
+    Who follows it then asks again, from the last event that came.
 
     ``id`` is the revision, ``event`` is ``job``, ``data`` is the job; its deletion is the event ``gone``.
     """
     document, told_at = first, time.monotonic()
+    end = told_at + longest_s
     while True:
         if document.revision > seen:
             seen, told_at = document.revision, time.monotonic()
@@ -302,7 +321,7 @@ async def stream_events(
         elif time.monotonic() - told_at > QUIET_S:
             told_at = time.monotonic()
             yield ": still here\n\n"
-        if document.state.is_over or await _wait_for_stop(stopping):
+        if document.state.is_over or time.monotonic() > end or await _wait_for_stop(stopping):
             return
         try:
             document = await look()

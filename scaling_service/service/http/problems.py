@@ -18,6 +18,8 @@ from scaling_service.service.jobs.example import ExampleFailed
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
+from scaling_service.service.store.links import TooManyLinks
+from scaling_service.service.store.room import QuotaReached
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -33,12 +35,10 @@ class KeyNeeded(InputError):
 
 
 class TooManyRequests(InputError):
-    """A caller asks faster than is allowed."""
+    """A caller asks faster, or for more at once, than is allowed."""
 
-    def __init__(self, wait_s: float) -> None:
-        super().__init__(
-            "requests come faster than is allowed", remedy=f"Wait {wait_s:.1f} s, and ask less often"
-        )
+    def __init__(self, wait_s: float, problem: str = "requests come faster than is allowed") -> None:
+        super().__init__(problem, remedy=f"Wait {wait_s:.1f} s, and ask less often")
         self.wait_s = wait_s
 
 
@@ -80,7 +80,9 @@ _STATUS: tuple[tuple[type[InputError], int], ...] = (
     (TooLarge, 413),
     (QueueFull, 429),
     (TooManyRequests, 429),
+    (TooManyLinks, 429),
     (StoreFull, 507),
+    (QuotaReached, 507),
     (StoreUnavailable, 503),
     (KeyNeeded, 401),
     (BodyUnreadable, 400),

@@ -23,6 +23,7 @@ from scaling_service.service.http.contents import (
 )
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
+from scaling_service.service.http.streams import BOUNDED
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
 from scaling_service.service.store.errors import TooLarge
@@ -113,6 +114,7 @@ def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
 @router.put(
     "/{subject}/files/{name}",
     responses=describe_refusals(404, 408, 413, 507),
+    dependencies=BOUNDED,
     # No body is a file without content, which is the fault of the job that reads it.
     openapi_extra={
         "requestBody": {"required": False, "content": {"application/octet-stream": {"schema": _BYTES}}}
@@ -125,13 +127,18 @@ async def put_file(
     _refuse_too_large(request, service.settings.limit_upload_mb)
     with ExitStack() as entered:
         upload = await run_in_threadpool(entered.enter_context, service.upload(owner, subject, name))
-        async for chunk in read_chunks(request):
+        async for chunk in read_chunks(request, service.settings.limit_stream_s):
             await in_writer_thread(upload.write, chunk)
         (entry,) = list_file_entries([await in_writer_thread(upload.keep)])
         return entry
 
 
-@router.get("/{subject}/files/{name}", response_class=Response, responses=describe_file_responses(_BYTES))
+@router.get(
+    "/{subject}/files/{name}",
+    response_class=Response,
+    responses=describe_file_responses(_BYTES),
+    dependencies=BOUNDED,
+)
 def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)

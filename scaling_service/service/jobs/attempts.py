@@ -46,6 +46,9 @@ from scaling_service.service.store.tables import JobRow
 
 Result = TypeVar("Result")
 MakeExecutor: TypeAlias = Callable[[], Executor]  # called again when an executor broke
+SLOTS = 8
+"""Owners whose brief job runs beside a runner's workers at once. Chosen: each may take a job's memory."""
+
 _CONNECT_S = 10.0  # chosen: a scheduler that does not answer by then is tried again later
 _PROGRESS_S = 0.25  # between two notes of progress. Chosen: faster than a person reads.
 
@@ -65,7 +68,9 @@ class Order:
     parts: str | None = None  # JSON: how the jobs ended that this one is made of
 
 
-def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path) -> Order:
+def make_order(
+    store: Store, settings: ServiceSettings, kind: Kind, row: JobRow, folder: Path, limits: Limits
+) -> Order:
     """The order for an attempt at a leased job."""
     specification, _, _ = jobs.read_documents(store.database, row.owner, row.id)
     if kind.parts is None:
@@ -80,7 +85,7 @@ def make_order(store: Store, settings: ServiceSettings, kind: Kind, row: JobRow,
         inputs=tuple((file.name, file.sha256) for file in inputs),
         data=store.blobs.folder,
         folder=folder,
-        limits=settings.limits,
+        limits=limits,
         code_version=code_version(),
         patience_s=settings.lease_s,
         parts=ends,
@@ -214,7 +219,7 @@ def choose_executor(settings: ServiceSettings) -> MakeExecutor:
     """The executor that the settings ask for: a Dask cluster where an address is given, else this machine."""
     address = settings.dask_address
     if address is None:
-        return lambda: make_local_executor(settings.workers + 1)  # one more for what is brief
+        return lambda: make_local_executor(settings.workers + SLOTS)
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:

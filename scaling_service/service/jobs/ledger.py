@@ -102,10 +102,12 @@ class Ledger:
         if over < count:
             self._move(connection, row, Event.WAIT, _sum_progress(over, count))
 
-    def lease(self, worker: str, host: str, kinds: Collection[str] | None = None) -> JobRow | None:
-        """Take the next job, of any kind or of some; None where nothing waits."""
+    def lease(
+        self, worker: str, host: str, kinds: Collection[str] | None = None, without: Collection[str] = ()
+    ) -> JobRow | None:
+        """Take the next job, of any kind or of some, of no owner ``without``; None where nothing waits."""
         with self.store.write() as connection:
-            row = jobs.lock_next(connection, kinds)
+            row = jobs.lock_next(connection, kinds, without)
             if row is None:
                 return None
             begun = {

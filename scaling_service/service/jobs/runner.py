@@ -10,7 +10,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from concurrent.futures import CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -19,6 +19,7 @@ from typing import IO
 
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs.attempts import (
+    SLOTS,
     AttemptFolder,
     MakeExecutor,
     Order,
@@ -69,6 +70,7 @@ class RunningAttempt:
     order: Order
     folder: AttemptFolder
     future: Future[Outcome]
+    beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
     begun: float = field(default_factory=time.monotonic)
 
 
@@ -231,17 +233,25 @@ class Runner:
             log.warning("job taken back", extra={"job": job})
 
     def _start_queued(self, executor: Executor) -> None:
-        """As many jobs as there are workers, and one more that is brief: nobody waits hours for seconds."""
-        while len(self._held) <= self._settings.workers:
-            long = sum(held.row.kind not in self._brief for held in self._held.values())
-            kinds = None if long < self._settings.workers else self._brief
-            if not jobs.has_queued(self._store.database, kinds):
-                return
-            self._require_room()
-            row = self._ledger.lease(self.name, socket.gethostname(), kinds)
+        """As many jobs as there are workers, and beside them one that is brief of each owner.
+
+        So nobody waits hours for seconds, nor for what others have looked at.
+        """
+        while jobs.has_queued(self._store.database):
+            served = {held.row.owner for held in self._held.values() if held.beside}
+            row = self._lease(self._brief, served) if len(served) < SLOTS else None
+            beside = row is not None
+            if row is None and len(self._held) - len(served) < self._settings.workers:
+                row = self._lease()
             if row is None:
                 return
-            self._start(row, executor)
+            self._start(row, executor, beside=beside)
+
+    def _lease(self, kinds: Collection[str] | None = None, without: Collection[str] = ()) -> JobRow | None:
+        if not jobs.has_queued(self._store.database, kinds, without):
+            return None
+        self._require_room()
+        return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
 
     def _require_room(self) -> None:
         """Raise StoreFull where the disk is nearly full; queued jobs say so while it is."""
@@ -255,20 +265,21 @@ class Runner:
             jobs.explain_wait(self._store.database, WAITING)
             self._lacks_room = False
 
-    def _start(self, row: JobRow, executor: Executor) -> None:
+    def _start(self, row: JobRow, executor: Executor, *, beside: bool) -> None:
         kind = self._kinds.get(row.kind)
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
         folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
-        order = make_order(self._store, self._settings, kind, row, folder.folder)
+        limits = self._settings.choose_limits(brief=kind.brief, first=beside)
+        order = make_order(self._store, self._settings, kind, row, folder.folder, limits)
         folder.open()
         try:
             future = executor.submit(run_attempt, order)
         except RuntimeError as error:  # broken, or shut down behind our back
             self._executor = None
             raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
-        self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future)
+        self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future, beside=beside)
         future.add_done_callback(lambda _future: self._wake.set())
 
     def _give_back(self) -> None:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy import Connection
+
 from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.jobs import State
@@ -26,9 +28,10 @@ from scaling_service.service.jobs.submission import (
     write_canonical,
     write_canonical_subject,
 )
-from scaling_service.service.store import deletion, jobs, subjects
+from scaling_service.service.store import deletion, jobs, links, subjects
 from scaling_service.service.store.blobs import Incoming
 from scaling_service.service.store.errors import NotFound
+from scaling_service.service.store.room import Quotas
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 
@@ -44,7 +47,8 @@ class Upload:
     incoming: Incoming
 
     def write(self, chunk: bytes) -> None:
-        """Add bytes; TooLarge where more came than is allowed."""
+        """Add bytes; TooLarge where more came than is allowed, StoreFull where the disk is nearly full."""
+        self.service.require_room(len(chunk))
         self.incoming.write(chunk)
 
     def keep(self) -> FileRow:
@@ -52,7 +56,10 @@ class Upload:
         store, most = self.service.store, self.service.settings.limit_files
         content = self.incoming.finish()
         place = (self.owner, self.subject, self.name)
-        return subjects.attach(store.database, store.blobs, *place, content, most=most)
+        self.service.quotas.require(self.owner, content.size)
+        row = subjects.attach(store.database, store.blobs, *place, content, most=most)
+        self.service.quotas.add(self.owner, content.size)
+        return row
 
 
 class Service:
@@ -62,6 +69,7 @@ class Service:
         self.store, self.settings, self.kinds = store, settings, kinds
         self._database = store.database
         self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
+        self.quotas = Quotas(store.database, settings.limit_owner_mb * 1_000_000)
 
     @classmethod
     def open(cls, settings: ServiceSettings) -> Service:
@@ -73,7 +81,9 @@ class Service:
     def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[SubjectRow, bool]:
         """Keep a subject's document under the name that it gives; whether that name is new."""
         name = check_subject(document)
-        return subjects.put(self._database, owner, name, write_canonical_subject(document))
+        self.require_room()
+        text, most = write_canonical_subject(document), self.settings.limit_subjects
+        return subjects.put(self._database, owner, name, text, most=most)
 
     def subject(self, owner: str, subject: str) -> SubjectRow:
         """One subject."""
@@ -91,9 +101,10 @@ class Service:
 
     def delete_subject(self, owner: str, subject: str) -> None:
         """Delete a subject, its files, and all jobs on them, for good."""
-        deletion.delete_subject(
-            self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
-        )
+        with self._deleting(owner):
+            deletion.delete_subject(
+                self._database, self.store.blobs, owner, _require_known_name(subject, "subject")
+            )
 
     # Files of subjects
 
@@ -102,6 +113,8 @@ class Service:
         """Take a file for a subject: ``upload.write(chunk)``, and at last ``upload.keep()``."""
         require_plain_name(name)
         self.subject(owner, subject)
+        self.require_room()
+        self.quotas.require(owner)
         with self.store.incoming(self.settings.limit_upload_mb * 1_000_000) as incoming:
             yield Upload(service=self, owner=owner, subject=subject, name=name, incoming=incoming)
 
@@ -116,7 +129,8 @@ class Service:
     def remove_subject_file(self, owner: str, subject: str, name: str) -> None:
         """Remove a file of a subject; jobs that were asked for before keep theirs."""
         self.subject_file(owner, subject, name)
-        subjects.detach(self._database, self.store.blobs, owner, subject, [name])
+        with self._deleting(owner):
+            subjects.detach(self._database, self.store.blobs, owner, subject, [name])
 
     # The laboratory
 
@@ -126,8 +140,19 @@ class Service:
 
     def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
+        self.require_room()
         subjects.put_marker_map(self._database, owner, write_canonical(dict(labels)))
         return self.marker_map(owner)
+
+    # Links
+
+    def make_link(self, owner: str, path: str, lifetime_s: int) -> tuple[str, int]:
+        """A ticket that opens a path on the owner's behalf, and its end, µs since 1970."""
+        return links.issue(self._database, owner, path, lifetime_s)
+
+    def end_links(self, owner: str) -> None:
+        """Let none of an owner's links open anything any more."""
+        links.end_all(self._database, owner)
 
     # Jobs
 
@@ -135,16 +160,20 @@ class Service:
         """Ask for a job, or find the one that was asked for before; whether this put it in the queue.
 
         RequestInvalid or SubjectInvalid where what is asked for cannot be done; QueueFull where too many
-        jobs of this owner are waiting.
+        jobs of this owner are waiting, QuotaReached where their files take too much room.
         """
         row = self.kinds.get(kind)
         if row is None or row.route is None:
             raise NotFound(f"there is no kind of job '{kind}'", field="kind")
-        checked = check_request(row, request)
-        return self._ledger.ask(
-            lambda connection: make_new_job(connection, owner, kind, checked, row.parts),
-            self.settings.limit_queue,
-        )
+        checked, made_of = check_request(row, request), row.parts
+
+        def make(connection: Connection) -> jobs.NewJob:
+            new = make_new_job(connection, owner, kind, checked, made_of)
+            if jobs.find(connection, new.id) is None:
+                self.quotas.require(owner)
+            return new
+
+        return self._ledger.ask(make, self.settings.limit_queue)
 
     def job(self, owner: str, job: str) -> JobRow:
         """One job; ``revision`` grows with any change."""
@@ -189,11 +218,13 @@ class Service:
 
     def cancel(self, owner: str, job: str) -> JobRow:
         """Wish that a job ends; one that is over stays as it is, a part of one that is not is InUse."""
-        return self._ledger.cancel(owner, _require_known_name(job, "job"))
+        with self._deleting(owner):
+            return self._ledger.cancel(owner, _require_known_name(job, "job"))
 
     def delete_job(self, owner: str, job: str) -> None:
         """Delete a job with all that it made, for good; if it runs, it is stopped."""
-        deletion.delete_job(self._database, self.store.blobs, owner, _require_known_name(job, "job"))
+        with self._deleting(owner):
+            deletion.delete_job(self._database, self.store.blobs, owner, _require_known_name(job, "job"))
 
     # The whole
 
@@ -205,9 +236,19 @@ class Service:
         """Whether database and disk answer; StoreUnavailable says which does not."""
         self.store.check()
 
+    def require_room(self, more: int = 0) -> None:
+        """Raise StoreFull where so many bytes more would take what is kept for jobs that run."""
+        self.store.require_room(self.settings.reserve_mb * 1_000_000 + more)
+
     def close(self) -> None:
         """Give all connections back."""
         self.store.close()
+
+    @contextmanager
+    def _deleting(self, owner: str) -> Iterator[None]:
+        with self.store.spare.given_up():
+            yield
+        self.quotas.forget(owner)
 
     def _one(self, files: list[FileRow], name: str) -> tuple[FileRow, Path]:
         for file in files:

@@ -22,6 +22,10 @@ from scaling_service.service.sandbox.limits import Limits
 PREFIX = "SCALING_SERVICE_"
 _MB = 1_000_000
 
+FIRST, LAST = 5, 15
+"""Niceness of processes that compute (sched(7)): of an owner's first check, and of others. Chosen: both give
+way to whoever answers requests on the same processors; where they share one, the first has nine tenths."""
+
 _ELSEWHERE = {f"{PREFIX}DATA", f"{PREFIX}DATASETS_URL", f"{PREFIX}WITHOUT_PAGE"}
 """Variables with the prefix that are for something else: where tests find recordings, where public ones are
 downloaded, how a package is built."""
@@ -75,23 +79,39 @@ class ServiceSettings(BaseSettings):
     )
     limit_memory_mb: int = Field(default=4000, ge=100, description="Of each process of a job.")
     limit_cpu_s: float = Field(default=3600.0, ge=1.0, description="Processor time of each process of a job.")
+    limit_check_cpu_s: float = Field(
+        default=120.0, ge=1.0, description="Processor time of each process of a look at files."
+    )
     limit_wall_s: float = Field(default=7200.0, ge=1.0, description="Time of a job.")
     limit_file_mb: int = Field(default=1000, ge=1, description="Each file that a job writes.")
     limit_output_mb: int = Field(default=2000, ge=1, description="All that a job writes.")
     limit_upload_mb: int = Field(default=1000, ge=1, description="Each uploaded file.")
+    limit_streams: int = Field(
+        default=200, ge=1, description="Uploads, downloads and followed jobs of an owner at once."
+    )
+    limit_stream_s: float = Field(
+        default=3600.0, ge=1.0, description="Whole time of each; who follows a job asks again."
+    )
+    limit_subjects: int = Field(default=10_000, ge=1, description="Subjects of an owner.")
     limit_files: int = Field(default=1000, ge=1, description="Files of a subject.")
     limit_queue: int = Field(default=10_000, ge=1, description="Waiting jobs of an owner.")
-    reserve_mb: int = Field(default=500, ge=0, description="No job begins with less room on the disk.")
+    limit_owner_mb: int = Field(
+        default=100_000, ge=1, description="All files of an owner, uploaded or made, each content once."
+    )
+    reserve_mb: int = Field(
+        default=500, ge=0, description="With less room on the disk no job begins and no upload goes on."
+    )
     retention_days: float | None = Field(
         default=None, gt=0, description="Jobs and subjects older than this are deleted; none unless given."
     )
 
-    @property
-    def limits(self) -> Limits:
-        """What one job may use."""
+    def choose_limits(self, *, brief: bool = False, first: bool = False) -> Limits:
+        """What one job may use, one that is ``brief`` or not; ``first``: whether it goes before others."""
         return Limits(
             memory_bytes=self.limit_memory_mb * _MB,
-            cpu_s=self.limit_cpu_s,
+            cpu_s=self.limit_check_cpu_s if brief else self.limit_cpu_s,
+            cpu_setting="limit_check_cpu_s" if brief else "limit_cpu_s",
+            niceness=FIRST if first else LAST,
             wall_s=self.limit_wall_s,
             file_bytes=self.limit_file_mb * _MB,
             output_bytes=self.limit_output_mb * _MB,

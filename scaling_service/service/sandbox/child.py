@@ -27,8 +27,6 @@ RESULT = "result.json"
 SECRETS = "SCALING_SERVICE_"
 """Environment variables that begin so are for the service, not for what parses foreign bytes."""
 
-_NICENESS = 10  # chosen: a computation gives way to whoever answers requests on the same processors
-
 _HINDRANCES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
 _LONGEST = 2000  # characters of a text in a message. Chosen: a message must fit the pipe's buffer whole.
 
@@ -48,7 +46,6 @@ class Child:
     def __call__(self, messages: Connection) -> None:
         """Do the work and end this process with everything that it started."""
         os.setsid()
-        os.nice(_NICENESS)
         pipe, parent = messages.fileno(), parent_process()
         assert parent is not None
         _die_with_parent(parent.sentinel)

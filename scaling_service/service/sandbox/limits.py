@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,12 +23,15 @@ class Limits:
     memory_bytes: int = 4 << 30
     """Address space on top of what the program itself takes; for each process of the job."""
     cpu_s: float = 3600.0  # processor time of each process
+    cpu_setting: str = "limit_cpu_s"  # that says so
+    niceness: int = 15  # how far it gives way to others
     wall_s: float = 7200.0  # time on the clock of the whole
     file_bytes: int = 1 << 30
     output_bytes: int = 2 << 30  # of all results together
 
     def apply(self) -> None:
         """Bound this process and all that it starts; there is no way back."""
+        os.nice(self.niceness)
         cpu = max(1, round(self.cpu_s))
         _set(resource.RLIMIT_CORE, 0, 0)  # a dump would hold a patient's data
         _set(resource.RLIMIT_AS, *2 * (_measure_address_space() + self.memory_bytes,))
@@ -38,7 +42,7 @@ class Limits:
         """The error for a bound that was reached, by the name of its setting."""
         limit, what = {
             "limit_memory_mb": (f"{self.memory_bytes / 1e9:.3g} GB", "memory"),
-            "limit_cpu_s": (f"{self.cpu_s:g} s", "processor time"),
+            self.cpu_setting: (f"{self.cpu_s:g} s", "processor time"),
             "limit_wall_s": (f"{self.wall_s:g} s", "time"),
             "limit_file_mb": (f"{self.file_bytes / 1e6:g} MB", "disk for one file"),
             "limit_output_mb": (f"{self.output_bytes / 1e6:g} MB", "disk"),

@@ -237,7 +237,7 @@ def _count_bytes(folder: Path) -> int:
 def _classify_exit(code: int | None, limits: Limits) -> Outcome:
     """What the exit of a child that gave no answer means."""
     if code == -signal.SIGXCPU:
-        return Failed.of(limits.report_exceeded("limit_cpu_s"))
+        return Failed.of(limits.report_exceeded(limits.cpu_setting))
     if code is not None and -code in _CRASHES:
         return Failed(
             Failure(

@@ -16,7 +16,7 @@ from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 from scaling_service.service.store import parts
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
-from scaling_service.service.store.errors import report_needed
+from scaling_service.service.store.errors import StoreFull, report_needed
 from scaling_service.service.store.jobs import report_no_job
 from scaling_service.service.store.subjects import report_no_subject
 from scaling_service.service.store.tables import (
@@ -54,10 +54,30 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
 
 
 def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
-    """Delete a subject, its files, and every job that rests on its data; NotFound where there is none."""
-    with database.write() as connection:
-        found, digests = _delete_subject(connection, owner, identity)
+    """Delete a subject, its files, and every job that rests on its data; NotFound where there is none.
+
+    Where the disk has no room to do so at once, it is done in steps, each of which makes room for the next.
+    """
+    try:
+        with database.write() as connection:
+            found, digests = _delete_subject(connection, owner, identity)
+    except StoreFull:
+        _delete_jobs_singly(database, blobs, owner, identity)
+        with database.write() as connection:
+            found, digests = _delete_subject(connection, owner, identity)
     erase(database, blobs, found, digests)
+
+
+def _delete_jobs_singly(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
+    resting = (job_subjects.c.owner == owner) & (job_subjects.c.subject == identity)
+    with database.read() as connection:
+        # Wholes before their parts, which go with them.
+        wanted = select(jobs.c.id).join(job_subjects, job_subjects.c.job == jobs.c.id).where(resting)
+        found = list(connection.scalars(wanted.order_by(jobs.c.part, jobs.c.id)))
+    for job in found:
+        with database.write() as connection:
+            gone, digests = _delete_jobs(connection, [job])
+        erase(database, blobs, gone, digests)
 
 
 def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:

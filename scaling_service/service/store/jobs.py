@@ -184,14 +184,17 @@ def _is_queued(kinds: Collection[str] | None) -> ColumnElement[bool]:
     return _QUEUED if kinds is None else _QUEUED & jobs.c.kind.in_(kinds)
 
 
-def lock_next(connection: Connection, kinds: Collection[str] | None = None) -> JobRow | None:
-    """The next job, locked, of any kind or of some; None where nothing waits.
+def lock_next(
+    connection: Connection, kinds: Collection[str] | None = None, without: Collection[str] = ()
+) -> JobRow | None:
+    """The next job, locked, of any kind or of some; None where nothing waits. ``without``: these owners.
 
     Owners take turns: first who has the fewest jobs running, then who was served longest ago. Among an
     owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
     the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
-    for owner in connection.scalars(_select_waiting(kinds)).all():
+    waiting = _select_waiting(kinds).where(owners.c.name.not_in(without))
+    for owner in connection.scalars(waiting).all():
         oldest = (
             select(*SHOWN)
             .where(jobs.c.owner == owner, _is_queued(kinds))
@@ -222,10 +225,13 @@ def has_queued_at_least(connection: Connection, owner: str, number: int) -> bool
     return (connection.scalar(select(func.count()).select_from(some.subquery())) or 0) >= number
 
 
-def has_queued(database: Database, kinds: Collection[str] | None = None) -> bool:
-    """Whether a job waits, of any kind or of some."""
+def has_queued(
+    database: Database, kinds: Collection[str] | None = None, without: Collection[str] = ()
+) -> bool:
+    """Whether a job waits, of any kind or of some, of any owner but these."""
+    some = select(jobs.c.id).where(_is_queued(kinds), jobs.c.owner.not_in(without)).limit(1)
     with database.read() as connection:
-        return connection.scalar(select(jobs.c.id).where(_is_queued(kinds)).limit(1)) is not None
+        return connection.scalar(some) is not None
 
 
 def compute_lease_end(seconds: float) -> Any:

@@ -6,12 +6,12 @@ import hashlib
 import hmac
 import secrets
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
-from scaling_service.service.store.tables import KeyRow, api_keys, owners
+from scaling_service.service.store.tables import KeyRow, api_keys, links, owners
 
 PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
@@ -69,10 +69,12 @@ def has_valid(database: Database) -> bool:
 
 
 def revoke(database: Database, identity: str) -> None:
-    """Let a key open nothing any more; NotFound where there is no such key that is valid."""
+    """Let a key open nothing any more, nor its owner's links; NotFound where no such key is valid."""
     valid = (api_keys.c.id == identity) & api_keys.c.revoked_us.is_(None)
     with database.write() as connection:
         done = connection.execute(update(api_keys).where(valid).values(revoked_us=NowUs()))
+        of_key = select(api_keys.c.owner).where(api_keys.c.id == identity)
+        connection.execute(delete(links).where(links.c.owner.in_(of_key)))
     if done.rowcount == 0:
         raise NotFound(f"there is no valid key '{identity}'", field="key", remedy="List the keys")
 

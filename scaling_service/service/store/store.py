@@ -22,6 +22,7 @@ from scaling_service.service.store import deletion, jobs
 from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
 from scaling_service.service.store.errors import StoreTooNew, disk_errors, report_full
+from scaling_service.service.store.room import Spare
 from scaling_service.service.store.tables import metadata
 
 LOCK_NUMBER = 0x5CA1_1A6
@@ -99,7 +100,14 @@ class Store:
         except BaseException:
             database.close()
             raise
-        return cls(database, blobs)
+        store = cls(database, blobs)
+        store.spare.keep()
+        return store
+
+    @property
+    def spare(self) -> Spare:
+        """What is kept back so that deleting works on a full disk."""
+        return Spare(self.blobs.folder)
 
     def read(self) -> AbstractContextManager[Connection]:
         """A transaction that sees one moment."""
@@ -123,6 +131,7 @@ class Store:
             if folder.name not in alive:
                 shutil.rmtree(folder, ignore_errors=True)
         collect_garbage(self.database, self.blobs)
+        self.spare.keep()
         deletion.remove_traces(self.database)
 
     def check(self) -> None:

@@ -25,8 +25,13 @@ from scaling_service.service.store.tables import (
 _SHOWN = tuple(subjects.c[name] for name in SubjectRow.__dataclass_fields__)
 
 
-def put(database: Database, owner: str, identity: str, document: str) -> tuple[SubjectRow, bool]:
-    """Keep a subject's document, and whether its name is new; files that were uploaded before stay."""
+def put(
+    database: Database, owner: str, identity: str, document: str, *, most: int | None = None
+) -> tuple[SubjectRow, bool]:
+    """Keep a subject's document, and whether its name is new; files that were uploaded before stay.
+
+    InputError is raised where it is new, and the owner has ``most`` already.
+    """
     mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
     with database.write() as connection:
         ensure_owner(connection, owner)
@@ -37,6 +42,13 @@ def put(database: Database, owner: str, identity: str, document: str) -> tuple[S
         )
         new = changed.rowcount == 0
         if new:
+            own = select(func.count()).select_from(subjects).where(subjects.c.owner == owner)
+            if most is not None and (connection.scalar(own) or 0) >= most:
+                raise InputError(
+                    f"there are {most:,} subjects, which is the most",
+                    field="limit_subjects",
+                    remedy="Delete subjects that are not needed",
+                )
             connection.execute(
                 insert(subjects).values(
                     owner=owner, id=identity, document=document, created_us=NowUs(), updated_us=NowUs()

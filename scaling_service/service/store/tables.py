@@ -83,6 +83,15 @@ marker_maps = Table(
 )
 """Which label is which marker in an owner's laboratory; one map each."""
 
+links = Table(
+    "links",
+    metadata,
+    Column("sha256", String(64), primary_key=True),
+    Column("owner", ForeignKey("owners.name", ondelete="CASCADE"), nullable=False, index=True),
+    Column("until_us", BigInteger, nullable=False, index=True),
+)
+"""What opens one path without a key; see ``store/links.py``."""
+
 blobs = Table(
     "blobs",
     metadata,

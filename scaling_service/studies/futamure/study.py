@@ -91,6 +91,9 @@ WAYS = ("classical", "consistent", "predicted")
 """Of explaining a recording. Predicted: the classical two steps with the model found, so that forces of the
 recording played no part."""
 
+FITTED_SHARE = 0.6
+"""Of a real recording (chosen: three of five squats)."""
+
 
 def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     """Record one person, explain the recordings, and compare with the truth.
@@ -195,10 +198,6 @@ def measure_lengths(model: BodyModel) -> Array:
             for child in ("thigh", "torso", "arm")
         ]
     )
-
-
-FITTED_SHARE = 0.6
-"""Of a real recording (chosen: three of five squats)."""
 
 
 def reproduce_futamure(

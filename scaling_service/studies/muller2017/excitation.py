@@ -45,6 +45,53 @@ SHIFT_S = 0.6
 PEAK_SPREAD = (0.8, 1.2)
 """How far one performance differs from the video (chosen)."""
 
+_SQUAT = {"hip_flexion": 90.0, "knee_angle": -90.0, "ankle_angle": 30.0}
+_LEAN = {"pelvis_tilt": -30.0}  # forward, so that feet stay flat: the sum is zero
+_TRUNK = {
+    "lumbar_extension": 30.0,
+    "lumbar_bending": 25.0,
+    "lumbar_rotation": 30.0,
+    "thoracic_extension": 10.0,
+    "neck_extension": 35.0,
+    "neck_bending": 30.0,
+    "neck_rotation": 50.0,
+}
+
+MODEL = "full_body_35dof"
+
+STATURE_M, MASS_KG = (1.80, 0.07), (74.1, 7.3)
+"""Mean and SD of the ten men of Muller et al. 2017 (sec. 2.3)."""
+
+PROPORTION_SD = 0.03
+"""Of a segment's length against stature (facts: 3 to 6 % for leg segments, Puchaud 2019, table 2)."""
+
+MASS_SD, COM_M, TENSOR_SD = 0.10, 0.010, 0.15
+"""How far a regression is from a person: share of a segment's mass, centre of mass per direction (m), share
+of its inertia (chosen: as far as published tables are from each other)."""
+
+LENGTH_LEFT, PLACE_LEFT_M = 0.01, 0.004
+"""What a kinematic calibration leaves wrong: share of a length, a marker's place per direction (chosen:
+Puchaud 2019 finds 5 to 10 mm between models of one person)."""
+
+SKIN_MM_PER_DEG = 0.3
+"""SD of a marker's glide per direction with each angle of its segment's joints: the thigh's of
+``virtual_artefact``, for all segments (chosen: for most others there is no figure)."""
+
+WANDER_M, WANDER_HZ = 0.002, 2.0
+"""What no angle explains (RMS per direction), and its highest frequency (see ``virtual_artefact``)."""
+
+CAMERA_M = 0.0005
+"""Marker noise per direction, moving (see ``virtual_subject``)."""
+
+PLATE_SHARE, PLATE_LEAST_N, CENTRE_M = 0.001 / 3, 0.22 / 3, 0.0002 / 3
+"""Standard deviations of plates: a third of what AMTI promises (Muller et al. 2017, sec. 2.2)."""
+
+EDGE_S = 0.3
+"""Left out at both ends, where the filter has only one side to go by (chosen: one and a half periods of 5
+Hz)."""
+
+_CUTOFF_HZ, _ORDER = 5.0, 4  # of the plates' signals, as of the motion
+
 
 @dataclass(frozen=True, slots=True)
 class Movement:
@@ -62,19 +109,6 @@ def list_movements() -> tuple[Movement, ...]:
     twist = {"pelvis_rotation": 15.0, "hip_rotation_r": -15.0, "hip_rotation_l": 15.0}
     trunk = [Movement({name: peak}, True) for name, peak in _TRUNK.items()]
     return (Movement(squat | _LEAN, slots=1.8), Movement(twist, True), *trunk, *_of_side("r"), *_of_side("l"))
-
-
-_SQUAT = {"hip_flexion": 90.0, "knee_angle": -90.0, "ankle_angle": 30.0}
-_LEAN = {"pelvis_tilt": -30.0}  # forward, so that feet stay flat: the sum is zero
-_TRUNK = {
-    "lumbar_extension": 30.0,
-    "lumbar_bending": 25.0,
-    "lumbar_rotation": 30.0,
-    "thoracic_extension": 10.0,
-    "neck_extension": 35.0,
-    "neck_bending": 30.0,
-    "neck_rotation": 50.0,
-}
 
 
 def _of_side(side: str) -> tuple[Movement, ...]:
@@ -156,42 +190,6 @@ def _simulate_standing(model: BodyModel, q: Array, right: Array, stature_m: floa
     share = np.column_stack([right, 1.0 - right])
     q[:, place] = np.einsum("nk,nka->na", share, home[None] - placed)
     return q
-
-
-MODEL = "full_body_35dof"
-
-STATURE_M, MASS_KG = (1.80, 0.07), (74.1, 7.3)
-"""Mean and SD of the ten men of Muller et al. 2017 (sec. 2.3)."""
-
-PROPORTION_SD = 0.03
-"""Of a segment's length against stature (facts: 3 to 6 % for leg segments, Puchaud 2019, table 2)."""
-
-MASS_SD, COM_M, TENSOR_SD = 0.10, 0.010, 0.15
-"""How far a regression is from a person: share of a segment's mass, centre of mass per direction (m), share
-of its inertia (chosen: as far as published tables are from each other)."""
-
-LENGTH_LEFT, PLACE_LEFT_M = 0.01, 0.004
-"""What a kinematic calibration leaves wrong: share of a length, a marker's place per direction (chosen:
-Puchaud 2019 finds 5 to 10 mm between models of one person)."""
-
-SKIN_MM_PER_DEG = 0.3
-"""SD of a marker's glide per direction with each angle of its segment's joints: the thigh's of
-``virtual_artefact``, for all segments (chosen: for most others there is no figure)."""
-
-WANDER_M, WANDER_HZ = 0.002, 2.0
-"""What no angle explains (RMS per direction), and its highest frequency (see ``virtual_artefact``)."""
-
-CAMERA_M = 0.0005
-"""Marker noise per direction, moving (see ``virtual_subject``)."""
-
-PLATE_SHARE, PLATE_LEAST_N, CENTRE_M = 0.001 / 3, 0.22 / 3, 0.0002 / 3
-"""Standard deviations of plates: a third of what AMTI promises (Muller et al. 2017, sec. 2.2)."""
-
-EDGE_S = 0.3
-"""Left out at both ends, where the filter has only one side to go by (chosen: one and a half periods of 5
-Hz)."""
-
-_CUTOFF_HZ, _ORDER = 5.0, 4  # of the plates' signals, as of the motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

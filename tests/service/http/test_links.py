@@ -1,12 +1,20 @@
-"""Links for browsers: one file, one minute, no key."""
+"""Links for browsers and colleagues: one file, until they end, no key."""
 
 from __future__ import annotations
 
-import pytest
+from datetime import UTC, datetime, timedelta
 
-from scaling_service.service.http.callers import LIFETIME_S, Tickets
-from tests.service.http.served import Served
+import pytest
+from sqlalchemy import func, select, update
+
+from scaling_service.service.store import keys, links, tables
+from scaling_service.service.store.database import NowUs
+from scaling_service.service.store.store import Store
+from tests.service.http.served import Served, serving
 from tests.service.http.test_subjects import person
+from tests.service.store.fixtures import database_url, store
+
+__all__ = ["database_url", "store"]
 
 FILE = "/v1/subjects/S01/files/walk%20%C3%BC.trc"
 
@@ -52,14 +60,49 @@ def test_a_link_of_another_owner_shows_what_that_owner_has(lab: tuple[Served, st
     assert served.call("GET", link).status_code == 404
 
 
-def test_tickets_end_and_cannot_be_made_elsewhere() -> None:
-    now = 1000.0
-    tickets, path = Tickets(clock=lambda: now), "/v1/jobs/1/files.zip"
-    ticket, until_s = tickets.issue("lab", path)
-    assert until_s == 1000 + LIFETIME_S
-    for forged in ("", "...", ticket[:-1], f"{ticket}A", "é", "9" * 5000, Tickets().issue("lab", path)[0]):
-        assert tickets.owner_of(forged, path) is None, forged
-    now = until_s
-    assert tickets.owner_of(ticket, path) == "lab"
-    now = until_s + 1
-    assert tickets.owner_of(ticket, path) is None
+def test_a_link_opens_on_every_server_of_the_store(lab: tuple[Served, str]) -> None:
+    """Also one that was made before a server started."""
+    served, key = lab
+    link = served.call("POST", "/v1/links", key, json={"path": FILE}).json()["path"]
+    with serving(served.service.settings) as second:
+        assert second.call("GET", link).content == b"content"
+        assert second.call("DELETE", "/v1/links", key).status_code == 204
+    assert served.call("GET", link).status_code == 401
+
+
+def test_a_link_for_a_colleague_works_as_long_as_was_said(lab: tuple[Served, str]) -> None:
+    served, key = lab
+    made = served.call("POST", "/v1/links", key, json={"path": FILE, "lifetime_s": 7 * 86_400}).json()
+    left = datetime.fromisoformat(made["until"]) - datetime.now(UTC)
+    assert timedelta(days=7) - timedelta(minutes=1) < left <= timedelta(days=7, seconds=1)
+    for lifetime_s in (0, -1, 31 * 86_400, 1.5, "60"):
+        answer = served.call("POST", "/v1/links", key, json={"path": FILE, "lifetime_s": lifetime_s})
+        assert (answer.status_code, answer.json()["field"]) == (422, "lifetime_s"), lifetime_s
+    keys.revoke(served.service.store.database, key.split("_")[1])
+    assert served.call("GET", made["path"]).status_code == 401
+
+
+def test_tickets_end_and_cannot_be_made_elsewhere(store: Store) -> None:
+    database, path = store.database, "/v1/jobs/1/files.zip"
+    ticket, _ = links.issue(database, "lab", path, 60)
+    assert links.find_owner(database, ticket, path) == "lab"
+    assert links.find_owner(database, ticket, "/v1/jobs/2/files.zip") is None
+    for forged in ("", "...", ticket[:-1], f"{ticket}A", "é", "\ud800", "9" * 5000):
+        assert links.find_owner(database, forged, path) is None, forged
+    with store.write() as connection:
+        connection.execute(update(tables.links).values(until_us=NowUs() - 1))
+    assert links.find_owner(database, ticket, path) is None
+    links.issue(database, "lab", path, 60)
+    with store.read() as connection:
+        assert connection.scalar(select(func.count()).select_from(tables.links)) == 1  # the old one is gone
+
+
+def test_links_of_an_owner_are_bounded(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(links, "MOST", 3)
+    for number in range(3):
+        links.issue(store.database, "lab", f"/v1/jobs/{number}/files.zip", 60)
+    with pytest.raises(links.TooManyLinks):
+        links.issue(store.database, "lab", "/v1/jobs/4/files.zip", 60)
+    links.issue(store.database, "other", "/v1/jobs/4/files.zip", 60)
+    links.end_all(store.database, "lab")
+    links.issue(store.database, "lab", "/v1/jobs/4/files.zip", 60)

@@ -23,7 +23,7 @@ def test_chosen_wins_over_environment_over_file_over_default(
 
 
 def test_limits_are_in_bytes_and_seconds() -> None:
-    limits = load_settings(limit_memory_mb=2000, limit_wall_s=60).limits
+    limits = load_settings(limit_memory_mb=2000, limit_wall_s=60).choose_limits()
     assert (limits.memory_bytes, limits.wall_s) == (2_000_000_000, 60.0)
 
 

@@ -100,6 +100,26 @@ def test_what_is_brief_waits_for_no_worker_and_takes_no_long_jobs_place(service:
     assert states.count(State.QUEUED) == 3
 
 
+def test_nobody_waits_for_what_others_have_looked_at(service: Service) -> None:
+    """However many checks of one owner wait, another's is next: each has a slot of its own."""
+    heavy = [service.ask("lab", "brief", {"number": k, "seconds": 20.0})[0].id for k in range(6)]
+    with running(service):
+        until(lambda: service.counts()[State.RUNNING] == 3)  # two workers, and the slot
+        small = service.ask("other", "brief", {"number": 9})[0].id
+        assert ended(service, "other", small, within_s=5.0).state is State.DONE
+        states = [service.job("lab", job).state for job in heavy]
+    assert states.count(State.QUEUED) == 3
+
+
+def test_a_check_has_a_limit_of_processor_time_of_its_own(settings: ServiceSettings) -> None:
+    chosen = settings.model_copy(update={"limit_check_cpu_s": 1.0})
+    with tiny_service(chosen) as service, running(service):
+        job = service.ask("lab", "brief", {"spins": True})[0].id
+        failure = ended(service, "lab", job, within_s=20.0).failure
+        assert failure is not None
+        assert (failure.kind, failure.field) == ("LimitExceeded", "limit_check_cpu_s")
+
+
 def test_progress_is_seen_and_cancelling_takes_effect_at_once(service: Service) -> None:
     job = ask(service, seconds=60.0)
     with running(service):

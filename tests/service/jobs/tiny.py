@@ -19,6 +19,7 @@ class TinyRequest(JobRequest):
     number: int = 0
     seconds: float = Field(default=0.0, ge=0.0)
     fails: bool = False
+    spins: bool = False
     subject: str | None = None
     files: tuple[str, ...] = ()
 
@@ -36,6 +37,8 @@ def square(request: TinyRequest, inputs: Path, outputs: Path, progress: Progress
     while (left := end - time.monotonic()) > 0:
         progress("waiting", 1 - left / max(request.seconds, 1e-9))
         time.sleep(min(left, 0.05))
+    while request.spins:
+        pass
     if request.fails:
         raise MarkerMissing("RASIS", "walk", ["RKNE"])
     read = {p.name: p.read_text() for p in sorted(inputs.rglob("*")) if p.is_file()}

@@ -31,6 +31,7 @@ def make_candidate(fit: Fit, declared_kg: float) -> Candidate | None:
         weight.plates_kg / declared_kg,
         weight.sd_kg / declared_kg,
         tuple((trial, kg / declared_kg) for trial, kg in own.items()),
+        declared_kg / weight.declared_kg,
     )
     note = ", ".join(f"{kg:.1f} kg in {trial}" for trial, kg in own.items())
     usual = _find_usual_factor(fit.model)

@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
@@ -51,14 +50,14 @@ def find_contacts(fit: Fit, noise: Array) -> list[tuple[float, Candidate]]:
         names = [s.name for s in item.model.segments if s.name in shown]
         weight = min(1.0, item.step / (2.0 * _LASTING_S))
         for name in names:
-            point = fit_point([Spell(item, rows)], name).point
+            point = fit_point([Spell(item, rows, noise)], name).point
             gains = _gain(item, name, point, noise)
             gain, span = find_best_span(np.where(item.usable, gains, 0.0))
             inside = np.arange(span.start, span.stop)[item.usable[span]]
             if len(inside) < _FEWEST:
                 continue
             edges = 2.0 * math.log(max(weight * len(gains), 1.0))
-            contact = _make_contact(item, inside, name, point)
+            contact = _make_contact(Spell(item, inside, noise), name, point)
             candidate = Candidate(kind=KIND, where=(name,), columns=(), trials=(item.name,), change=contact)
             common = _UNDERFOOT if name in feet else 0.0
             places = 0.0 if name in known else math.log(len(names))
@@ -107,12 +106,13 @@ def _gain(item: WrenchFit, segment: str, point: Array, noise: Array) -> Array:
     return np.asarray(0.5 * (x * size).sum(axis=1) - 0.5 * np.linalg.slogdet(scaled)[1])
 
 
-def _make_contact(item: WrenchFit, rows: NDArray[np.intp], segment: str, point: Array) -> Contact:
+def _make_contact(spell: Spell, segment: str, point: Array) -> Contact:
     x, y, z = (float(v) for v in point)
-    if is_throughout(item, rows):
-        return Contact(segment, float(item.times[0]), float(item.times[-1]), (x, y, z))
-    (start, _), (end, _) = fit_edges(item, rows, item.residuals[:, :3])
-    return Contact(segment, start, end, (x, y, z))
+    item = spell.wrench
+    start, end = float(item.times[0]), float(item.times[-1])
+    if not is_throughout(item, spell.rows):
+        (start, _), (end, _) = fit_edges(spell, item.residuals[:, :3])
+    return Contact(segment, start, end, (x, y, z), tuple(spell.noise.tolist()))
 
 
 def _describe_contact(effect: Estimate, after: Fit) -> Mapping[str, float]:
@@ -152,7 +152,7 @@ def _measure_rms(here: Sequence[WrenchFit], contact: Contact) -> tuple[float, fl
         assert item.touched is not None
         inside = (item.times >= contact.start_s) & (item.times <= contact.end_s) & item.usable
         squares.append(np.square(item.touched[inside, :3]).sum(axis=1))
-        noise.append(np.full(int(inside.sum()), np.square(item.floor[:3]).sum()))
+        noise.append(np.full(int(inside.sum()), np.square(contact.noise[:3]).sum()))
         independent += inside.sum() * 2.0 * item.cutoff_hz / item.tracked.trial.rate_hz
     if independent < 1.0:
         return float("nan"), float("nan")

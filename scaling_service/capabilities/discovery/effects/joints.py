@@ -23,6 +23,8 @@ from scaling_service.model.body import Segment
 _THIRD = 2  # of a joint of two turns: the axis about which neither is taken to go
 AXIS_TILT = "joint_axis_tilt"
 
+_AROUND: tuple[At, At] = ("before", "after")
+
 
 def propose_centre_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
@@ -65,9 +67,6 @@ def list_across(segment: Segment) -> list[int]:
 def _shift_and_return(segment: str, axis: int) -> tuple[Part, Part]:
     before, after = (JointSpot(segment, at, "rotation", axis) for at in _AROUND)
     return Part(before), Part(after, gain=-1.0)
-
-
-_AROUND: tuple[At, At] = ("before", "after")
 
 
 def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:

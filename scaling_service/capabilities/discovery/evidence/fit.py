@@ -28,7 +28,6 @@ from scaling_service.core.progress import report_nothing
 from scaling_service.core.threads import map_parallel
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,10 +128,9 @@ def fit_recordings(
 
 
 def fit_wrenches(fit: Fit) -> Fit:
-    """The same motion with its forces as the effects have them by now, floors as they were."""
-    noise = {item.name: item.covariance for item in fit.wrenches}
+    """The same motion with its forces as the effects have them by now."""
     wrenches = tuple(
-        _fit_wrench(item, fit, recording.contacts, noise.get(item.name))
+        _fit_wrench(item, fit, recording.contacts)
         for item, recording in zip(fit.tracked, fit.context.recordings, strict=True)
         if recording.contacts is not None
     )
@@ -153,7 +151,7 @@ def _track(
     return TrackedTrial.of(known, trial, recording.role, near, astray)
 
 
-def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise: Array | None) -> WrenchFit:
+def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment) -> WrenchFit:
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
     here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(
@@ -162,7 +160,6 @@ def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment, noise
         contacts=replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
         gravity=tilt_gravity(here),
         oscillating=tuple(list_loads(here, Wobbling)),
-        known_covariance=noise,
         cache=fit.context.cache,
     )
     for effect in fit.effects:

@@ -82,6 +82,7 @@ class Contact:
     start_s: float
     end_s: float
     point: Vector
+    noise: tuple[float, ...]  # (6,): what was ordinary of each component, N and N m
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +92,11 @@ class Reweighed:
     factor: float  # true over declared mass
     sd: float
     of_trials: tuple[tuple[str, float], ...] = ()  # where recordings disagree: trial to its own factor
+    of_model: float = 1.0  # declared mass over that of the model's segments together
 
     def factor_in(self, trial: str) -> float:
-        """What the plates of one recording bear over the declared mass."""
-        return dict(self.of_trials).get(trial, self.factor)
+        """What the plates of one recording bear over what the model weighs."""
+        return self.of_model * dict(self.of_trials).get(trial, self.factor)
 
 
 @dataclass(frozen=True, slots=True)

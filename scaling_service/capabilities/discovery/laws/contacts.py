@@ -31,19 +31,20 @@ _UNIT = np.eye(3)
 _ROUNDS = 3  # chosen: weights change little from one to the next
 _SKIN_M = 0.08  # chosen: flesh and sole reach so far beyond markers and the centre of mass
 
+_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
+_FEWEST = 5  # frames from which something can be said
+
+_BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked through
+_CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spell:
-    """The frames of one trial in which something may touch; ``all_along`` if no frame is quieter."""
+    """The frames of one trial in which something may touch."""
 
     wrench: WrenchFit
     rows: NDArray[np.intp]
-    all_along: bool = False
-
-    @property
-    def square(self) -> float:
-        """Whitened sum of squares of force and moment."""
-        return self.wrench.square_in(self.rows)
+    noise: Array  # (6,): what is ordinary of each component, N and N m
 
 
 def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
@@ -52,7 +53,8 @@ def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     rows = np.flatnonzero(inside)
     found = np.zeros((len(item.times), 6))
     if len(rows):
-        force, moment, _ = solve_force(item, contact.segment, rows, np.array(contact.point))
+        spell = Spell(item, rows, np.array(contact.noise))
+        force, moment, _ = solve_force(spell, contact.segment, np.array(contact.point))
         found[rows] = np.concatenate([force, moment], axis=1)
     return found
 
@@ -94,7 +96,7 @@ def _step_point(
     normal, chance, target = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)
     for spell in spells:
         item, rows = spell.wrench, spell.rows
-        gap, weight = item.residuals[rows], _compute_weights(item, segment, rows, point)
+        gap, weight = item.residuals[rows], _compute_weights(spell, segment, point)
         origin, axes = (places[rows] for places in item.segment_frame(segment))
         across = _move_to_point(origin - item.about[rows])
         unit = -build_skew(_UNIT)[:, None] @ axes.transpose(0, 2, 1)  # of a force along each ground axis
@@ -102,7 +104,7 @@ def _step_point(
         weighted = weight @ lever
         normal += np.einsum("njk,njl->kl", lever, weighted)
         target += np.einsum("njk,nji,ni->k", weighted, across, gap)
-        noise = item.covariance
+        noise = np.diag(np.square(spell.noise))
         heavy = weight @ unit
         chance += np.einsum("ab,anjk,bnjl->kl", noise[:3, :3], unit, heavy)
         target -= np.einsum("anjk,nji,ia->k", heavy, across, noise[:, :3])
@@ -118,8 +120,8 @@ def _step_point(
 
 def _compute_cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
     """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
-    _, _, square = solve_force(spell.wrench, segment, spell.rows, point)
-    weight = _compute_weights(spell.wrench, segment, spell.rows, point)
+    _, _, square = solve_force(spell, segment, point)
+    weight = _compute_weights(spell, segment, point)
     return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
 
 
@@ -130,14 +132,13 @@ def _bound_reach(item: WrenchFit, segment: str) -> tuple[Array, Array]:
     return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
 
 
-def solve_force(
-    item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array
-) -> tuple[Array, Array, Array]:
+def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array, Array]:
     """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
+    item, rows = spell.wrench, spell.rows
     force = -item.residuals[rows, :3]
     place = _place(item, segment, rows, point)
     left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
-    weight = _compute_weights(item, segment, rows, point)
+    weight = _compute_weights(spell, segment, point)
     square = np.einsum("na,nab,nb->n", left, weight, left)
     wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, segment), weight, left)
     return force, np.cross(place, force) - wandering, square
@@ -149,10 +150,11 @@ def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) 
     return np.asarray(origin[rows] + np.einsum("njk,j->nk", axes[rows], point))
 
 
-def _compute_weights(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:
+def _compute_weights(spell: Spell, segment: str, point: Array) -> Array:
     """Inverse covariance of the moment about a point, (n, 3, 3): of noise, and of the point's wandering."""
+    item, rows = spell.wrench, spell.rows
     across = _move_to_point(_place(item, segment, rows, point) - item.about[rows])
-    noise = across @ item.covariance @ across.transpose(0, 2, 1)
+    noise = (across * np.square(spell.noise)) @ across.transpose(0, 2, 1)
     return np.asarray(np.linalg.inv(_compute_wandering(item.residuals[rows, :3], segment) + noise))
 
 
@@ -166,9 +168,6 @@ def _move_to_point(arm: Array) -> Array:
     """What makes of a wrench its moment about a point at the end of an arm (n, 3), (n, 3, 6)."""
     return np.concatenate([-build_skew(arm), np.broadcast_to(_UNIT, (len(arm), 3, 3))], axis=2)
 
-
-_THROUGHOUT = 0.8  # of a trial's frames, from which a contact counts as lasting all of it (chosen)
-_FEWEST = 5  # frames from which something can be said
 
 Edges = tuple[tuple[float, float], tuple[float, float]]
 """When a contact begins and when it ends, s, each with its standard deviation."""
@@ -188,20 +187,24 @@ def find_edges(wrenches: Sequence[WrenchFit], contact: Contact) -> Edges | None:
         if item.touched is None or len(rows) < _FEWEST or is_throughout(item, rows):
             return None
         found.append(
-            fit_edges(item, rows, item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0))
+            fit_edges(
+                Spell(item, rows, np.array(contact.noise)),
+                item.residuals[:, :3] - np.where(inside[:, None], item.touched[:, :3], 0.0),
+            )
         )
     return join_edges(found) if found else None
 
 
-def fit_edges(item: WrenchFit, rows: NDArray[np.intp], gap: Array) -> Edges:
+def fit_edges(spell: Spell, gap: Array) -> Edges:
     """From the force along its main direction, as far before and after the frames as they last.
 
-    ``rows``: frames in which the force stands out; ``gap``: what the plates do not measure of it, negative,
-    (n, 3), N.
+    ``spell``: of the frames in which the force stands out; ``gap``: what the plates do not measure of it,
+    negative, (n, 3), N.
     """
+    item, rows = spell.wrench, spell.rows
     _, vectors = np.linalg.eigh(gap[rows].T @ gap[rows])
     along = vectors[:, -1]
-    course, noise = gap @ along, float(np.sqrt(np.square(along * item.floor[:3]).sum()))
+    course, noise = gap @ along, float(np.linalg.norm(along * spell.noise[:3]))
     course *= np.sign(course[rows].mean())
     first, last = item.times[rows[[0, -1]]].tolist()
     middle, lasting = 0.5 * (first + last), last - first
@@ -220,10 +223,6 @@ def join_edges(found: Sequence[Edges]) -> Edges:
     start, end = values.mean(axis=0).tolist()
     of_start, of_end = np.sqrt(np.square(spreads).mean(axis=0) / len(values) + apart).tolist()
     return (start, of_start), (end, of_end)
-
-
-_BEGINNINGS, _LENGTHS = 80, 24  # chosen: to a hundredth of what is looked through
-_CHUNK = 8  # lengths at once: 80 by 8 ramps of 4 shapes and 500 frames are 10 MB
 
 
 def estimate_onset(times: Array, course: Array, noise: float, memory: float) -> tuple[float, float]:

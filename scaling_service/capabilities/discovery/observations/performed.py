@@ -25,6 +25,17 @@ N_FRAMES, RATE_HZ = 200, 50.0
 
 _Course = Callable[[Array], Array]
 
+_ALSO = {
+    "knee": ("knee_angle", "knee_flexion"),
+    "ankle": ("ankle_angle", "ankle_flexion"),
+    "elbow": ("elbow_flex",),
+}
+
+_UP = np.array([0.0, 1.0, 0.0])
+_STEP_M, _SAME = 0.1, 1e-6
+_SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis does not
+_SIDES = ("_r", "_l")
+
 
 def _make_wave(mean_deg: float, swing_deg: float, lead: float = 0.0, times: int = 1) -> _Course:
     """Degrees over a cycle 0 to 1."""
@@ -75,12 +86,6 @@ MOVEMENTS: Mapping[str, Mapping[str, _Course]] = {
 """Coordinate (the beginning of its name) to its course over one cycle of two seconds, degrees. Ranges are
 those of healthy adults (gait: Winter 2009, appendix; the others chosen round)."""
 
-_ALSO = {
-    "knee": ("knee_angle", "knee_flexion"),
-    "ankle": ("ankle_angle", "ankle_flexion"),
-    "elbow": ("elbow_flex",),
-}
-
 
 def simulate_coordinates(model: BodyModel, movement: str) -> Array | None:
     """The model's coordinates through a movement, (N_FRAMES, n_coordinates); None if it has none of them."""
@@ -104,12 +109,6 @@ def _clip_to_range(model: BodyModel, k: int, values: Array) -> Array:
             values = -values
         return np.asarray(np.clip(values, c.lower, c.upper))
     return values
-
-
-_UP = np.array([0.0, 1.0, 0.0])
-_STEP_M, _SAME = 0.1, 1e-6
-_SMOOTH_HZ = 3.0  # chosen: which foot is the lowest changes at once, the pelvis does not
-_SIDES = ("_r", "_l")
 
 
 def perform_movement(like: TrackedTrial, movement: str) -> TrackedTrial | None:
@@ -138,7 +137,6 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
         contacts=replace(like.contacts, usable=np.ones(len(item.q), dtype=bool)),
         oscillating=(),
         touched=None,
-        known_covariance=like.covariance,
     )
     ground = _share_wrench(made, feet, sides)
     return replace(made, contacts=ContactAssignment(ground, made.contacts.usable, like.cutoff_hz))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
@@ -41,35 +40,12 @@ _UNLIKE = 2.0
 """How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
 times). What shows less was smoothed, what shows more is no noise of the cameras."""
 
-_STRIDES = (1, 2, 3, 5, 8, 12)  # frames (chosen: they tell a memory of 30 ms at 100 Hz from one of 100 ms)
-_MEMORIES = np.linspace(0.0, 0.92, 47)[:, None]
-"""Correlations from frame to frame that are distinguished: no noise is told to last longer than the longest
-stride (0.92 ** 12 = 1 / e)."""
-
-_SHARES = np.linspace(0.0, 1.0, 21)
-"""Shares of the noise's variance that are distinguished to last."""
-
-_WHITE = 0.2
-"""Share times memory below which noise counts as white (chosen: the error of a walk of a hundred frames and
-fifteen markers)."""
+_THIRD = 20.0  # variance of third differences of white noise of unit variance
 
 _ENOUGH = 30
 """Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
 
-DRAWS = 8  # of noise; chosen: 8 trials of thousands of frames tell a spread to some 5 %
-_CHUNK = 64  # frames at once
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
-_RIDGE = 1e-9  # of a frame's largest curvature, so that what it does not determine stays still
-
-
-class LastingNoise(NamedTuple):
-    """Noise that is white but for a share of its variance: that is first-order autoregressive."""
-
-    memory: float  # correlation from frame to frame of what lasts
-    share: float
-
-
-WHITE = LastingNoise(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,66 +138,6 @@ class TrackedTrial:
         white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
         return white
 
-    @cached_property
-    def lasting(self) -> LastingNoise:
-        """How much of the noise lasts, and how long; alike everywhere.
-
-        The longer noise lasts, the more residuals differ over some frames than over one: third differences
-        over several strides are compared with those over one frame, at the median marker. Most strides
-        decide: what moves slowly and is no noise shows in the long ones. None lasts where recordings were
-        smoothed until no noise shows.
-        """
-        if not self.shows_noise:
-            return WHITE
-        spread = np.array([[_spread(steps) for steps in self._strides(k)] for k in _STRIDES])
-        spread[spread == 0.0] = np.nan
-        longer = 2.0 * np.log(spread[1:] / spread[0])
-        known = np.isfinite(longer).any(axis=1)  # none where recordings are too short to tell
-        powers = np.array(_STRIDES[1:])[known, None, None]
-        expected = np.log(_compute_growth(_MEMORIES**powers, _SHARES) / _compute_growth(_MEMORIES, _SHARES))
-        off = np.abs(np.nanmedian(longer[known], axis=1)[:, None, None] - expected).sum(axis=0)
-        memory, share = np.unravel_index(off.argmin(), off.shape)
-        found = LastingNoise(float(_MEMORIES[memory, 0]), float(_SHARES[share]))
-        return found if found.share * found.memory >= _WHITE else WHITE
-
-    @property
-    def shows_noise(self) -> bool:
-        """Whether the cameras' noise can be estimated, and was not smoothed away."""
-        return float(np.median(self.floor)) > LEAST_M
-
-    def _strides(self, stride: int) -> Iterator[Array]:
-        """Third differences of each marker's residuals over so many frames, (n - 3 stride, 3)."""
-        for path in np.moveaxis(self.residuals, 1, 0):
-            third = path[3 * stride :] - path[: -3 * stride]
-            yield third - 3.0 * (path[2 * stride : -stride] - path[stride : -2 * stride])
-
-    @property
-    def noise(self) -> Array:
-        """Standard deviation of one coordinate's noise, with what lasts of it, (n_markers,), m."""
-        return np.asarray(self.floor * np.sqrt(_compute_growth(*WHITE) / _compute_growth(*self.lasting)))
-
-    @cached_property
-    def noise_replicates(self) -> tuple[TrackedTrial, ...]:
-        """The same recording with as much noise of the markers once more, anew in each of a few draws."""
-        return tuple(replace(self, q=self.q + stray) for stray in _draw_strays(self))
-
-    def give_way(self, moved: Array) -> Array:
-        """How the pose of each frame follows markers that move, (draws, n, n_coordinates), rad or m.
-
-        As far as it does when it is solved for: to first order, without the limits of joints.
-
-        ``moved``: (draws, n, 3 n_markers), by floors.
-        """
-        free = np.flatnonzero(self.task.free)
-        white = self.pose_columns(slice(0, len(self.q)))
-        bend = white @ white.transpose(0, 2, 1)
-        size = np.einsum("nqq->nq", bend).max(axis=1)
-        pull = white @ np.moveaxis(moved, 0, -1)
-        turned = np.linalg.solve(bend + (_RIDGE * size)[:, None, None] * np.eye(len(free)), pull)
-        found = np.zeros((len(moved), *self.q.shape))
-        found[:, :, free] = np.moveaxis(turned, -1, 0)
-        return found
-
     def inertial_loads(self, gravity: Array, cutoff_hz: float) -> InertialLoads:
         """What the motion needs of the ground under a gravity (3,), m/s2."""
         key = (gravity.tobytes(), cutoff_hz)
@@ -279,16 +195,11 @@ def estimate_marker_noise(measured: Array) -> Array:
     return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
 
 
-def _compute_growth(memory: Any, share: Any) -> Any:
-    """Variance of third differences of noise of unit variance, of which a share lasts."""
-    return 20.0 + share * (-30.0 * memory + 12.0 * memory**2 - 2.0 * memory**3)
-
-
 def _spread(steps: Array) -> float:
     known = steps[np.isfinite(steps).all(axis=1)]
     if len(known) < _ENOUGH:
         return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_compute_growth(*WHITE)))
+    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_THIRD))
 
 
 def _weight_markers(task: Task, floor: Array, astray: Mapping[str, float]) -> dict[str, float]:
@@ -308,25 +219,3 @@ def _carry_over_motion(task: Task, near: TrackedTrial | None) -> Array | None:
         if name in before:
             q[:, k] = near.q[:, before.index(name)]
     return q
-
-
-def _draw_noise(lasting: LastingNoise, shape: tuple[int, ...]) -> Array:
-    """Noise of unit variance, (draws, n, numbers)."""
-    stream, memory = np.random.default_rng(0), lasting.memory
-    white = stream.normal(size=shape)
-    if not lasting.share:
-        return white
-    slow = stream.normal(size=shape)
-    slow[:, 1:] *= np.sqrt(1.0 - memory**2)
-    slow = scipy.signal.lfilter([1.0], [1.0, -memory], slow, axis=1)
-    return np.asarray(np.sqrt(1.0 - lasting.share) * white + np.sqrt(lasting.share) * slow)
-
-
-def _draw_strays(item: TrackedTrial) -> Array:
-    """How far noise takes the motion from where it is, (DRAWS, n, n_coordinates), rad or m.
-
-    Noise of each marker's own size that lasts as the trial's does.
-    """
-    noise = _draw_noise(item.lasting, (DRAWS, len(item.q), 3 * len(item.markers)))
-    noise *= np.repeat(item.noise / item.floor, 3)
-    return item.give_way(noise)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import (
     InertialLoads,
 )
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import DRAWS, Role, TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
@@ -31,10 +31,6 @@ from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 FEET = ("calcn", "toes", "foot", "talus")
 """What names of segments of a foot begin with."""
-
-_PLATE_N, _PLATE_NM = 0.5, 0.2
-"""Least noise of a plate's wrench; chosen: AMTI's least error is 0.22 N (Muller et al. 2017, table 1), and
-0.2 mm of 1000 N are 0.2 N m."""
 
 BAND_HZ = 15.0
 """Of the light filter of coordinates and forces (chosen: holds gait to its 15th harmonic; above it double
@@ -76,7 +72,6 @@ class WrenchFit:
     oscillating: tuple[tuple[Load, float], ...] = ()  # masses (kg) on springs
     # (n, 6): what touches the body beside the plates, moment about the ground origin
     touched: Array | None = None
-    known_covariance: Array | None = None  # (6, 6): that of the noise, where it is known from before
     cache: InertialLoadCache = field(default_factory=InertialLoadCache)
 
     @property
@@ -167,58 +162,6 @@ class WrenchFit:
         """A wrench (n, 6) with its moment about :attr:`about` instead of the ground origin."""
         moment = ground_wrench[:, 3:] - np.cross(self.about, ground_wrench[:, :3])
         return np.concatenate([ground_wrench[:, :3], moment], axis=1)
-
-    @property
-    def square(self) -> float:
-        """Whitened sum of squares of all components in the frames that count."""
-        return self.square_in(self.usable)
-
-    def square_in(self, rows: NDArray[Any]) -> float:
-        """Whitened sum of squares of all components in some frames."""
-        return float(np.square(self.residuals[rows] / self.floor).sum())
-
-    @property
-    def freedom(self) -> float:
-        """How many numbers those are."""
-        return 6.0 * float(self.usable.sum())
-
-    @cached_property
-    def floor(self) -> Array:
-        """Standard deviation of each component that marker noise and plates leave, (6,), N and N m."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @cached_property
-    def covariance(self) -> Array:
-        """Of what marker noise and plates leave, (6, 6), N and N m, the moment about :attr:`about`."""
-        if self.known_covariance is not None:
-            return self.known_covariance
-        changes = [
-            self.move_moment(self.filter(np.nan_to_num(other.needed - self.needed)))[self.usable]
-            for other in self.noise_replicates(DRAWS)
-        ]
-        square = np.einsum("dni,dnj->ij", changes, changes) / max(DRAWS * int(self.usable.sum()), 1)
-        return np.asarray(self._compute_plate_covariance() + square)
-
-    def _compute_plate_covariance(self) -> Array:
-        """Of the least noise of the plates, (6, 6), N and N m, the moment about :attr:`about`.
-
-        A plate's noise is its force's and its moment's about its own surface: what its force is off by turns
-        the body about the trunk with the height of the trunk as lever.
-        """
-        ground, rows = self.contacts.ground, self.usable
-        read = np.nan_to_num(ground.readings[rows])
-        share = np.where(read.any(axis=1, keepdims=True), read, 1.0 / len(ground.plates))
-        arms = ground.surfaces - self.about[rows, None]
-        force = np.broadcast_to(_PLATE_N * np.eye(3), (*arms.shape, 3))  # (n, k, 3 noises, 3 axes)
-        turned = np.concatenate([force, np.cross(arms[:, :, None], force)], axis=3)
-        count = max(int(rows.sum()), 1)
-        own = np.diag([0.0] * 3 + [share.sum() / count * _PLATE_NM**2] * 3)
-        return np.asarray(own + np.einsum("nk,nkci,nkcj->ij", share, turned, turned) / count)
-
-    def noise_replicates(self, draws: int) -> Iterator[WrenchFit]:
-        """The same recording with as much noise of the markers once more, anew in every draw."""
-        for other in self.tracked.noise_replicates[:draws]:
-            yield replace(self, tracked=other)
 
     def compute_needed_more(self, segments: Sequence[str], changes: Array) -> Array:
         """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""

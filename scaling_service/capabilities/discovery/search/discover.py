@@ -59,6 +59,10 @@ from scaling_service.capabilities.discovery.search.separating import find_separa
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel
 
+_NOTHING_MORE = "nothing more stands out of what is ordinary for people"
+_REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
+_SPENT = "{} effects of one kind were named, the most that are looked for"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Discovery:
@@ -106,11 +110,6 @@ def discover(
     findings = _summarise(search, before, body, forces, notes)
     steps.begin("done", 1.0, 1.0)
     return Discovery(findings, before, search.fit, search.list_leanings())
-
-
-_NOTHING_MORE = "nothing more stands out of what is ordinary for people"
-_REFUSED = "most like {}, but of a size that nobody meets, or worse on recordings that did not fit it"
-_SPENT = "{} effects of one kind were named, the most that are looked for"
 
 
 def _summarise(

@@ -23,6 +23,12 @@ _CORRELATED = (
 )
 _FEWEST = 5  # frames of a block that are told as a time
 
+_PARTS: Mapping[str, tuple[bool, slice]] = {
+    "markers": (False, slice(None)),
+    "force": (True, slice(0, 3)),
+    "moment": (True, slice(3, 6)),
+}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
@@ -122,13 +128,6 @@ class Yardstick:
 
         rows = {trial: of(trial) for trial in dict.fromkeys(trials)}
         return np.array([rows[trial] for trial in trials])
-
-
-_PARTS: Mapping[str, tuple[bool, slice]] = {
-    "markers": (False, slice(None)),
-    "force": (True, slice(0, 3)),
-    "moment": (True, slice(3, 6)),
-}
 
 
 def measure_gap(before: Fit, after: Fit, role: Role, yardstick: Yardstick) -> Gap:

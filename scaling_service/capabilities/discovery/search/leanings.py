@@ -38,6 +38,11 @@ class Leaning:
             self, score=unit * self.score, information=unit**2 * self.information, sd=self.sd / unit
         )
 
+    def solve(self) -> tuple[Array, Array]:
+        """Size (k,) and covariance (k, k), about the prior."""
+        covariance = np.linalg.inv(self.information + np.diag(self.sd**-2.0))
+        return covariance @ self.score, np.asarray(covariance)
+
     def weigh(self, size: Array) -> float:
         """Log likelihood of a size against nothing."""
         return float(self.score @ size - 0.5 * size @ self.information @ size)

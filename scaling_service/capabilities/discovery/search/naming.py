@@ -23,6 +23,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
+    Contact,
     Estimate,
     Seen,
 )
@@ -155,7 +156,9 @@ class Naming:
     ) -> dict[str, dict[Candidate, float]]:
         """Of the first that has the odds: those that these recordings do not tell from it."""
         first = next((r for r in ranked if r.candidate.key not in self.refused), None)
-        if first is None or first.odds < self.settings.odds or first.scored is None:
+        if first is None or first.odds < self.settings.odds:
+            return {}
+        if first.scored is None and not isinstance(first.candidate.change, Contact):
             return {}
         near = [r for r in ranked if r is not first and r.odds > first.odds - self.settings.class_odds]
         own = first.candidate
@@ -168,7 +171,10 @@ class Naming:
         return {first.candidate.key: alike}
 
     def _find_smallest(self, one: Ranked) -> dict[str, float]:
-        """Sizes of the columns, in proportion as found, from which a share would be named."""
+        """Sizes of the columns, in proportion as found, from which a share would be named.
+
+        Nothing where that is more than laboratories meet.
+        """
         if one.scored is None:
             return {}
         s = one.scored
@@ -180,6 +186,8 @@ class Naming:
             return {}
         z = float(scipy.stats.norm.ppf(self.settings.power))
         share = (z + math.sqrt(z * z + 2.0 * needed)) / math.sqrt(strength)
+        if not self._is_met(one.candidate, share * s.size):
+            return {}
         return {
             column.name: abs(column.unit * size) * share
             for column, size in zip(one.candidate.columns, s.size.tolist(), strict=True)

@@ -32,12 +32,16 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 )
 from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
+from scaling_service.capabilities.discovery.ordinary.odds import Scored
+from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
+from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.threads import map_parallel
 from scaling_service.numerics.multibody.laws import Array
 
+LOAD = "carried_load"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
 _MOVED = 0.3  # deviations by which sizes must move to be worth tracking anew (chosen)
 
@@ -262,7 +266,7 @@ class Search(Naming):
         places = Counter(c.kind for c, _ in choice)
         ranked = [
             Ranked(s.bayes - math.log(places[c.kind]), c, s)
-            for (c, _), s in zip(choice, loads.scored, strict=True)
+            for (c, _), s in zip(choice, self._hear_declared(choice, loads, weight), strict=True)
         ]
         ranked += [
             Ranked(bayes + prior, candidate)
@@ -278,6 +282,21 @@ class Search(Naming):
             ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
         return loads, ranked
 
+    def _hear_declared(
+        self, choice: Sequence[tuple[Candidate, Array]], loads: Loads, weight: Weight | None
+    ) -> list[Scored]:
+        """Candidates of the wrench, loads with the declared mass as a further reading."""
+        declared = self.origin.declared_kg
+        if weight is None or declared is None:
+            return list(loads.scored)
+        carried = sum(float(e.size[0]) for e in self.fit.effects if e.candidate.kind == LOAD)
+        return [
+            hear_declared(s, borne_kg=weight.plates_kg - carried, declared_kg=declared)
+            if c.kind == LOAD
+            else s
+            for (c, _), s in zip(choice, loads.scored, strict=True)
+        ]
+
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
         return fit_wrenches(replace(self.fit, effects=tuple(effects)))
 
@@ -290,13 +309,18 @@ def _pitch(effects: Sequence[Estimate]) -> list[float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alike:
-    """Cosine between what two candidates of the wrench explain, as they were found."""
+    """Cosine between what two candidates of the wrench explain, as they were found.
+
+    Touches of one recording may take any course, so that they explain the same.
+    """
 
     loads: Loads
     choice: Sequence[Candidate]
 
     def __call__(self, one: Ranked, other: Ranked) -> float:
-        """0 of what has no columns."""
+        """0 of what has no columns, 1 of touches."""
+        if isinstance(one.candidate.change, Contact) and isinstance(other.candidate.change, Contact):
+            return float(one.candidate.trials == other.candidate.trials)
         if one.scored is None or other.scored is None:
             return 0.0
         table, keys = self.loads.table, [c.key for c in self.choice]

@@ -54,6 +54,20 @@ _COLUMNS, _ROWS = np.tril_indices(_SIDE)  # of upper triangles column by column,
 _ROOTS = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0))  # what the solver wants off-diagonals times
 _SOLVED = frozenset({"Solved", "AlmostSolved"})
 
+DECIDES = 1.0
+"""Information of the recordings over that of the prior above which a combination may move (chosen: the
+recordings then say more about it than the tables; the same rule as for a parameter's ``identifiable``)."""
+
+ARM_M = 1.17
+"""Error of a moment over that of a force where neither is known: residuals of 1.3 % of body weight times
+height beside 2 % of body weight, at 1.80 m (Muller et al. 2017, sec. 3)."""
+
+SURPRISING = 3.0
+"""Prior standard deviations beyond which a change counts as a surprise (chosen: one in 400 by chance)."""
+
+WORSE = 1.01
+"""Growth of the held-out error that is reported (chosen: less is beyond what such figures can tell)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
@@ -172,21 +186,6 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
         points = np.concatenate([joints, markers, [com - reach, com + reach]])
         bodies.append(Body(k, points.min(axis=0), points.max(axis=0)))
     return tuple(bodies)
-
-
-DECIDES = 1.0
-"""Information of the recordings over that of the prior above which a combination may move (chosen: the
-recordings then say more about it than the tables; the same rule as for a parameter's ``identifiable``)."""
-
-ARM_M = 1.17
-"""Error of a moment over that of a force where neither is known: residuals of 1.3 % of body weight times
-height beside 2 % of body weight, at 1.80 m (Muller et al. 2017, sec. 3)."""
-
-SURPRISING = 3.0
-"""Prior standard deviations beyond which a change counts as a surprise (chosen: one in 400 by chance)."""
-
-WORSE = 1.01
-"""Growth of the held-out error that is reported (chosen: less is beyond what such figures can tell)."""
 
 
 @dataclass(frozen=True, slots=True)

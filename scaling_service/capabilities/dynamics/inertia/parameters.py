@@ -37,6 +37,14 @@ PARTS = ("mass", "com_x", "com_y", "com_z", "Sxx", "Syy", "Szz", "Sxy", "Sxz", "
 MIRRORED = np.array([1.0, 1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0])
 """Signs of the ten numbers seen in the sagittal plane: z, xz and yz turn round."""
 
+QUANTITIES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+"""kg, m in the segment's frame, kg m2 about the centre of mass in the segment's axes."""
+
+SHOWN = 4
+"""Parts of a combination that are named (chosen)."""
+
+_REPORTED = np.eye(N_PARAMETERS)
+
 
 @dataclass(frozen=True, slots=True)
 class PriorSpread:
@@ -139,13 +147,6 @@ def _find_moving_directions(segments: tuple[str, ...], sd: Array, symmetric: boo
     return np.array(columns).T
 
 
-QUANTITIES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-"""kg, m in the segment's frame, kg m2 about the centre of mass in the segment's axes."""
-
-SHOWN = 4
-"""Parts of a combination that are named (chosen)."""
-
-_REPORTED = np.eye(N_PARAMETERS)
 _REPORTED[4:, 4:] = convert_second_moments()
 
 

@@ -44,6 +44,12 @@ Math Comput 51:699-706, table 1). At 5 Hz and 100 frames per second it errs by 3
 HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
 
+BLOCK = 1016
+"""Frames computed together; with the halo 1024 (chosen: the fastest measured, 3.2 µs a frame against 3.9
+at 256; a block takes 15 MB)."""
+
+_PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
+
 
 def make_trees(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
     """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
@@ -177,13 +183,6 @@ NoiseOn = Literal["rotations", "all"]
 position as on every angle moves the whole body and is nearly all of the forces' uncertainty, the vertical
 one's as well; the paper's vertical one is about half of the horizontal ones (fig. 8), as noise on rotations
 makes it here."""
-
-BLOCK = 1016
-"""Frames computed together; with the halo 1024 (chosen: the fastest measured, 3.2 µs a frame against 3.9
-at 256; a block takes 15 MB)."""
-
-
-_PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

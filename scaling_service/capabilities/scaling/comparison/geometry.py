@@ -17,6 +17,19 @@ from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.results import Array, Calibration, Motion
 from scaling_service.numerics.multibody.tree import pose_markers
 
+_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""The origin of a frame and the ends of its axes, m."""
+
+FOLLOWED_M = 0.04
+"""Mean distance between measured and model markers beyond which something is mixed up (OpenSim 4
+documentation, "Getting Started with Inverse Kinematics": even the largest should stay below 2 to 4 cm)."""
+
+SHARE_OF_STATURE = {"femur": 0.2454, "shank": 0.2356}
+"""Between joint centres, mean of 26 persons (Puchaud 2019, table 2, over their mean stature of 1.762 m)."""
+
+SPREAD = 0.2
+"""Chosen: about four standard deviations of those shares over persons (5.3 % and 5.5 %, same source)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
@@ -78,10 +91,6 @@ def _find_side(joint: str) -> str:
     """``r`` for ``knee_r`` or ``walker_knee_r``; the joint's own name where it says no side."""
     tail = joint.rpartition("_")[2].lower()
     return tail if tail in ("r", "l") else joint
-
-
-_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""The origin of a frame and the ends of its axes, m."""
 
 
 def place_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q: Array) -> dict[str, Vector]:
@@ -181,17 +190,6 @@ def _pool_errors(gaps: Mapping[str, list[Array]], measure: Callable[[Array], flo
 
 def _without_side(name: str) -> str:
     return name[:-2] if name.endswith(("_r", "_l")) else name
-
-
-FOLLOWED_M = 0.04
-"""Mean distance between measured and model markers beyond which something is mixed up (OpenSim 4
-documentation, "Getting Started with Inverse Kinematics": even the largest should stay below 2 to 4 cm)."""
-
-SHARE_OF_STATURE = {"femur": 0.2454, "shank": 0.2356}
-"""Between joint centres, mean of 26 persons (Puchaud 2019, table 2, over their mean stature of 1.762 m)."""
-
-SPREAD = 0.2
-"""Chosen: about four standard deviations of those shares over persons (5.3 % and 5.5 %, same source)."""
 
 
 def list_doubts(

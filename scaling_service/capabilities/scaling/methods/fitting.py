@@ -41,6 +41,9 @@ from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
 
+_ROUNDS = 12  # chosen: the weight of the prior settles in three or four
+_SETTLED = 0.1  # chosen: relative change of the noise that no longer matters
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationFrames:
@@ -82,8 +85,6 @@ def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
 
 
 Progress = Callable[[int, float], None]
-_ROUNDS = 12  # chosen: the weight of the prior settles in three or four
-_SETTLED = 0.1  # chosen: relative change of the noise that no longer matters
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

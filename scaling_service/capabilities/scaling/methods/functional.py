@@ -38,6 +38,17 @@ FOREIGN_M = 0.03
 """RMS misfit of a cluster beyond which a label is another marker's. Chosen: skin deforms a segment's
 markers by 4 to 16 mm (fluoroscopy of six knees, PMC8631460); exchanged epicondyles leave 40 mm and more."""
 
+HIP_RANGE_DEG = 20.0
+"""About two directions, for a hip moved in one plane has a line of centres. The least range of motion for
+which an accuracy was published (Ehrig 2006, abstract: 1.2 mm with 1 mm of noise on every marker)."""
+
+KNEE_RANGE_DEG = 45.0
+"""Half of the 90 deg at which axes were found within 1 mm (Ehrig 2007, abstract), chosen: the error of a
+direction falls with the range, and from 45 deg on most methods agree on a centre (Ehrig 2006)."""
+
+SHARPEST = 0.5
+"""Chosen: ratio of the two smallest singular values beyond which no direction stands out as an axis."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cluster:
@@ -118,18 +129,6 @@ class Posture:
         labels = tuple(self.points)
         places = np.array([self.points[label] for label in labels]).reshape(1, -1, 3)
         return Trial(name="posture", times=np.zeros(1), labels=labels, markers=places, rate_hz=1.0)
-
-
-HIP_RANGE_DEG = 20.0
-"""About two directions, for a hip moved in one plane has a line of centres. The least range of motion for
-which an accuracy was published (Ehrig 2006, abstract: 1.2 mm with 1 mm of noise on every marker)."""
-
-KNEE_RANGE_DEG = 45.0
-"""Half of the 90 deg at which axes were found within 1 mm (Ehrig 2007, abstract), chosen: the error of a
-direction falls with the range, and from 45 deg on most methods agree on a centre (Ehrig 2006)."""
-
-SHARPEST = 0.5
-"""Chosen: ratio of the two smallest singular values beyond which no direction stands out as an axis."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,6 +52,8 @@ from scaling_service.numerics.multibody.rigid import rotate_about
 
 _STRAIGHT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
+_WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Leg:
@@ -174,9 +176,6 @@ def _find_rightward(evidence: ImageEvidence, side: str) -> Array:
     """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
     lateral, medial = find_epicondyles(evidence, side, np.array(evidence.centres[f"knee_{side}"]))
     return lateral - medial if side == "r" else medial - lateral
-
-
-_WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 
 def _list_osim_notes(

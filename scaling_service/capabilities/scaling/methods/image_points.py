@@ -21,6 +21,17 @@ from scaling_service.numerics.multibody.laws import Array
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
+_DOUBTFUL, _DOUBTFUL_HIPS, _IMPOSSIBLE = 0.10, 0.15, 0.30
+"""Chosen: how far a bone, or hips from each other, may be from the length by markers before it is warned of,
+and before it is refused. Femurs by markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019,
+section 3.1), three deviations of which are a tenth of a femur, hips by up to 10 %."""
+
+_ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
+    f"{name}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
+    for side in "rl"
+    for name, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
+}
+
 
 def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
     """The pelvis frame of the skin markers where all four are in the image, else of the bone."""
@@ -60,12 +71,6 @@ def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[A
     return knee + outward, knee - outward
 
 
-_DOUBTFUL, _DOUBTFUL_HIPS, _IMPOSSIBLE = 0.10, 0.15, 0.30
-"""Chosen: how far a bone, or hips from each other, may be from the length by markers before it is warned of,
-and before it is refused. Femurs by markers differed from images by 4 ± 14 mm over 26 persons (Puchaud 2019,
-section 3.1), three deviations of which are a tenth of a femur, hips by up to 10 %."""
-
-
 def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[str]) -> list[str]:
     """A warning for every bone whose length does not fit the markers.
 
@@ -91,13 +96,6 @@ def doubt_sizes(by_markers: BodyModel, by_image: BodyModel, imaged: Collection[s
         if parts[name] in imaged and abs(off) > (_DOUBTFUL_HIPS if name == "inter_hip" else _DOUBTFUL):
             notes.append(f"EB: {said}: check that they are of one person, and the unit of the bones")
     return notes
-
-
-_ENDS = {"inter_hip": ("hip_r", "hip_l")} | {
-    f"{name}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
-    for side in "rl"
-    for name, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
-}
 
 
 def find_lengths(evidence: ImageEvidence, model: BodyModel) -> dict[str, float]:

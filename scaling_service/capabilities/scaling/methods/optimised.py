@@ -57,6 +57,11 @@ kept they did not, for 0.1 mm more of kinematic error (0.8 mm on the trial held 
 
 _FEET = ("calcn", "foot")
 
+_DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing
+_HALF = 0.5  # of the prior's variance: below it the recording has said more than the prior
+_FAR = 3.0  # chosen: standard deviations of a size from which a fit contradicts what was measured
+_UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
+
 
 @dataclass(frozen=True, slots=True)
 class Freedom:
@@ -148,12 +153,6 @@ def _list_turning_coordinates(segment: Segment) -> set[str]:
         for term in joint.law.terms
         if term.coordinate is not None
     }
-
-
-_DETERMINED = 1e-4  # share of a parameter's direction that may lie where the recording says nothing
-_HALF = 0.5  # of the prior's variance: below it the recording has said more than the prior
-_FAR = 3.0  # chosen: standard deviations of a size from which a fit contradicts what was measured
-_UNIFORM = math.sqrt(12.0)  # range over standard deviation of a uniform distribution
 
 
 def _list_parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[EstimatedParameter, ...]:

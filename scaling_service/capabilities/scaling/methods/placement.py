@@ -24,6 +24,18 @@ from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.multibody.tree import pose_links
 
+_FEWEST = 3  # landmarks without which a body cannot be placed at all
+_SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
+_EXACT = SweepSettings(max_steps=200, left=1e-12)
+_STARTS, _SPREAD = 64, 0.5
+"""Chosen: postures from which a static pose is sought, and how far joints lie from the first guess, rad.
+Of two standing trials of Rajagopal's model the best minimum is reached from one start in eight or more."""
+_MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
+_FOLLOWER = 1e-3  # chosen: a thousandth of a known marker's weight, so that it cannot move the pose by 0.1 mm
+
+_NO_PLACE = (None, "T10")
+"""Labels that do not say where a marker sits: no landmark, and a vertebra, which is counted by palpation."""
+
 
 def with_centre(model: BodyModel, segment: str, centre: Vector) -> BodyModel:
     """The model with a segment's joint elsewhere in its parent: its three leading shifts replaced.
@@ -55,16 +67,6 @@ def with_axis(model: BodyModel, joint: str, tilt: Tilt) -> BodyModel:
     return fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
 
 
-_FEWEST = 3  # landmarks without which a body cannot be placed at all
-_SAME_TIME = 1e-9  # s: far less than the step of any recording, far more than rounding
-_EXACT = SweepSettings(max_steps=200, left=1e-12)
-_STARTS, _SPREAD = 64, 0.5
-"""Chosen: postures from which a static pose is sought, and how far joints lie from the first guess, rad.
-Of two standing trials of Rajagopal's model the best minimum is reached from one start in eight or more."""
-_MANY_FRAMES = 50  # chosen: enough to average artefact and noise of one pose
-_FOLLOWER = 1e-3  # chosen: a thousandth of a known marker's weight, so that it cannot move the pose by 0.1 mm
-
-
 def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> BodyModel:
     """Further markers on named segments, each at its mean local position over a trial.
 
@@ -87,10 +89,6 @@ def add_markers(model: BodyModel, extra: Mapping[str, str], trial: Trial) -> Bod
     found = _locate(model, trial, wanted)
     added = tuple(Marker.at(n, wanted[n], found[n], anatomical=False) for n in wanted if n in found)
     return model.with_markers((*model.markers, *added))
-
-
-_NO_PLACE = (None, "T10")
-"""Labels that do not say where a marker sits: no landmark, and a vertebra, which is counted by palpation."""
 
 
 def place_tracking_markers(model: BodyModel, trial: Trial) -> tuple[BodyModel, tuple[str, ...]]:

@@ -33,6 +33,8 @@ UNITS: Mapping[MuscleQuantity, tuple[float, str]] = {
     "joint moment": (1.0, "N m"),
 }
 
+_TOLD = 2  # of each method and quantity, in words; chosen: the tables have the rest
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MuscleCourses:
@@ -200,9 +202,6 @@ def _list_peaks(
                 rms=round(factor * float(np.sqrt(np.nanmean(difference**2))), 4),
                 unit=unit,
             )
-
-
-_TOLD = 2  # of each method and quantity, in words; chosen: the tables have the rest
 
 
 def make_muscle_document(found: MuscleComparison) -> MuscleDocument:

@@ -27,6 +27,33 @@ from scaling_service.numerics.multibody.laws import Array
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
 """The two ends of a distance, each the mean of some points."""
 
+_PUCHAUD = "Puchaud 2019, section 2.2.2"
+_CHOSEN = "chosen: the landmarks at the segment's ends"
+
+_PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
+"""m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
+2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
+
+_TRUNK_HEIGHT_SHAPE = 0.008
+"""m, chosen: from pelvis to C7, up to how the joints lie in the trunk. Its breadth says little of its height:
+six children are broader than long against an adult, by 6 to 28 %."""
+
+_TRUNK = ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax")
+_BREADTH: Pair = (("RSHO",), ("LSHO",))
+_HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
+_HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
+
+AXES: Mapping[str, str] = {
+    "pelvis": "xyz",
+    "femur_r": "yz",
+    "tibia_r": "yz",
+    "femur_l": "yz",
+    "tibia_l": "yz",
+}
+"""Segments that take factors of their own along these axes; where ``x`` is not one, it is the mean."""
+
+_ASIS, _PSIS = ("RASIS", "LASIS"), ("RPSIS", "LPSIS")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentMeasurement:
@@ -46,18 +73,6 @@ class SegmentMeasurement:
     shape_m: float = 0.0
     instead: tuple[Pair, ...] = ()
     besides: tuple[Pair, ...] = ()
-
-
-_PUCHAUD = "Puchaud 2019, section 2.2.2"
-_CHOSEN = "chosen: the landmarks at the segment's ends"
-
-_PELVIS_SHAPE, _TRUNK_SHAPE, _LIMB_SHAPE = 0.012, 0.020, 0.007
-"""m, chosen from the spreads that are left at one size: inter-ASIS width 4.5 % and pelvic depth 8 % against
-2.5 % of the distance between the hips; trunk 5 %, a limb's ends over skin against its joints' centres 3 %."""
-
-_TRUNK_HEIGHT_SHAPE = 0.008
-"""m, chosen: from pelvis to C7, up to how the joints lie in the trunk. Its breadth says little of its height:
-six children are broader than long against an adult, by 6 to 28 %."""
 
 
 def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
@@ -116,10 +131,6 @@ _PELVIS = SegmentMeasurement(
 )
 _LIMBS = (*_list_side("r"), *_list_side("l"))
 
-_TRUNK = ("torso", "lower_trunk", "upper_trunk", "abdomen", "thorax")
-_BREADTH: Pair = (("RSHO",), ("LSHO",))
-_HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
-_HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
 
 _RIGID_TRUNK = SegmentMeasurement(
     segments=_TRUNK,
@@ -180,16 +191,6 @@ def _has(pair: Pair, points: Points) -> bool:
     return known and bool(np.isfinite(measure_distances(pair, points)).any())
 
 
-AXES: Mapping[str, str] = {
-    "pelvis": "xyz",
-    "femur_r": "yz",
-    "tibia_r": "yz",
-    "femur_l": "yz",
-    "tibia_l": "yz",
-}
-"""Segments that take factors of their own along these axes; where ``x`` is not one, it is the mean."""
-
-_ASIS, _PSIS = ("RASIS", "LASIS"), ("RPSIS", "LPSIS")
 _WIDTH = SegmentMeasurement(
     segments=("pelvis",),
     pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),

@@ -37,6 +37,25 @@ Places = Mapping[str, str | None]
 
 NO_PLACES: Places = MappingProxyType({})
 
+HANGING = np.cos(np.radians(45.0))
+"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third
+of it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
+
+_PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
+
+_ABOVE_M: Mapping[str, float] = MappingProxyType({"knee": 0.0, "ankle": 0.013})
+"""Chosen: how far up the leg the middle of epicondyles or malleoli lies from the centre of the joint: the
+prominent points of the malleoli are 12 to 15 mm above the centre of the talus."""
+
+_MODEL_LANDMARK_SD_M = 0.008
+"""Chosen, along the leg: the epicondyles' middle lies 4, 8 and -8 mm above the knee in Rajagopal's, OpenCap's
+and OpenSim's gait2354 model, that of the malleoli 11, 17 and 31 mm above the ankle."""
+
+_SAME_M = 0.001  # chosen: far more than rounding
+
+_OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
+"""Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PersonPoints:
@@ -121,13 +140,6 @@ def read_landmarks(trial: Trial, places: Places = NO_PLACES) -> dict[str, Array]
     return points
 
 
-HANGING = np.cos(np.radians(45.0))
-"""Cosine between upper arm and trunk from which an arm hangs (chosen: beyond some 30 deg of elevation a third
-of it is the shoulder blade's, Inman, Saunders & Abbott 1944, and carries the acromion along)."""
-
-_PELVIC = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
-
-
 def without_raised_shoulders(points: Points) -> dict[str, Array]:
     """The landmarks, an acromion only while its arm hangs: with raised arms it rises and draws inwards.
 
@@ -193,17 +205,6 @@ def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
     return points
 
 
-_ABOVE_M: Mapping[str, float] = MappingProxyType({"knee": 0.0, "ankle": 0.013})
-"""Chosen: how far up the leg the middle of epicondyles or malleoli lies from the centre of the joint: the
-prominent points of the malleoli are 12 to 15 mm above the centre of the talus."""
-
-_MODEL_LANDMARK_SD_M = 0.008
-"""Chosen, along the leg: the epicondyles' middle lies 4, 8 and -8 mm above the knee in Rajagopal's, OpenCap's
-and OpenSim's gait2354 model, that of the malleoli 11, 17 and 31 mm above the ankle."""
-
-_SAME_M = 0.001  # chosen: far more than rounding
-
-
 def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
     """Knees and ankles (``knee_r``) that a model does not have in the middle of its landmarks; deviations, m.
 
@@ -237,10 +238,6 @@ def _place_ankles(points: Points, side: str) -> Points:
         f"ankle_{side}_middle": ankle,
         f"ankle_{side}_chord": ankle if chord is None or not np.isfinite(chord).all() else chord,
     }
-
-
-_OPPOSITE = (("knee", "LFE", "MFE"), ("ankle", "LM", "MM"))
-"""Joint, lateral landmark, and the medial one that lies as far on the other side of the centre."""
 
 
 def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:

@@ -85,7 +85,10 @@ def measure_ratios(
             done.update(pairs)
             if done and not besides:
                 break
-    errors = {id(person): _Propagated.propagate(person) for _, _, person in taken}
+    errors = {
+        key: _Propagated.propagate(person)
+        for key, person in {id(person): person for _, _, person in taken}.items()
+    }
     inputs = sorted({key for found in errors.values() for key in found.inputs})
     column = {key: k for k, key in enumerate(inputs)}
     logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs) + len(doubtful)))

@@ -406,6 +406,7 @@ export interface DiscoveryDocument {
   effects: Array<EffectDocument>;
   gap: BothGaps;
   tried: Array<TriedDocument>;
+  estimates: Array<EstimateDocument>;
   unexplained: Array<UnexplainedDocument>;
   bones: BonesDocument | null;
   start: string;
@@ -470,6 +471,15 @@ export interface EffectDocument {
   would_separate: string | null;
   evidence: EvidenceDocument;
   belief: BeliefDocument | null;
+}
+
+export interface EstimateDocument {
+  kind: string;
+  where: Array<string>;
+  driver: Array<string>;
+  trials: Array<string> | null;
+  note: string;
+  parameters: Record<string, QuantityDocument>;
 }
 
 export interface EvidenceDocument {
@@ -831,6 +841,7 @@ export interface Link {
 
 export interface LinkRequest {
   path: string;
+  lifetime_s?: number;
 }
 
 export interface LoopEntry {
@@ -1050,6 +1061,7 @@ export interface PelvisDocument {
   pubic_tubercle_r_mm: [number, number, number] | null;
   pubic_tubercle_l_mm: [number, number, number] | null;
   asis_axis: [number, number, number] | null;
+  pose_odds_log10: number | null;
 }
 
 export interface Person {

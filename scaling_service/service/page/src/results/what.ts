@@ -19,6 +19,7 @@ export function what(document: DiscoveryDocument, signal: AbortSignal, place: HT
   if (document.effects.length + document.tried.length > 0) place.append(candidates(document, signal));
   document.effects.forEach((effect, k) => place.append(h("h2", null, `${k + 1}. ${placed(effect)}`), ...chapter(effect)));
   if (document.unexplained.length > 0) place.append(unexplained(document));
+  if (document.estimates.length > 0) place.append(estimates(document));
   place.append(h("p", { class: "quiet" }, `The search stopped: ${document.reason}.`));
 }
 
@@ -90,6 +91,19 @@ function unexplained({ unexplained: all }: DiscoveryDocument): HTMLElement {
     columns: [{ title: "where" }, { title: "described by", words: true }, { title: "left over" }, { title: "ordinary" }],
     rows: all.map((one) => [cell(one.where.join(", ")), cell(one.law), cell(`${figures(one.rms)} ${one.unit}`, one.rms), cell(figures(one.floor), one.floor)]),
   });
+}
+
+/** What recordings say of the model where nothing is named, the numbers that they tell. */
+function estimates({ estimates: all }: DiscoveryDocument): HTMLElement {
+  const told = all.flatMap((one) => Object.entries(one.parameters).filter(([, quantity]) => quantity.determined).map(([name, quantity]) => ({ one, name, quantity })));
+  return folded("What these recordings say of single masses, centres and axes of the model, named or not", table({
+    caption: "True minus modelled, were only this unlike the model",
+    name: "estimates",
+    columns: [{ title: "where" }, { title: "number" }, { title: "value" }, { title: "95 % interval" }],
+    rows: told.map(({ one, name, quantity }) => [cell(placed(one)), cell(name), cell(valueOf(quantity)), cell(interval(quantity))]),
+    filter: true,
+    note: "Deviations hold what is ordinary of all else. Numbers of which recordings tell less than half are left out.",
+  }));
 }
 
 /** An effect in a line: what, where, along with what, in which recording. */

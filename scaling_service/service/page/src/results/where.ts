@@ -1,4 +1,4 @@
-/** Where model and recordings disagree, against what noise alone would leave. */
+/** Where model and recordings disagree, against what is ordinary for people. */
 
 import type { DisagreementDocument, DiscoveryDocument } from "../api/schema.ts";
 import { barsHeight, drawBars } from "../charts/bars.ts";
@@ -17,7 +17,7 @@ const OBSERVABLES = [
 export function where({ disagreements }: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
   const [most] = [...disagreements].sort((a, b) => (b.share ?? 0) - (a.share ?? 0));
   if (most !== undefined) {
-    place.append(h("p", null, h("b", null, `Model and recordings disagree most at ${most.where}: ${figures(most.rms)} ${most.unit}, where noise alone would leave ${figures(most.floor)} ${most.unit}.`)));
+    place.append(h("p", null, h("b", null, `Model and recordings disagree most at ${most.where}: ${figures(most.rms)} ${most.unit}, where ${figures(most.floor)} ${most.unit} are ordinary.`)));
   }
   place.append(h("p", null,
     "The model follows every recording as closely as it can. What is left over is compared with what is ordinary for people as lively as this person: skin that slides, markers beside their landmarks, joints that differ from any model's. Places whose bar ends below the mark are ordinary."));
@@ -32,7 +32,7 @@ function ranked(places: readonly DisagreementDocument[], title: string, unit: st
   const order = [...places].sort((a, b) => b.rms - a.rms);
   const bars = order.map(({ where: name, rms, floor }) => ({ name, value: rms, mark: floor, colour: BEFORE }));
   return figure({
-    title: `${title}: what is left over, and its floor (marks)`,
+    title: `${title}: what is left over, and what is ordinary (marks)`,
     name: `disagreements_${unit.replace(" ", "")}`,
     alt: `Bars of ${bars.length} places, the largest first: ${order.slice(0, 3).map((one) => `${one.where} ${figures(one.rms)}`).join(", ")} ${unit}.`,
     height: barsHeight(bars.length),

@@ -506,8 +506,9 @@ export interface FemurDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1011,8 +1012,9 @@ export interface PelvisDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1026,6 +1028,7 @@ export interface PelvisDocument {
   pubic_tubercle_r_mm: [number, number, number] | null;
   pubic_tubercle_l_mm: [number, number, number] | null;
   asis_axis: [number, number, number] | null;
+  pose_odds_log10: number | null;
 }
 
 export interface Person {
@@ -1324,7 +1327,6 @@ export interface ShapeFit {
   axis: [number, number, number] | null;
   rms_mm: number;
   covered: number;
-  confidence: number;
 }
 
 export interface SizesProof {
@@ -1416,8 +1418,9 @@ export interface TalusDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1437,8 +1440,9 @@ export interface TibiaDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;

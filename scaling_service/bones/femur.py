@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
+from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
+from scaling_service.bones.edges import refuse_cut
+from scaling_service.bones.fits import SphereOnBone, find_spheres, place_sphere
 from scaling_service.bones.pieces import find_ends, require_long, require_one_bone
 from scaling_service.bones.results import (
     BoneLandmarks,
@@ -15,8 +17,8 @@ from scaling_service.bones.results import (
     Quality,
     Side,
     Sphere,
-    rate_confidence,
 )
+from scaling_service.bones.shank import is_cut
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
@@ -50,7 +52,7 @@ def find_femur_landmarks(
     knee, reason = _find_knee_end(surface, head)
     if knee is None:
         refused["knee_centre"] = reason
-    elif head is None and _widens_distally(surface, knee):
+    elif head is None and not is_cut(surface, knee.frame.y) and _widens_distally(surface, knee):
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
     if head is None and knee is None:
@@ -141,24 +143,39 @@ def _collect(
     balls: dict[str, Sphere] = {}
     cylinders: dict[str, Cylinder] = {}
     axes: dict[str, Array] = {}
+    off: dict[str, float] = {}
+    turned: dict[str, float] = {}
     if head is not None:
         points["hip_centre"] = surface.to_image(head.centre)
-        balls["head"] = place_sphere(surface, head, poor_cover=HEAD_COVERED, good_cover=0.6)
+        balls["head"] = place_sphere(surface, head)
+        off["hip_centre"] = deviate_sphere(surface, head)
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
         axes["knee"] = surface.turn_to_image(knee.axis)
-        balls["condyle_medial"] = place_sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
-        balls["condyle_lateral"] = place_sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
+        balls["condyle_medial"] = place_sphere(surface, medial)
+        balls["condyle_lateral"] = place_sphere(surface, lateral)
+        centres = deviate_sphere(surface, medial), deviate_sphere(surface, lateral)
+        off["knee_centre"] = 0.5 * float(np.hypot(*centres))
+        turned["knee"] = deviate_line(float(np.linalg.norm(medial.centre - lateral.centre)), *centres)
         outwards = knee.axis if side[0] == "r" else -knee.axis
-        points["epicondyle_lateral"] = surface.to_image(find_tip(surface, outwards, knee.distal))
-        points["epicondyle_medial"] = surface.to_image(find_tip(surface, -outwards, knee.distal))
+        tips = {
+            "epicondyle_lateral": Tip(surface, outwards, knee.distal),
+            "epicondyle_medial": Tip(surface, -outwards, knee.distal),
+        }
+        ends = {name: tip.find() for name, tip in tips.items()}
+        refused |= refuse_cut(ends, surface.rims)
+        off |= {name: tips[name].deviate() for name in ends}
+        points |= {name: surface.to_image(point) for name, point in ends.items()}
         notes += _note_axes(surface, knee, cylinders)
+    deviations, axis_deviations = add_definitions(off, turned)
     return BoneLandmarks(
         bone="femur",
         side=side[0],
         side_from=side[1],
         points=points,
+        deviations=deviations,
+        axis_deviations=axis_deviations,
         spheres=balls,
         cylinders=cylinders,
         axes=axes,
@@ -179,9 +196,7 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     if found is None:
         return ["no cylinder fits both condyles"]
     axis = found.direction * np.sign(found.direction @ knee.axis)
-    quality = Quality(
-        found.rms, found.covered, rate_confidence(found.rms / found.radius, poor=0.08, good=0.03)
-    )
+    quality = Quality(found.rms, found.covered)
     cylinders["condyles"] = Cylinder(
         surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
         surface.turn_to_image(axis),

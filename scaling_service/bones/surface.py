@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones import mesh
+from scaling_service.bones.edges import NO_RIMS, Rims, find_rims
 from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Surface:
     origin: Array  # (3,), m
     R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
+    edge: float = 0.0  # m; median length of the edges that were given
+    rims: Rims = NO_RIMS  # of the whole surface, also of its parts
     notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
@@ -113,6 +116,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _turn_outwards(points, triangles, label, notes)
+    edge = mesh.measure_median_edge(points, triangles)
     points, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
@@ -131,6 +135,8 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         origin=origin,
         R_image_own=axes,
         noise=noise,
+        edge=edge,
+        rims=find_rims(points, triangles),
         notes=tuple(notes),
     )
 

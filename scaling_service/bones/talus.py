@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line, deviate_sphere
 from scaling_service.bones.fits import (
     CylinderOnBone,
     SphereOnBone,
@@ -14,7 +15,7 @@ from scaling_service.bones.fits import (
     refine_cylinder,
 )
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, rate_confidence
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
@@ -32,12 +33,13 @@ HEAD_RADII_M = (0.009, 0.025)  # chosen around 12-14 mm on three adults
 HEAD_COVERED = 0.3  # least share of a head's sphere; chosen, three adults have 0.41-0.51
 HEAD_OFF_M = 0.01  # least way from the ankle's axis to the head; chosen, three adults have 16-25 mm
 FACET_RADII_M = (0.013, 0.030)  # of the hollow that sits on the heel bone; chosen around 17-22 mm
-FACET_COVERED = 0.05  # usual share of its sphere; three adults have 0.05-0.08
 FACET_AREA = 0.3  # least area of it as a share of the squared radius; chosen, three adults have 0.5-1.1
 
 _GAP_M = 6e-3
 """What of a talus is nearer to tibia and fibula than this is its part of the joint: chosen, a joint space of
 2-5 mm and a step of the meshes."""
+
+_ENDS_M = 1e-3  # chosen: along the axis the trochlea's ends are blunt
 
 MORTISE = 0.12
 """Least share of the surface in the mortise: chosen, half of the 0.25-0.29 of three persons; a heel bone in
@@ -80,17 +82,14 @@ def find_talus_landmarks(
     supported = found.support > 0
     along = (surface.points[supported] - found.point) @ axis
     centre = found.point + axis * 0.5 * float(np.quantile(along, 0.02) + np.quantile(along, 0.98))
-    trust = min(
-        rate_confidence(found.rms / found.radius, poor=0.08, good=0.03),
-        rate_confidence(found.covered, poor=ARC, good=0.28),
-        rate_confidence(found.area / found.radius**2, poor=AREA, good=1.2),
-    )
-    head, facet = _find_subtalar_spheres(surface, centre, axis, up)
+    head, behind, facet = _find_subtalar_spheres(surface, centre, axis, up)
     spheres = {
-        name: place_sphere(surface, ball, poor_cover=0.5 * usual, good_cover=usual)
-        for name, ball, usual in (("head", head, HEAD_COVERED), ("heel_facet", facet, FACET_COVERED))
+        name: place_sphere(surface, ball)
+        for name, ball in (("head", head), ("heel_facet", facet))
         if ball is not None
     }
+    across, turned = deviate_cylinder(surface, found)
+    off, turns = {"ankle_centre": float(np.hypot(across, _ENDS_M))}, {"ankle": turned}
     points, axes = {"ankle_centre": surface.to_image(centre)}, {"ankle": surface.turn_to_image(axis)}
     words = {"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"}
     if head is not None and facet is not None:
@@ -99,20 +98,26 @@ def find_talus_landmarks(
             spheres["heel_facet"].centre,
             forward / np.linalg.norm(forward),
         )
+        ends = deviate_sphere(surface, head), deviate_sphere(behind, facet)
+        off["subtalar_centre"] = ends[1]
+        turns["subtalar"] = deviate_line(float(np.linalg.norm(forward)), *ends)
         words["subtalar_centre"] = "centre of the sphere on the facet that sits on the heel bone"
+    deviations, axis_deviations = add_definitions(off, turns)
     missing = "head" if head is None else "facet that sits on the heel bone"
     return BoneLandmarks(
         bone="talus",
         side=named_side,
         side_from="name",
         points=points,
+        deviations=deviations,
+        axis_deviations=axis_deviations,
         spheres=spheres,
         cylinders={
             "trochlea": Cylinder(
                 surface.to_image(centre),
                 surface.turn_to_image(axis),
                 found.radius,
-                Quality(found.rms, found.covered, trust),
+                Quality(found.rms, found.covered),
             )
         },
         axes=axes,
@@ -137,11 +142,11 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
 
 def _find_subtalar_spheres(
     surface: Surface, ankle: Array, axis: Array, up: Array
-) -> tuple[SphereOnBone | None, SphereOnBone | None]:
-    """Its head, and the hollow that sits on the heel bone, on the other side of the ankle's axis."""
+) -> tuple[SphereOnBone | None, Surface, SphereOnBone | None]:
+    """Its head; what lies behind the ankle's axis, and the hollow on it that sits on the heel bone."""
     head = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, axis)), None)
     if head is None:
-        return None, None
+        return None, surface, None
     forward = head.centre - ankle
     above = np.cross(axis, forward)
     above *= np.sign(above @ up)
@@ -152,7 +157,7 @@ def _find_subtalar_spheres(
         if (area := float(sphere.support @ behind.areas)) > FACET_AREA * sphere.radius**2
         and (sphere.centre - ankle) @ forward < 0.0
     ]
-    return head, max(hollows, key=lambda found: found[0], default=(0.0, None))[1]
+    return head, behind, max(hollows, key=lambda found: found[0], default=(0.0, None))[1]
 
 
 def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:

@@ -26,7 +26,7 @@ _TALUS_ALONE = "a talus alone does not show which of its facets is the trochlea"
 SIZE_M: Mapping[str, tuple[float, float]] = {
     "pelvis": (0.15, 0.45),
     "femur": (0.08, 0.64),
-    "tibia": (0.08, 0.64),
+    "tibia": (0.05, 0.49),
     "talus": (0.03, 0.09),
 }
 """Largest extents, parts of long bones included. Each range spans less than a factor of ten, so that
@@ -142,12 +142,20 @@ def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
     if "ankle_centre" in points:
         points["ankle_centre_malleoli"] = points["ankle_centre"]
         words["ankle_centre_malleoli"] = words["ankle_centre"]
-    points["ankle_centre"] = talus.points["ankle_centre"]
+    off = dict(tibia.deviations)
+    if "ankle_centre" in off:
+        off["ankle_centre_malleoli"] = off["ankle_centre"]
+    points["ankle_centre"], off["ankle_centre"] = (
+        talus.points["ankle_centre"],
+        talus.deviations["ankle_centre"],
+    )
     words["ankle_centre"] = talus.definitions["ankle_centre"]
     refused = {name: why for name, why in tibia.refused.items() if name != "ankle_centre"}
     found[f"tibia_{side}"] = replace(
         tibia,
         points=points,
+        deviations=off,
+        axis_deviations={**tibia.axis_deviations, "ankle": talus.axis_deviations["ankle"]},
         definitions=words,
         refused=refused,
         axes={**tibia.axes, "ankle": talus.axes["ankle"]},

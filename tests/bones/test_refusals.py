@@ -138,7 +138,7 @@ def test_mixed_units_are_refused() -> None:
         ([0.7, 0.7, 0.7], [0.0, 0.0, 0.0], "wide, femur_r .* check that they are of one person"),
         ([1.0, 1.0, 1.0], [500.0, 0.0, 0.0], "^tibia_r: Export all bones in the frame of one image"),
         ([1.0, 1.0, -1.0], [0.0, 0.0, 0.0], "^tibia_r: Give it as tibia_l; if the export mirrored it"),
-        ([0.1, 0.1, 0.1], [0.0, 0.0, 0.0], "^tibia_r: Check the unit"),
+        ([0.1, 0.1, 0.1], [0.0, 0.0, 0.0], "^tibia_r: .*heck the unit"),
     ],
     ids=["its own", "pulled away", "of a child", "half a metre away", "mirrored", "in cm"],
 )

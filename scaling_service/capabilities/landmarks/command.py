@@ -44,7 +44,7 @@ def landmarks(
     """Find joint centres, axes and bony landmarks on surfaces of bones (STL, PLY, OBJ, VTP).
 
     Orientation and side are found from the shapes. Writes landmarks.json under --out, in mm in the
-    image's own axes, each with its residual, the share of the shape that is covered, and a confidence.
+    image's own axes, each with its residual, the share of the shape that is covered, and a deviation.
 
     [bold]Example[/bold]: scaling-service landmarks --units mm --femur_r F.stl --tibia_r T.stl --out found
     """
@@ -68,12 +68,14 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
         rows.append(Row(bone_name))
         for field, value in bone:
             if field.endswith("_mm") and isinstance(value, tuple):
-                rows.append(Row(f"  {field.removesuffix('_mm')}", [f"{x:.1f}" for x in value]))
+                point = field.removesuffix("_mm")
+                cells = [*(f"{x:.1f}" for x in value), f"{bone.deviations_mm[point]:.1f}"]
+                rows.append(Row(f"  {point}", cells))
         notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
         notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
     console = make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
-    print_table(console, Table(caption=caption, columns=["", "x", "y", "z"], rows=rows))
+    print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
     say(console, "Note", "yellow", notes)
     list_files(console, out, [name])
 

@@ -95,8 +95,11 @@ def _describe(bone: BoneLandmarks) -> dict[str, Any]:
         "side": bone.side,
         "side_from": bone.side_from,
         "fit_rms_mm": max((fit.rms_mm for fit in fits.values()), default=None),
-        "confidence": min((fit.confidence for fit in fits.values()), default=None),
         "fits": fits,
+        "deviations_mm": {name: round(_MM * size, 2) for name, size in bone.deviations.items()},
+        "deviations_deg": {
+            f"{name}_axis": round(float(np.rad2deg(size)), 2) for name, size in bone.axis_deviations.items()
+        },
         "definitions": {k: v for k, v in bone.definitions.items() if k in bone.points},
         "refused": dict(bone.refused),
         "warnings": list(bone.warnings),
@@ -120,7 +123,6 @@ def _fit(
         axis=axis,
         rms_mm=round(found.quality.rms * _MM, 4),
         covered=round(found.quality.covered, 4),
-        confidence=found.quality.confidence,
     )
 
 
@@ -141,7 +143,7 @@ def _describe_tibia(bone: BoneLandmarks) -> dict[str, Any]:
     talus = "ankle" in bone.axes
     source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
     return {
-        "plateau_axis": _to_unit(bone.axes["plateau"]),
+        "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
         "ankle_centre_from": source,
         "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
     }

@@ -521,8 +521,9 @@ export interface FemurDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1046,8 +1047,9 @@ export interface PelvisDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1360,7 +1362,6 @@ export interface ShapeFit {
   axis: [number, number, number] | null;
   rms_mm: number;
   covered: number;
-  confidence: number;
 }
 
 export interface SizesProof {
@@ -1452,8 +1453,9 @@ export interface TalusDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1473,8 +1475,9 @@ export interface TibiaDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;

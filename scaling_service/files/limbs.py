@@ -114,8 +114,11 @@ def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
         onwards = axis.before @ onwards
 
 
-def list_uncarried(model: BodyModel) -> tuple[str, ...]:
-    """What a skeleton of axes driven by one number each does not say of the model, in plain sentences."""
+def list_uncarried(model: BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
+    """What axes driven by one number each do not say of the model, in plain sentences.
+
+    ``muscles``: whether they are not carried.
+    """
     found = list_limbs(model)
     following = [a for limb in found for a in limb.axes if not a.leads]
     said = []
@@ -132,7 +135,7 @@ def list_uncarried(model: BodyModel) -> tuple[str, ...]:
     locked = [c.name for c in model.coordinates if c.locked]
     if locked:
         said.append(f"locked coordinates are fixed at their default: {', '.join(locked)}")
-    said.append("muscles, wrapping surfaces and meshes are not carried")
+    said.append(f"{'muscles, wrapping surfaces and ' if muscles else ''}meshes are not carried")
     return tuple(said)
 
 

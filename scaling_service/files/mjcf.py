@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -16,22 +18,32 @@ from scaling_service.files.limbs import (
     list_limbs,
     list_uncarried,
 )
+from scaling_service.files.mjcf_muscles import add_muscles
+from scaling_service.files.polynomials import QUARTIC, Followed, ease_laws, find_span
+from scaling_service.files.tendons import plan_tendons
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
+from scaling_service.model.muscles import Musculature
 from scaling_service.model.trial import Array
 from scaling_service.numerics.wrench import GRAVITY
 
-_QUARTIC = 4
 _WORTH_SAYING = 1e-9  # rad or m; chosen: below it a fit is exact
+_MOST_AXES = 6  # that MuJoCo lets a body have
 _SMALLEST = 1e-6
 """kg and kg m2 of a moving body without mass, which MuJoCo refuses. Chosen: some micrograms move nothing."""
 
 
-def write_mjcf(model: BodyModel) -> Skeleton:
+def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton:
     """An MJCF file, angles in rad, Y up; what it does not carry stands in a comment at its head, too.
 
+    ``muscles``: of the ``.osim`` file that holds the model, with the surfaces that they touch in poses all
+    over its coordinates' ranges.
     ValueError: the model's parameters are not folded into its laws.
     """
-    found = list_limbs(model)
+    tendons = None if muscles is None else plan_tendons(model, muscles)
+    if tendons is not None:
+        model = replace(model, segments=(*model.segments, *tendons.movers))
+    eased = ease_laws(model)
+    model, found = eased.model, list_limbs(eased.model)
     root = ET.Element("mujoco", model=model.name)
     odd = [s.name for s in model.segments if _violates_triangle(s)]
     compiler = {
@@ -52,8 +64,11 @@ def write_mjcf(model: BodyModel) -> Skeleton:
         given = {"name": marker.name, "pos": format_numbers(marker.nominal), "size": "0.005"}
         ET.SubElement(bodies[marker.segment], "site", given)
     _add_unmoving(bodies[GROUND], found, coordinates)
-    in_all, each = _tie(root, found, coordinates)
-    said = [*list_uncarried(model), *in_all]
+    _tie(root, found, coordinates, eased.helpers)
+    in_all, each = _describe_fits(eased.followed)
+    said = [*list_uncarried(model, muscles=tendons is None), *in_all]
+    if tendons is not None:
+        said += add_muscles(root, bodies, tendons)
     if odd:
         said.append(f"inertias that no body has, which MuJoCo replaces by a sphere's: {', '.join(odd)}")
     ET.indent(root)
@@ -69,7 +84,14 @@ def _violates_triangle(segment: Segment) -> bool:
 
 
 def _write_body(parent: ET.Element, limb: Limb, coordinates: dict[str, Coordinate]) -> ET.Element:
-    segment, rest = limb.segment, limb.at_rest
+    segment = limb.segment
+    if len(limb.axes) > _MOST_AXES:
+        carrier = Segment(
+            name=f"carrier of {segment.name}", parent=segment.parent, joint_name=segment.joint_name, joints=()
+        )
+        parent = _write_body(parent, Limb(carrier, limb.axes[:-_MOST_AXES], np.eye(4)), coordinates)
+        limb = replace(limb, axes=limb.axes[-_MOST_AXES:])
+    rest = limb.at_rest
     x, y, z, w = Rotation.from_matrix(rest[:3, :3]).as_quat()
     body = ET.SubElement(
         parent,
@@ -125,39 +147,39 @@ def _add_unmoving(ground: ET.Element, found: tuple[Limb, ...], coordinates: dict
 
 
 def _tie(
-    root: ET.Element, found: tuple[Limb, ...], coordinates: dict[str, Coordinate]
-) -> tuple[list[str], list[str]]:
-    """Tie axes that follow to those that lead; where a polynomial is not the law, in all and axis by axis."""
-    axes = [axis for limb in found for axis in limb.axes]
-    ties, said = ET.SubElement(root, "equality"), []
-    worst: dict[str, float] = {}
-    for axis in axes:
-        if axis.leads:
-            continue
-        name = str(axis.term.coordinate)
-        coefficients, off = _fit_polynomial(axis, coordinates[name])
-        ET.SubElement(ties, "joint", joint1=axis.name, joint2=name, polycoef=format_numbers(coefficients))
-        if off > _WORTH_SAYING:
-            unit = "mm" if axis.kind == "translation" else "mrad"
-            worst[unit] = max(worst.get(unit, 0.0), 1e3 * off)
-            said.append(
-                f"{axis.name} follows {name} by a quartic, off its law by up to {1e3 * off:.3g} {unit}"
-            )
-    most = " and ".join(f"{off:.3g} {unit}" for unit, off in sorted(worst.items()))
-    in_all = (
-        f"{len(said)} of these axes follow by a quartic, off their laws by up to {most}; the file lists each"
-    )
-    return [in_all] if said else [], said
+    root: ET.Element,
+    found: tuple[Limb, ...],
+    coordinates: dict[str, Coordinate],
+    helpers: Mapping[str, tuple[str, Array]],
+) -> None:
+    """Tie axes that follow to those that lead."""
+    ties = ET.SubElement(root, "equality")
+    axes = [axis for limb in found for axis in limb.axes if not axis.leads]
+    followers = {a.name: (name := str(a.term.coordinate), _fit(a, coordinates[name])) for a in axes}
+    for follower, (leader, polynomial) in {**helpers, **followers}.items():
+        tie = ET.SubElement(ties, "joint", joint1=follower, joint2=leader)
+        tie.set("polycoef", format_numbers(polynomial))
 
 
-def _fit_polynomial(axis: DrivenAxis, coordinate: Coordinate) -> tuple[Array, float]:
-    """The nearest quartic over the coordinate's range, lowest power first, and how far it is off."""
-    name = coordinate.name
+def _fit(axis: DrivenAxis, coordinate: Coordinate) -> Array:
+    """The quartic that an axis follows, lowest power first, (5,)."""
     if axis.term.shape is None:
-        return np.array([0.0, axis.term.gain, 0.0, 0.0, 0.0]), 0.0
-    breaks = axis.term.shape.breaks
-    x = np.linspace(max(coordinate.lower, breaks[0]), min(coordinate.upper, breaks[-1]), 200)
-    y = axis.value({name: x})
-    fit = np.polynomial.Polynomial.fit(x, y, _QUARTIC).convert()
-    coefficients = np.pad(fit.coef, (0, _QUARTIC + 1 - len(fit.coef)))
-    return np.asarray(coefficients, dtype=float), float(np.abs(fit(x) - y).max())
+        return np.array([0.0, axis.term.gain, 0.0, 0.0, 0.0])
+    x = np.linspace(*find_span(axis.term.shape, coordinate), 200)
+    fit = np.polynomial.Polynomial.fit(x, axis.value({coordinate.name: x}), QUARTIC).convert()
+    return np.pad(np.asarray(fit.coef, dtype=float), (0, QUARTIC + 1 - len(fit.coef)))
+
+
+def _describe_fits(followed: tuple[Followed, ...]) -> tuple[list[str], list[str]]:
+    """How near polynomials are to laws, in all and one by one; nothing where they are exact."""
+    units = {"translation": "mm", "rotation": "mrad"}
+    far = [f for f in followed if f.off > _WORTH_SAYING]
+    each = [
+        f"{f.joint} follows {f.coordinate} by a polynomial of degree {f.degree}, off its law by up to"
+        f" {1e3 * f.off:.3g} {units[f.kind]}"
+        for f in far
+    ]
+    worst = {units[f.kind]: f.off for f in sorted(far, key=lambda f: f.off)}
+    most = " and ".join(f"{1e3 * off:.3g} {unit}" for unit, off in sorted(worst.items()))
+    in_all = f"{len(far)} laws are followed by polynomials, off by up to {most}; the file lists each"
+    return [in_all] if far else [], each

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from scaling_service.model.body import Segment, Vector
+from scaling_service.model.trial import Array
 
 SurfaceKind = Literal["cylinder", "sphere", "ellipsoid", "torus"]
 
@@ -29,9 +30,9 @@ class PathPoint:
 class WrapSurface:
     """What muscles slide over.
 
-    ``sizes``, m: a cylinder's radius and length along z, a sphere's radius, an ellipsoid's half axes, a torus's
-    inner and outer radius about z. ``side``: the direction in the surface's frame on which paths pass, where
-    the file says one.
+    ``sizes``, m: a cylinder's radius and length along z, a sphere's radius, an ellipsoid's half axes, a
+    torus's inner and outer radius about z. ``side``: the direction in the surface's frame on which paths
+    pass, where the file says one.
     """
 
     name: str
@@ -73,12 +74,13 @@ class Muscle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Musculature:
-    """A model's muscles. A point that moves in its segment is fixed in a segment of its own, in ``movers``."""
+    """A model's muscles. A point that moves in its segment is fixed in one of its own, in ``movers``."""
 
     muscles: tuple[Muscle, ...]
     surfaces: tuple[WrapSurface, ...]
-    movers: tuple[Segment, ...] = ()
-    contacts: tuple[tuple[tuple[Contact, ...], ...], ...] = ()  # by pose and muscle, in the path's order
+    movers: tuple[Segment, ...]
+    q: Array  # (n_poses, n_coordinates), rad or m, in the order of the model's coordinates
+    contacts: tuple[tuple[tuple[Contact, ...], ...], ...]  # by pose and muscle, in the path's order
 
 
 def name_point(muscle: str, number: int) -> str:

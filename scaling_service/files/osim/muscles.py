@@ -90,6 +90,7 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
         muscles=tuple(_make_muscle(each) for each in answer["muscles"]),
         surfaces=tuple(_make_surface(each) for each in answer["surfaces"]),
         movers=tuple(segment for segment in moving.segments if segment.name in names),
+        q=q,
         contacts=tuple(
             tuple(tuple(Contact(name, k, *map(to_vector, at)) for name, k, *at in row) for row in pose)
             for pose in answer["contacts"]

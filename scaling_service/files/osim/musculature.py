@@ -52,7 +52,7 @@ def describe(request: Mapping[str, Any]) -> dict[str, Any]:
     ]
     muscles = [asdict(_read_muscle(muscle, path)) for muscle, path in zip(own, paths, strict=True)]
     moving = replace(model, segments=(*model.segments, *movers), markers=(), constraints=())
-    contacts = []
+    contacts: list[list[list[Any]]] = []
     if any(muscle["surfaces"] for muscle in muscles):
         posed = Posed(osim, request["q"])
         for frame in range(len(next(iter(request["q"].values())))):
@@ -190,6 +190,7 @@ def _list_contacts(path: Any, state: Any) -> Iterator[tuple[str, int, Vector, Ve
             entered = at
             continue
         along = touch.getWrapPath(state)
-        inner = [list_numbers(along.get(j)) for j in range(along.size())] or [at]
-        yield touch.getWrapObject().getName(), number, entered, to_vector(inner[len(inner) // 2]), at
+        half = along.size() // 2
+        middle = to_vector(list_numbers(along.get(half))) if along.size() else at
+        yield touch.getWrapObject().getName(), number, entered, middle, at
         entered = None

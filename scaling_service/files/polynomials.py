@@ -1,8 +1,8 @@
 """Laws as MuJoCo can hold them: sums of quartics of one joint each.
 
 Where a quartic of the coordinate is too far off, two helping joints follow it by squares, ``u = (s - a)^2``
-and ``v = (s + a)^2`` with s the coordinate scaled to -1 to 1. Their cubes and fourth powers with the quartic
-span all polynomials of degree eight.
+and ``v = (s + a)^2`` with s the coordinate scaled to -1 to 1. Their third and fourth Chebyshev polynomials
+with the quartic span all polynomials of degree eight, and stay as small as what the quartic leaves.
 """
 
 from __future__ import annotations
@@ -18,6 +18,11 @@ from scaling_service.model.trial import Array
 
 QUARTIC = 4  # the degree of MuJoCo's joint equality
 _APART = 0.5  # a above; chosen: any but 0 spans the same
+_MOST = (1.0 + _APART) ** 2  # of a square
+_WAVES = [
+    np.polynomial.Chebyshev.basis(degree, domain=[0.0, _MOST]).convert(kind=np.polynomial.Polynomial)
+    for degree in (QUARTIC - 1, QUARTIC)
+]
 _POINTS = 401  # chosen: several between any two knots of a spline
 _ENOUGH = 1e-5  # m or rad; chosen: a hundredth of what is asked of a muscle's length
 _SLOPES = 0.3
@@ -69,7 +74,7 @@ def ease_laws(model: BodyModel) -> Eased:
                 followed.append(Followed(name, own.name, degree, *sizes, joint.kind))
             joints.append(replace(joint, law=Law(tuple(terms))))
         segments.append(replace(segment, joints=tuple(joints)))
-    more = tuple(Coordinate(name=name, lower=0.0, upper=(1.0 + _APART) ** 2) for name in helpers)
+    more = tuple(Coordinate(name=name, lower=0.0, upper=_MOST) for name in helpers)
     eased = replace(model, segments=tuple(segments), coordinates=(*model.coordinates, *more))
     return Eased(eased, helpers, tuple(followed))
 
@@ -92,7 +97,7 @@ def _ease(
     wanted = np.concatenate([evaluate_law(law, {coordinate.name: x}), _SLOPES * differentiate_law_at(law, x)])
     powers = [np.polynomial.Polynomial.basis(k) for k in range(QUARTIC + 1)]
     squares = [np.polynomial.Polynomial([_APART**2, sign * 2.0 * _APART, 1.0]) for sign in (-1.0, 1.0)]
-    for basis in (powers, powers + [square**k for square in squares for k in (QUARTIC - 1, QUARTIC)]):
+    for basis in (powers, powers + [wave(square) for square in squares for wave in _WAVES]):
         rows = np.concatenate(
             [
                 np.column_stack([p(s) for p in basis]),
@@ -111,8 +116,11 @@ def _ease(
     ]
     for k, square in enumerate(squares if len(found) > QUARTIC + 1 else ()):
         name = _name_helper(coordinate.name, _list_powers(square(scaled)), helpers)
-        cubed, fourth = found[QUARTIC + 1 + 2 * k : QUARTIC + 3 + 2 * k]
-        terms.append(_make_term(name, np.array([0.0, 0.0, 0.0, cubed, fourth]), (0.0, (1.0 + _APART) ** 2)))
+        sizes = found[QUARTIC + 1 + len(_WAVES) * k :]
+        wave = sum(
+            (w * size for w, size in zip(_WAVES, sizes, strict=False)), np.polynomial.Polynomial([0.0])
+        )
+        terms.append(_make_term(name, _list_powers(wave), (0.0, _MOST)))
     return terms, off
 
 

@@ -31,6 +31,7 @@ _VIA_M = 1e-6  # radius of a sphere that stands for a point; chosen: a thousandt
 _AWAY = 2.0
 """Side sites stand at this multiple of a surface's radius from its middle: MuJoCo takes a site within the
 surface for a path inside. Chosen; only the direction counts."""
+_AWAY_M = 0.05  # how far a moving side site goes; chosen: far beyond the sphere, and light to move
 _STILL_M = 1e-3  # chosen: a site that moves less stays; the path's length changes by less than that squared
 _STEPS = 721  # of a coordinate's range, in which a via point's sides are looked for; chosen: a degree or less
 _LEAST_CONTACTS = 3  # poses from which a surface's course is taken
@@ -219,7 +220,7 @@ def _fit_sides(x: Array, wanted: Array, ends: tuple[float, float]) -> list[tuple
         return None
     own = x - x[0]
     turning = np.polynomial.Polynomial(np.polynomial.polynomial.polyfromroots(turns) if turns else [1.0])
-    scale = float(np.abs(turning(own)).max())
+    scale = float(np.abs(turning(own)).max()) / _AWAY_M
     steady = wanted * np.sign(turning(own))[:, None]
     fits = [np.polynomial.Polynomial.fit(own, column, QUARTIC - len(turns)).convert() for column in steady.T]
     return [tuple(float(c) for c in (fit * turning / scale).coef[::-1]) for fit in fits]

@@ -69,7 +69,9 @@ class Muscle:
     speed: float  # fibre lengths per second
     rise: float  # s, of activation
     fall: float  # s
+    damping: float  # of the fibre, isometric forces at the greatest speed
     strain: float  # of the passive fibre at one isometric force
+    passive: tuple[float, ...]  # its force over the isometric one at equal steps of strain up to there
 
 
 @dataclass(frozen=True, slots=True, eq=False)

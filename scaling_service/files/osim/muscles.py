@@ -100,7 +100,8 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
 
 def _make_muscle(found: Mapping[str, Any]) -> Muscle:
     points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in found["points"])
-    return Muscle(**{**found, "points": points, "surfaces": tuple(found["surfaces"])})
+    tuples = {name: tuple(found[name]) for name in ("surfaces", "passive")}
+    return Muscle(**{**found, **tuples, "points": points})
 
 
 def _make_surface(found: Mapping[str, Any]) -> WrapSurface:

@@ -7,6 +7,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.chains import X, Y, Z
 from scaling_service.files.osim.constraints import substitute_all
@@ -34,7 +36,7 @@ _SIDES = {"x": X, "y": Y, "z": Z, "+x": X, "+y": Y, "+z": Z} | {
 _RISE_S, _FALL_S = 0.010, 0.040
 """OpenSim 4.6's defaults of activation and deactivation, for muscles of kinds without them."""
 _SPEED = 10.0  # optimal fibre lengths per second, OpenSim 4.6's default
-_STRAIN = 0.7  # OpenSim 4.6's FiberForceLengthCurve at one isometric force
+_STEPS = 25  # of the passive fibre's curve; chosen: it is smooth
 
 
 def describe(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -125,17 +127,11 @@ def _read_surface(wrap: Any, segment: str) -> WrapSurface:
 
 def _read_muscle(muscle: Any, path: Any) -> Muscle:
     wraps = list_items(path.getWrapSet())
-    strain = _STRAIN
-    for kind, curve in (("Millard2012EquilibriumMuscle", "FiberForceLengthCurve"), ("Thelen2003Muscle", "")):
-        own = getattr(import_opensim(), kind).safeDownCast(muscle)
-        if own is not None and curve:
-            strain = float(own.get_FiberForceLengthCurve().get_strain_at_one_norm_force())
-        elif own is not None:
-            strain = float(own.get_FmaxMuscleStrain())
 
     def read(name: str, default: float) -> float:
         return read_number(muscle, name) if muscle.hasProperty(name) else default
 
+    strain, passive = _read_passive(muscle)
     return Muscle(
         name=muscle.getName(),
         points=tuple(
@@ -150,8 +146,24 @@ def _read_muscle(muscle: Any, path: Any) -> Muscle:
         speed=read("max_contraction_velocity", _SPEED),
         rise=read("activation_time_constant", _RISE_S),
         fall=read("deactivation_time_constant", _FALL_S),
+        damping=read("fiber_damping", 0.0),
         strain=strain,
+        passive=passive,
     )
+
+
+def _read_passive(muscle: Any) -> tuple[float, tuple[float, ...]]:
+    """Strain of the fibre at one isometric force, and its force at equal steps up to there."""
+    library = import_opensim()
+    thelen = library.Thelen2003Muscle.safeDownCast(muscle)
+    if thelen is not None:
+        shape = thelen.get_KshapePassive()
+        steps = np.expm1(shape * np.linspace(0.0, 1.0, _STEPS)) / np.expm1(shape)  # Thelen 2003, equation 3
+        return float(thelen.get_FmaxMuscleStrain()), tuple(steps.tolist())
+    millard = library.Millard2012EquilibriumMuscle.safeDownCast(muscle)
+    curve = library.FiberForceLengthCurve() if millard is None else millard.get_FiberForceLengthCurve()
+    strain = float(curve.get_strain_at_one_norm_force())
+    return strain, tuple(curve.calcValue(1.0 + x) for x in np.linspace(0.0, strain, _STEPS).tolist())
 
 
 def _read_point(point: Any, name: str) -> PathPoint:

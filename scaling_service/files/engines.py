@@ -10,15 +10,17 @@ import numpy as np
 from scaling_service.files.limbs import DrivenAxis, Skeleton, format_numbers, list_limbs, list_uncarried
 from scaling_service.files.mjcf import write_mjcf
 from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model.muscles import Musculature
 from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.wrench import GRAVITY
 
 
-def write_biomod(model: BodyModel) -> Skeleton:
+def write_biomod(model: BodyModel, _muscles: Musculature | None = None) -> Skeleton:
     """A ``.bioMod`` file, SI and rad, Y up; what it does not carry stands in comments at its head, too.
 
     Its degrees of freedom come in the order of :func:`list_limbs`' axes.
+    Muscles are not carried.
     ValueError: the model's parameters are not folded into its laws.
     """
     said = list_uncarried(model)
@@ -76,7 +78,7 @@ def _orient_along_z(axis: Array) -> Array:
     return frame
 
 
-ENGINES: Mapping[str, tuple[str, Callable[[BodyModel], Skeleton]]] = MappingProxyType(
+ENGINES: Mapping[str, tuple[str, Callable[[BodyModel, Musculature | None], Skeleton]]] = MappingProxyType(
     {"mjcf": ("model.xml", write_mjcf), "biomod": ("model.bioMod", write_biomod)}
 )
 """Format to the file's name and what makes its content."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -145,6 +145,7 @@ class Skeleton:
 
     text: str
     left_out: tuple[str, ...]
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of muscles, one by one
 
 
 def format_numbers(values: object) -> str:

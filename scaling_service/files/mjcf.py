@@ -41,9 +41,9 @@ _CLASSES = {
 """N m s/rad or N s/m, kg m2 or kg; constraints as stiff as 1 ms allows. Chosen: Rajagopal's and gait2354 hang
 and fall for 10 s with joints within 0.2 mm (hanging) of what they follow."""
 _ADDED = (
-    "added for simulation, as OpenSim's models have none: in joints but the root's, damping of 0.1 N m s/rad and"
-    " armature of 0.005 kg m2; of joints that follow others, armature of 0.001 kg m2 or 0.05 kg. All but the"
-    " root's joints stay in their coordinate's range, clamped or not"
+    "added for simulation, as OpenSim's models have none: in joints but the root's, damping of 0.1 N m s/rad"
+    " and armature of 0.005 kg m2; of joints that follow others, armature of 0.001 kg m2 or 0.05 kg. All but"
+    " the root's joints stay in their coordinate's range, clamped or not"
 )
 _MOST_AXES = 6  # that MuJoCo lets a body have
 _SMALLEST = 1e-6
@@ -93,13 +93,16 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     in_all, each = _describe_fits(eased.followed)
     said = [*list_uncarried(model, muscles=tendons is None), *in_all, _ADDED]
     if tendons is not None:
-        said += add_muscles(root, bodies, tendons)
+        of_all, of_muscles = add_muscles(root, bodies, tendons)
+        said, each = [*said, *of_all], [*each, *of_muscles]
     _add_start(root, coordinates, ties)
     if odd:
         said.append(f"inertias that no body has, which MuJoCo replaces by a sphere's: {', '.join(odd)}")
     ET.indent(root)
     head = "\n".join(f"  {line}" for line in (*said, *each)).replace("--", "- -")
-    return Skeleton(f"<!--\n{head}\n-->\n{ET.tostring(root, encoding='unicode')}\n", tuple(said))
+    text = f"<!--\n{head}\n-->\n{ET.tostring(root, encoding='unicode')}\n"
+    changed = {t.muscle.name: t.changed for t in tendons.tendons} if tendons is not None else {}
+    return Skeleton(text, tuple(said), changed)
 
 
 def _violates_triangle(segment: Segment) -> bool:

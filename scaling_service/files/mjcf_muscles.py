@@ -22,8 +22,10 @@ _LEAST, _MOST_FORCE = 0.44, 1.4
 0.4441), and force of a fibre that is drawn out fast (the same, ForceVelocityCurve; Thelen 2003's Flen)."""
 
 
-def add_muscles(root: ET.Element, bodies: Mapping[str, ET.Element], tendons: Tendons) -> list[str]:
-    """Write all muscles; what MuJoCo's muscles are not of OpenSim's, in plain sentences.
+def add_muscles(
+    root: ET.Element, bodies: Mapping[str, ET.Element], tendons: Tendons
+) -> tuple[list[str], list[str]]:
+    """Write all muscles; what MuJoCo's are not of OpenSim's, in all and muscle by muscle, in plain sentences.
 
     ``bodies``: segment to its element; segments for moving sites are among them.
     """
@@ -46,7 +48,10 @@ def add_muscles(root: ET.Element, bodies: Mapping[str, ET.Element], tendons: Ten
             if part.side is not None:
                 wrapped.set("sidesite", part.side.name)
         _add_motor(motors, tendon.muscle)
-    said = [f"{t.muscle.name}: {change}" for t in tendons.tendons for change in t.changed]
+    said, each = [], [f"{t.muscle.name}: {change}" for t in tendons.tendons for change in t.changed]
+    if each:
+        names = [t.muscle.name for t in tendons.tendons if t.changed]
+        said.append(f"paths are near to OpenSim's, not the same, of {', '.join(names)}; the file says how")
     ends = sorted(
         {
             part.surface.name
@@ -65,7 +70,7 @@ def add_muscles(root: ET.Element, bodies: Mapping[str, ET.Element], tendons: Ten
             " force follows MuJoCo's curves of length and velocity; the passive one is off by up to"
             f" {max(map(_judge_passive, (t.muscle for t in tendons.tendons))):.2f} of the isometric force"
         )
-    return said
+    return said, each
 
 
 def _add_site(body: ET.Element, site: Site) -> None:

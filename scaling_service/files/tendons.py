@@ -134,6 +134,10 @@ def _plan(
         if via is not None:
             course.append(via[0])
             movers += via[1]
+            changed.append(
+                f"{point.name} is passed as {point.coordinate} says, unless other coordinates take the straight"
+                " line to its other side"
+            )
         else:
             course.append(Site(point.name, point.segment, point.at))
             if point.coordinate is not None:

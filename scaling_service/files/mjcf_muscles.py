@@ -9,8 +9,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.files.courses import Bend, Site, Tendons
 from scaling_service.files.limbs import format_numbers
-from scaling_service.files.tendons import Bend, Site, Tendons
 from scaling_service.model.muscles import Muscle
 from scaling_service.model.trial import Array
 

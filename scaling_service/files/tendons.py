@@ -2,9 +2,7 @@
 
 What MuJoCo does not have is put as near as it goes, and said of each muscle:
 
-- a point that the path passes in a part of a coordinate's range only is a sphere too small to matter. MuJoCo
-  bends a path over a sphere where the straight line runs on another side of it than the side site: this one
-  moves with the coordinate, and is on the line's side where the point is not passed;
+- a point that the path passes in a part of a coordinate's range only is a bend (``via_points``);
 - between two surfaces that touch one after the other stands a site, at the middle of the free stretch, which
   follows the coordinate that moves it most;
 - an ellipsoid or torus is the cylinder that lies best along where the muscle touches it.
@@ -16,88 +14,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.files.courses import Bend, Poses, Site, Tendon, Tendons, find_nearest, pose_model
 from scaling_service.files.polynomials import QUARTIC
+from scaling_service.files.via_points import make_via
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term, Vector, to_vector
-from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
-from scaling_service.model.poses import pose_segments
+from scaling_service.model.muscles import Contact, Muscle, Musculature, WrapSurface
 from scaling_service.model.trial import Array
 
-_VIA_M = 1e-6  # radius of a sphere that stands for a point; chosen: a thousandth of what is asked of lengths
 _AWAY = 2.0
 """Side sites stand at this multiple of a surface's radius from its middle: MuJoCo takes a site within the
 surface for a path inside. Chosen; only the direction counts."""
-_AWAY_M = 0.05  # how far a moving side site goes; chosen: far beyond the sphere, and light to move
 _STILL_M = 1e-3  # chosen: a site that moves less stays; the path's length changes by less than that squared
-_STEPS = 721  # of a coordinate's range, in which a via point's sides are looked for; chosen: a degree or less
 _LEAST_CONTACTS = 3  # poses from which a surface's course is taken
-
-
-@dataclass(frozen=True, slots=True)
-class Site:
-    """A point that a tendon passes."""
-
-    name: str
-    segment: str
-    at: Vector  # (3,), m
-
-
-@dataclass(frozen=True, slots=True)
-class Bend:
-    """A cylinder or sphere that a tendon bends over, on the side of a site if there is one."""
-
-    surface: WrapSurface
-    side: Site | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Tendon:
-    """A muscle's course: sites, and bends each between two of them."""
-
-    muscle: Muscle
-    course: tuple[Site | Bend, ...]
-    changed: tuple[str, ...]  # what differs from the muscle's path, in plain words
-
-
-@dataclass(frozen=True, slots=True)
-class Tendons:
-    """All muscles' courses, and segments without mass for sites that move in theirs."""
-
-    tendons: tuple[Tendon, ...]
-    movers: tuple[Segment, ...]
-    untouched: tuple[str, ...]  # muscle and surface it does not touch in any pose: the surface is left out
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Poses:
-    """The model in the poses that contacts were looked at in."""
-
-    model: BodyModel
-    q: Array  # (n_poses, n_coordinates)
-    origins: Mapping[str, Array]  # segment to (n_poses, 3), m
-    turns: Mapping[str, Rotation]
-
-    def to_ground(self, segment: str, at: Sequence[float] | Array) -> Array:
-        """Points, (3,) or (n_poses, 3), of a segment in ground, (n_poses, 3)."""
-        return np.asarray(self.origins[segment] + self.turns[segment].apply(np.asarray(at)))
-
-    def to_segment(self, segment: str, points: Array) -> Array:
-        """Points in ground, (n_poses, 3), in a segment."""
-        return np.asarray(self.turns[segment].inv().apply(points - self.origins[segment]))
-
-
-def _pose(model: BodyModel, q: Array) -> _Poses:
-    placed, names = pose_segments(model, q), model.segment_names
-    return _Poses(
-        model,
-        q,
-        {name: placed[:, k, :3] for k, name in enumerate(names)},
-        {name: Rotation.from_quat(placed[:, k, 3:]) for k, name in enumerate(names)},
-    )
 
 
 def plan_tendons(model: BodyModel, muscles: Musculature) -> Tendons:
@@ -105,7 +38,7 @@ def plan_tendons(model: BodyModel, muscles: Musculature) -> Tendons:
 
     ``model``: what the muscles belong to, without parameters.
     """
-    poses = _pose(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
+    poses = pose_model(replace(model, segments=(*model.segments, *muscles.movers)), muscles.q)
     surfaces = {surface.name: surface for surface in muscles.surfaces}
     tendons, movers, untouched = [], list(muscles.movers), []
     for k, muscle in enumerate(muscles.muscles):
@@ -122,7 +55,7 @@ def _plan(
     muscle: Muscle,
     contacts: Sequence[Sequence[Contact]],
     surfaces: Mapping[str, WrapSurface],
-    poses: _Poses,
+    poses: Poses,
 ) -> tuple[tuple[Site | Bend, ...], list[Segment], tuple[str, ...]]:
     course: list[Site | Bend] = []
     movers: list[Segment] = []
@@ -130,12 +63,12 @@ def _plan(
     for number, point in enumerate(muscle.points):
         gap = _order_surfaces(contacts, number)
         free = course and isinstance(course[-1], Site) and number + 1 < len(muscle.points) and not gap
-        via = _make_via(muscle, number, poses) if point.coordinate is not None and free else None
+        via = make_via(muscle, number, poses.model) if point.coordinate is not None and free else None
         if via is not None:
             course.append(via[0])
-            movers += via[1]
+            movers.append(via[1])
             changed.append(
-                f"{point.name} is passed as {point.coordinate} says, unless other coordinates take the straight"
+                f"{point.name} is passed as {point.coordinate} says, unless others together take the straight"
                 " line to its other side"
             )
         else:
@@ -172,87 +105,13 @@ def _order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[
     return sorted(places, key=lambda name: sum(before[other, name] > before[name, other] for other in places))
 
 
-def _make_via(muscle: Muscle, number: int, poses: _Poses) -> tuple[Bend, list[Segment]] | None:
-    """A sphere at a point and its moving side site; None where the side changes too often."""
-    point = muscle.points[number]
-    coordinate = next(c for c in poses.model.coordinates if c.name == point.coordinate)
-    turn = 2.0 * np.pi
-    x = np.linspace(max(coordinate.lower, -turn), min(coordinate.upper, turn), _STEPS)
-    q = np.tile([c.default for c in poses.model.coordinates], (_STEPS, 1))
-    q[:, poses.model.coordinate_names.index(coordinate.name)] = x
-    swept = _pose(poses.model, q)
-    before, after = (
-        swept.to_segment(point.segment, swept.to_ground(other.segment, other.at))
-        for other in (_find_firm(muscle.points[number - 1 :: -1]), _find_firm(muscle.points[number + 1 :]))
-    )
-    at = np.array(point.at)
-    away = _normalise(at - _find_nearest(at, before, after))
-    passed = (x >= point.lower) & (x <= point.upper)
-    outside = _normalise(_normalise(at - before) + _normalise(at - after))
-    wanted = np.where(passed[:, None], _normalise(away + outside), -away)
-    polynomials = _fit_sides(x, wanted, (point.lower, point.upper))
-    if polynomials is None:
-        return None
-    name, span = f"side of {point.name}", (float(x[0]), float(x[-1]))
-    joints = tuple(
-        Joint(
-            "translation",
-            to_vector(axis),
-            Law.constant(place) + Law((Term(1.0, coordinate=coordinate.name, shape=Shape(span, (own,))),)),
-        )
-        for axis, place, own in zip(np.eye(3), point.at, polynomials, strict=True)
-    )
-    ball = WrapSurface(
-        name=point.name,
-        kind="sphere",
-        segment=point.segment,
-        origin=point.at,
-        axes=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-        sizes=(_VIA_M,),
-    )
-    mover = Segment(name=name, parent=point.segment, joint_name=name, joints=joints)
-    return Bend(ball, Site(name, name, (0.0, 0.0, 0.0))), [mover]
-
-
-def _fit_sides(x: Array, wanted: Array, ends: tuple[float, float]) -> list[tuple[float, ...]] | None:
-    """Quartics of ``x - x[0]``, highest power first, of a vector that flips wherever ``wanted`` does."""
-    at = np.flatnonzero(np.sum(wanted[1:] * wanted[:-1], axis=1) < 0.0)
-    turns = [
-        next((end for end in ends if x[k] <= end <= x[k + 1]), 0.5 * (x[k] + x[k + 1])) - x[0] for k in at
-    ]
-    if len(turns) > QUARTIC:
-        return None
-    own = x - x[0]
-    turning = np.polynomial.Polynomial(np.polynomial.polynomial.polyfromroots(turns) if turns else [1.0])
-    scale = float(np.abs(turning(own)).max()) / _AWAY_M
-    steady = wanted * np.sign(turning(own))[:, None]
-    fits = [np.polynomial.Polynomial.fit(own, column, QUARTIC - len(turns)).convert() for column in steady.T]
-    return [tuple(float(c) for c in (fit * turning / scale).coef[::-1]) for fit in fits]
-
-
-def _normalise(vectors: Array) -> Array:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), _VIA_M))
-
-
-def _find_nearest(point: Array, start: Array, stop: Array) -> Array:
-    """The place on each line from start to stop, (n, 3) each, that is nearest to a point, (3,) or (n, 3)."""
-    along = stop - start
-    share = np.sum((point - start) * along, axis=1) / np.sum(along * along, axis=1)
-    return np.asarray(start + np.clip(share, 0.0, 1.0)[:, None] * along)
-
-
-def _find_firm(points: Sequence[PathPoint]) -> PathPoint:
-    """The first point that is always passed, or the last there is."""
-    return next((point for point in points if point.coordinate is None), points[-1])
-
-
 def _place_between(
     muscle: Muscle,
     number: int,
     names: tuple[str, str],
     contacts: Sequence[Sequence[Contact]],
     surfaces: Mapping[str, WrapSurface],
-    poses: _Poses,
+    poses: Poses,
 ) -> tuple[Site, list[Segment]]:
     """A site at the middle of the free stretch between two surfaces, in the segment where it moves least."""
     ends = [muscle.points[number], muscle.points[number + 1]]
@@ -263,7 +122,7 @@ def _place_between(
     stop = np.where(known[1][:, None], touch[1][0], firm[1])
     for k, name in enumerate(names):  # where a surface is left, the place on the line that is nearest to it
         middle = poses.to_ground(surfaces[name].segment, surfaces[name].origin)
-        nearest = _find_nearest(middle, start, stop)
+        nearest = find_nearest(middle, start, stop)
         if k == 0:
             start = np.where(known[0][:, None], start, nearest)
         else:
@@ -286,7 +145,7 @@ def _place_between(
 
 
 def _find_touches(
-    name: str, number: int, contacts: Sequence[Sequence[Contact]], surface: WrapSurface, poses: _Poses
+    name: str, number: int, contacts: Sequence[Sequence[Contact]], surface: WrapSurface, poses: Poses
 ) -> tuple[Array, Array]:
     """First and last touch of a surface in ground, (n_poses, 3) each, m; NaN where there is none."""
     first, last = np.full((len(contacts), 3), np.nan), np.full((len(contacts), 3), np.nan)
@@ -297,7 +156,7 @@ def _find_touches(
     return poses.to_ground(surface.segment, first), poses.to_ground(surface.segment, last)
 
 
-def _follow(poses: _Poses, segment: str, points: Array) -> tuple[float, str, Vector, tuple[Law, ...] | None]:
+def _follow(poses: Poses, segment: str, points: Array) -> tuple[float, str, Vector, tuple[Law, ...] | None]:
     """Points as a quartic of the one coordinate that explains them best: what is left, m, and the laws."""
     local = poses.to_segment(segment, points)
     middle = local.mean(axis=0)

@@ -122,7 +122,8 @@ def _find_contradiction(
         return []
     worst = max(gaps, key=lambda name: gaps[name])
     return [
-        f"OpenSim's own length is up to {1e3 * gaps[worst]:.1f} mm from the integral of its moment arm about {worst}"
+        f"OpenSim's own length is up to {1e3 * gaps[worst]:.1f} mm from the integral of its moment arm about"
+        f" {worst}"
     ]
 
 

@@ -1,8 +1,10 @@
 """Laws as MuJoCo can hold them: sums of quartics of one joint each.
 
 Where a quartic of the coordinate is too far off, two helping joints follow it by squares, ``u = (s - a)^2``
-and ``v = (s + a)^2`` with s the coordinate scaled to -1 to 1. Their third and fourth Chebyshev polynomials
-with the quartic span all polynomials of degree eight, and stay as small as what the quartic leaves.
+and ``v = (s + a)^2`` with s the coordinate scaled to -1 to 1, and both scaled to that range, too. Their third
+and fourth Chebyshev polynomials with the quartic span all polynomials of degree eight, and stay as small as
+what the quartic leaves. If that is too far off as well, two more joints follow these by their second
+Chebyshev polynomial, which takes the sum to degree sixteen.
 """
 
 from __future__ import annotations
@@ -18,11 +20,8 @@ from scaling_service.model.trial import Array
 
 QUARTIC = 4  # the degree of MuJoCo's joint equality
 _APART = 0.5  # a above; chosen: any but 0 spans the same
-_MOST = (1.0 + _APART) ** 2  # of a square
-_WAVES = [
-    np.polynomial.Chebyshev.basis(degree, domain=[0.0, _MOST]).convert(kind=np.polynomial.Polynomial)
-    for degree in (QUARTIC - 1, QUARTIC)
-]
+_T2, _T3, _T4 = (np.polynomial.Chebyshev.basis(k).convert(kind=np.polynomial.Polynomial) for k in (2, 3, 4))
+_DEGREES = {1: QUARTIC, 3: 2 * QUARTIC, 5: 4 * QUARTIC}  # by number of summands
 _POINTS = 401  # chosen: several between any two knots of a spline
 _ENOUGH = 1e-5  # m or rad; chosen: a hundredth of what is asked of a muscle's length
 _SLOPES = 0.3
@@ -47,8 +46,16 @@ class Eased:
     """A model whose laws are quartics of one coordinate each."""
 
     model: BodyModel  # with helping coordinates
-    helpers: Mapping[str, tuple[str, Array]]  # to the coordinate and the polynomial, lowest power first, (5,)
+    helpers: Mapping[str, tuple[str, Array]]
+    """To the coordinate that each follows, which comes before, and the quartic, lowest power first."""
     followed: tuple[Followed, ...]
+
+    def fill(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Values of coordinates with those of helping ones, rad or m."""
+        found = dict(columns)
+        for name, (leader, quartic) in self.helpers.items():
+            found[name] = np.polynomial.Polynomial(quartic)(found[leader])
+        return found
 
 
 def ease_laws(model: BodyModel) -> Eased:
@@ -70,11 +77,10 @@ def ease_laws(model: BodyModel) -> Eased:
                 terms += [replace(each, gain=term.gain) for each in found]
                 name = f"{segment.name} {joint.kind} {k}"
                 sizes = (abs(term.gain) * off[0], abs(term.gain) * off[1])
-                degree = QUARTIC if len(found) == 1 else 2 * QUARTIC
-                followed.append(Followed(name, own.name, degree, *sizes, joint.kind))
+                followed.append(Followed(name, own.name, _DEGREES[len(found)], *sizes, joint.kind))
             joints.append(replace(joint, law=Law(tuple(terms))))
         segments.append(replace(segment, joints=tuple(joints)))
-    more = tuple(Coordinate(name=name, lower=0.0, upper=_MOST) for name in helpers)
+    more = tuple(Coordinate(name=name, lower=-1.0, upper=1.0) for name in helpers)
     eased = replace(model, segments=tuple(segments), coordinates=(*model.coordinates, *more))
     return Eased(eased, helpers, tuple(followed))
 
@@ -95,32 +101,30 @@ def _ease(
     x, half = np.linspace(lower, upper, _POINTS), 0.5 * (upper - lower)
     s, law = np.linspace(-1.0, 1.0, _POINTS), Law((term,))
     wanted = np.concatenate([evaluate_law(law, {coordinate.name: x}), _SLOPES * differentiate_law_at(law, x)])
+    scaled = np.polynomial.Polynomial([-(lower + upper) / (2.0 * half), 1.0 / half])
+    squares = [np.polynomial.Polynomial([-sign * _APART, 1.0]) ** 2 for sign in (1.0, -1.0)]
+    first = [2.0 / (1.0 + _APART) ** 2 * square - 1.0 for square in squares]
+    second = [_T2(square) for square in first]
     powers = [np.polynomial.Polynomial.basis(k) for k in range(QUARTIC + 1)]
-    squares = [np.polynomial.Polynomial([_APART**2, sign * 2.0 * _APART, 1.0]) for sign in (-1.0, 1.0)]
-    for basis in (powers, powers + [wave(square) for square in squares for wave in _WAVES]):
-        rows = np.concatenate(
-            [
-                np.column_stack([p(s) for p in basis]),
-                _SLOPES * np.column_stack([p.deriv()(s) / half for p in basis]),
-            ]
-        )
+    for inner in ([], first, first + second):
+        basis = powers + [wave(each) for each in inner for wave in (_T3, _T4)]
+        values = np.column_stack([p(s) for p in basis])
+        slopes = np.column_stack([p.deriv()(s) / half for p in basis])
+        rows = np.concatenate([values, _SLOPES * slopes])
         found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
         left = np.abs(rows @ found - wanted)
         off = (float(left[:_POINTS].max()), float(left[_POINTS:].max()) / _SLOPES)
-        if off[0] < _ENOUGH:
+        if max(off) < _ENOUGH:
             break
-    scaled = np.polynomial.Polynomial([-(lower + upper) / (2.0 * half), 1.0 / half])
-    own = np.polynomial.Polynomial(found[: QUARTIC + 1])(scaled)
-    terms = [
-        _make_term(coordinate.name, _list_powers(own(np.polynomial.Polynomial([lower, 1.0]))), (lower, upper))
-    ]
-    for k, square in enumerate(squares if len(found) > QUARTIC + 1 else ()):
-        name = _name_helper(coordinate.name, _list_powers(square(scaled)), helpers)
-        sizes = found[QUARTIC + 1 + len(_WAVES) * k :]
-        wave = sum(
-            (w * size for w, size in zip(_WAVES, sizes, strict=False)), np.polynomial.Polynomial([0.0])
+    own, *rest = np.split(found, range(QUARTIC + 1, len(found), 2))
+    terms = [_make_term(coordinate.name, np.polynomial.Polynomial(own)(scaled), (lower, upper))]
+    names: list[str] = []
+    for k, (third, fourth) in enumerate(rest):
+        leader, law_of = (
+            (coordinate.name, first[k](scaled)) if k < len(first) else (names[k - len(first)], _T2)
         )
-        terms.append(_make_term(name, _list_powers(wave), (0.0, _MOST)))
+        names.append(_name_helper(leader, _list_powers(law_of), helpers))
+        terms.append(_make_term(names[-1], third * _T3 + fourth * _T4, (-1.0, 1.0)))
     return terms, off
 
 
@@ -131,7 +135,7 @@ def _list_powers(polynomial: np.polynomial.Polynomial) -> Array:
 
 
 def _name_helper(coordinate: str, square: Array, helpers: dict[str, tuple[str, Array]]) -> str:
-    """The joint that follows a coordinate by a square, a new one if there is none yet."""
+    """The joint that follows another one by a square, a new one if there is none yet."""
     for name, (own, known) in helpers.items():
         if own == coordinate and np.array_equal(known, square):
             return name
@@ -140,7 +144,7 @@ def _name_helper(coordinate: str, square: Array, helpers: dict[str, tuple[str, A
     return name
 
 
-def _make_term(coordinate: str, polynomial: Array, span: tuple[float, float]) -> Term:
-    """A polynomial, lowest power first, of a coordinate less the span's lower end."""
-    shape = Shape(span, (tuple(float(c) for c in polynomial[::-1]),))
-    return Term(1.0, coordinate=coordinate, shape=shape)
+def _make_term(coordinate: str, polynomial: np.polynomial.Polynomial, span: tuple[float, float]) -> Term:
+    """A polynomial of a coordinate, over a span."""
+    local = _list_powers(polynomial(np.polynomial.Polynomial([span[0], 1.0])))
+    return Term(1.0, coordinate=coordinate, shape=Shape(span, (tuple(float(c) for c in local[::-1]),)))

@@ -32,11 +32,8 @@ def test_a_polynomial_up_to_the_eighth_degree_is_held_exactly(degree: int, helpe
     assert len(eased.helpers) == helpers
     assert eased.followed[0].off < 1e-9
     x = np.linspace(-2.0, 0.2, 50)
-    columns = {"turn": x} | {
-        name: np.polynomial.Polynomial(polynomial)(x) for name, (_, polynomial) in eased.helpers.items()
-    }
     wanted = slide(make_sliding(shape), {"turn": x})
-    np.testing.assert_allclose(slide(eased.model, columns), wanted, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(slide(eased.model, eased.fill({"turn": x})), wanted, rtol=0, atol=1e-9)
 
 
 def test_what_a_spline_is_off_by_is_said() -> None:
@@ -45,9 +42,6 @@ def test_what_a_spline_is_off_by_is_said() -> None:
     shape = Shape(tuple(knots), tuple(tuple(piece) for piece in spline.c.T))
     eased = ease_laws(make_sliding(shape))
     x = np.linspace(-2.0, 0.2, 777)
-    columns = {"turn": x} | {
-        name: np.polynomial.Polynomial(polynomial)(x) for name, (_, polynomial) in eased.helpers.items()
-    }
-    off = np.abs(slide(eased.model, columns) - 0.5 * spline(x)).max()
+    off = np.abs(slide(eased.model, eased.fill({"turn": x})) - 0.5 * spline(x)).max()
     assert off == pytest.approx(eased.followed[0].off, rel=0.02)
     assert off > 1e-4

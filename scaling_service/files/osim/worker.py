@@ -18,6 +18,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.files.osim.from_opensim import read_body_model
 from scaling_service.files.osim.library import list_unknown, load
 from scaling_service.files.osim.muscle_paths import list_points, measure, move_points
+from scaling_service.files.osim.musculature import describe
 from scaling_service.files.osim.to_opensim import write
 from scaling_service.model.document import from_document, to_document
 
@@ -41,6 +42,7 @@ OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "read": _read,
     "write": _write,
     "muscles": measure,
+    "musculature": describe,
     "attachments": list_points,
     "move attachments": move_points,
 }

@@ -48,10 +48,10 @@ _MEDIA_TYPES = {
     ".glb": "model/gltf-binary",
 }
 _APART = (
-    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline' blob:; "
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline' blob:; "
     "style-src 'unsafe-inline'; img-src data: blob:"
 )
-"""Policy for stored pages: a report may draw itself, but reaches nothing of the service's."""
+"""Policy for stored pages: a report may draw and save itself, but reaches nothing of the service's."""
 
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """Of every entry of an archive: the first moment that the format knows, so that archives are reproducible."""

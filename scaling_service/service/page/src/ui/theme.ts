@@ -8,7 +8,11 @@ const PLACE = "scaling-service theme";
 const system = matchMedia("(prefers-color-scheme: dark)");
 const listeners = new Set<(theme: Theme) => void>();
 
+/** Paper is light. */
+let printing = false;
+
 export function theme(): Theme {
+  if (printing) return "light";
   const chosen = browser.getItem(PLACE);
   if (chosen === "light" || chosen === "dark") return chosen;
   return system.matches ? "dark" : "light";
@@ -30,4 +34,11 @@ export function apply(): void {
   for (const listener of listeners) listener(theme());
 }
 
+function print(begins: boolean): void {
+  printing = begins;
+  apply();
+}
+
 system.addEventListener("change", apply);
+addEventListener("beforeprint", () => print(true));
+addEventListener("afterprint", () => print(false));

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
+from scaling_service.bones.cuts import find_cut_plane, is_cut
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
 from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.fits import SphereOnBone, find_spheres, place_sphere
@@ -18,12 +19,14 @@ from scaling_service.bones.results import (
     Side,
     Sphere,
 )
-from scaling_service.bones.shank import is_cut
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
 FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2
+_ELONGATED = 2.0  # chosen: length over thickness below which the shaft need not be the long axis
+_HALF = 0.5  # heads cover 0.49-0.85 of their spheres, other balls on an end 0.22-0.43
+_SHORTEST_M = 0.05  # chosen: a head with its neck
 AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
 
@@ -47,9 +50,16 @@ def find_femur_landmarks(
     if ends is not None:
         return _find_on_ends(ends, named_side, refused)
     surface, notes = require_one_bone(surface, "femur")
-    require_long(surface, "femur")
-    head = find_head(surface, refused)
-    knee, reason = _find_knee_end(surface, head)
+    surface, piece = _stand_piece(surface)
+    if not piece:
+        require_long(surface, "femur")
+    head = find_head(surface, refused, shaft=not piece)
+    knee, reason = _find_knee_end(surface, None if piece else head)
+    if piece and head is not None:  # one end shows either; a ball on condyles covers less than half
+        if knee is None or head.covered > _HALF:
+            knee, reason = None, "the surface is cut off above the knee"
+        else:
+            head, refused["hip_centre"] = None, "the surface is cut off below the hip"
     if knee is None:
         refused["knee_centre"] = reason
     elif head is None and not is_cut(surface, knee.frame.y) and _widens_distally(surface, knee):
@@ -62,6 +72,15 @@ def find_femur_landmarks(
         )
     side, side_from = _tell_side(surface, head, knee, named_side)
     return _collect(surface, head, knee, (side, side_from), refused, notes)
+
+
+def _stand_piece(surface: Surface) -> tuple[Surface, bool]:
+    """One end of a femur, not much longer than thick, along the normal of its cut; and whether it is such."""
+    size = np.ptp(surface.points, axis=0)
+    if size[0] > _ELONGATED * float(size[1:].max()) or size[0] < _SHORTEST_M:
+        return surface, False
+    normal = find_cut_plane(surface)
+    return (surface, False) if normal is None else (surface.turn(normal), True)
 
 
 def _find_on_ends(surface: Surface, named_side: Side | None, refused: dict[str, str]) -> BoneLandmarks:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
+from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.pieces import Shank
 from scaling_service.bones.results import MeshRefused, Side
 from scaling_service.bones.surface import Surface
@@ -21,11 +21,6 @@ WIDER = 1.2  # least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 tim
 
 _BEHIND_M = 5e-3  # chosen: the fibula's head lies 10-25 mm behind the middle of the plateau
 _ELONGATED = 1.5  # chosen: least length over thickness of a tibia whose own long axis is its shaft's
-
-_OPEN, _FLAT = 0.35, 0.4
-"""Shares of a section just below an end: bone that faces outwards covers an anatomical end wholly and an open
-cut by its rim's rounding only; of a closed cut more than so much lies in one plane. Chosen between them."""
-_CAP_M, _BLOCK_M, _BAND_M = 1e-3, 0.015, (0.003, 0.008)  # chosen: depths of a plane, an end and a section
 
 _SHORT_OF_M = {"knee": (0.013, 0.005), "ankle": (-0.008, 0.005)}
 """How far the fibula ends short of the tibia, mean and deviation: its head 10-15 mm below the plateau, its
@@ -79,24 +74,6 @@ def find_shank_pose(shank: Shank, named: Side | None) -> ShankPose:
     return _look_from_ankle(tibia, fibula, -end, named)
 
 
-def is_cut(bone: Surface, outward: Array) -> bool:
-    """Whether a bone's end in a direction is a cut, open or closed by a plane, and no end of a bone's own."""
-    below = bone.smooth @ outward
-    below = below.max() - below
-    band = bone.smooth[(below > _BAND_M[0]) & (below < _BAND_M[1])]
-    section = _measure_section(band, outward)
-    if section <= 0.0:
-        return False
-    facing = (below < _BLOCK_M) & (bone.normals @ outward > 0.7)
-    if float(bone.areas[facing].sum()) < _OPEN * section:
-        return True
-    normal = bone.areas[facing] @ bone.normals[facing]
-    normal = normal / np.linalg.norm(normal)
-    level = bone.smooth[facing] @ normal
-    plane = (level.max() - level < _CAP_M) & (bone.normals[facing] @ normal > 0.95)
-    return float(bone.areas[facing][plane].sum()) > _FLAT * section
-
-
 def measure_width(surface: Surface, axis: Array, chosen: Mask) -> float:
     """Largest extent across an axis, m."""
     points = surface.smooth[chosen]
@@ -104,15 +81,6 @@ def measure_width(surface: Surface, axis: Array, chosen: Mask) -> float:
     centred = flat - flat.mean(axis=0)
     direction = np.linalg.eigh(centred.T @ centred)[1][:, 2]
     return float(np.ptp(points @ direction))
-
-
-def _measure_section(points: Array, normal: Array) -> float:
-    """Area of the hull of points seen along a direction, m2."""
-    axes = np.linalg.svd(normal[None])[2][1:]
-    try:
-        return float(ConvexHull(points @ axes.T).volume)
-    except (QhullError, ValueError):
-        return 0.0
 
 
 def _find_shaft(tibia: Surface, fibula: Surface | None) -> Array:

@@ -77,6 +77,19 @@ class Surface:
             local = local - (local @ across)[:, None] * across
         return find_principal_axes(local, self.areas[chosen])[:, 2]
 
+    def turn(self, axis: Array) -> Surface:
+        """The same in a frame whose x axis is a unit vector (3,) of this one."""
+        others = np.linalg.svd(axis[None])[2][1:]
+        R = np.column_stack([axis, others[0], np.cross(axis, others[0])])
+        return replace(
+            self,
+            points=self.points @ R,
+            smooth=self.smooth @ R,
+            normals=self.normals @ R,
+            R_image_own=self.R_image_own @ R,
+            rims=replace(self.rims, points=self.rims.points @ R),
+        )
+
     def part(self, kept: NDArray[np.bool_]) -> Surface:
         """Only some vertices; faces go."""
         return replace(

@@ -16,7 +16,7 @@ from scaling_service.bones.fits import (
 )
 from scaling_service.bones.pieces import require_one_bone
 from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side
-from scaling_service.bones.shapes import span_plane
+from scaling_service.bones.shapes import span_plane, spread_directions
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
 
@@ -168,7 +168,7 @@ def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:
 def _find_trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
     """The convex cylinder that carries most of the surface, among those that face the tibia."""
     facing = surface.normals @ up > 0.2
-    directions = _spread_directions(_DIRECTIONS)
+    directions = spread_directions(_DIRECTIONS)
     directions = directions[np.abs(directions @ up) < 0.5]
     directions = directions[np.abs(directions @ right) > 0.5]
     guesses = sorted((_vote_for_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
@@ -218,12 +218,3 @@ def _vote_for_circle(
             point = plane.T @ flat + direction * float(middle @ direction)
             best = (score, point, direction, float(radius))
     return best
-
-
-def _spread_directions(n: int) -> Array:
-    """Evenly spread directions, without their opposites (a Fibonacci spiral)."""
-    k = np.arange(n) + 0.5
-    z = k / n
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
-    across_z = np.sqrt(1.0 - z**2)
-    return np.column_stack([across_z * np.cos(turn), across_z * np.sin(turn), z])

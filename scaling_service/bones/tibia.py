@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.deviations import TURN, Tip, add_definitions
 from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
 from scaling_service.bones.fits import SHARP_M, find_spheres
 from scaling_service.bones.pieces import Shank, require_shank, separate_fibula
 from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
-from scaling_service.bones.shank import ShankPose, find_shank_pose, is_cut, measure_width
+from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]

@@ -169,3 +169,21 @@ def test_as_many_faces_as_are_read_take_their_time_and_change_no_centre() -> Non
     assert time.process_time() - start < MOST_S
     for name in ("hip_centre", "knee_centre"):
         assert np.linalg.norm(found.points[name] - usual.points[name]) < SAME, name
+
+
+@pytest.mark.parametrize("reach", [90.0, 110.0, 150.0])
+def test_a_knee_of_a_clinical_image_stands_alone(reach: float) -> None:
+    """A piece hardly longer than thick, whose longest axis is not its shaft's."""
+    found = find_landmarks({"femur_r": bones.metres(bones.above(bones.femur(), reach, -1.0))})["femur_r"]
+    middle = 0.5 * (bones.CONDYLE_MEDIAL + bones.CONDYLE_LATERAL)
+    assert found.points["knee_centre"] * 1e3 == pytest.approx(middle, abs=0.5)
+    assert "hip_centre" in found.refused
+
+
+@pytest.mark.parametrize("level", [330.0, 300.0])
+def test_a_hip_of_a_clinical_image_stands_alone(level: float) -> None:
+    found = find_landmarks({"femur_l": bones.metres(bones.mirrored(bones.above(bones.femur(), level)))})
+    assert found["femur_l"].points["hip_centre"] * 1e3 == pytest.approx(
+        bones.HIP_CENTRE * [1, 1, -1], abs=0.1
+    )
+    assert "knee_centre" in found["femur_l"].refused

@@ -112,6 +112,7 @@ class LandmarksDocument(Part):
     input_hashes: dict[str, str]
     seed: None = Field(default=None, description="Nothing in landmarking is random.")
     wall_s: float
+    warnings: list[str] = Field(description="Of bones beside each other; each bone has its own, too.")
     pelvis: PelvisDocument | None = None
     femur_r: FemurDocument | None = None
     tibia_r: TibiaDocument | None = None

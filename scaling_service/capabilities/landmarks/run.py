@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scaling_service.bones.images import SEGMENTATION, list_files_of, read_bones
 from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRefused, Sphere
-from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
+from scaling_service.bones.whole import BONES, check_joined, find_landmarks
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.writing import all_or_nothing, code_version, write_json
-from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"
 DETECT = "detect"  # in place of a unit: the one in which the bones have the size of bones
@@ -29,18 +29,16 @@ def landmark_bones(
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
-    ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes. ``units``: of all files:
+    ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes, or ``segmentation`` to a
+    label map or a folder. ``units``: of all files:
     ``mm``, ``cm``, ``m`` or ``detect``. InputError: a file cannot be read, or a mesh cannot be used; with
     file, bone and remedy.
     """
     began = time.perf_counter()
     if not bones:
         raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
-    meshes = {name: _read(name, path) for name, path in bones.items()}
-    given = units != DETECT
-    extents = {name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()}
-    unit = units if given else find_unit(extents)
-    shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+    imaged = read_bones(bones, None if units == DETECT else units)
+    shapes = imaged.meshes
     done: list[str] = []
 
     def starting(name: str) -> None:
@@ -48,16 +46,17 @@ def landmark_bones(
         done.append(name)
 
     try:
-        found = find_landmarks(shapes, progress=starting)
+        found = imaged.widen(find_landmarks(shapes, progress=starting))
+        notes = (*check_joined(found), *imaged.tell())
     except MeshRefused as error:
-        raise MeshRefused(
-            error.problem, file=bones.get(error.field or ""), field=error.field, remedy=error.remedy
-        ) from None
+        file = bones.get(error.field or "", bones.get(SEGMENTATION))
+        raise MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
-        settings={"units": unit, "units_from": "given" if given else "size"},
-        input_hashes={path.name: _digest(path) for path in bones.values()},
+        settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
+        input_hashes={file.name: _digest(file) for path in bones.values() for file in list_files_of(path)},
+        warnings=list(notes),
         wall_s=round(time.perf_counter() - began, 3),
         **described,
     )
@@ -72,13 +71,6 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
         absent = [bone for bone in BONES if getattr(document, bone) is None]
         write_json(scratch / FILE_NAME, document, without=absent)
     return Path(folder) / FILE_NAME
-
-
-def _read(name: str, path: Path) -> Mesh:
-    try:
-        return read_mesh(path)
-    except InputError as error:
-        raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
 
 
 def _digest(path: Path) -> str:

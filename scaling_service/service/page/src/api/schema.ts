@@ -101,7 +101,8 @@ export interface BodyMarker {
 }
 
 export interface Bones {
-  units: "mm" | "m";
+  units?: "mm" | "m";
+  segmentation?: string | null;
   pelvis?: string | null;
   femur_r?: string | null;
   tibia_r?: string | null;
@@ -796,6 +797,7 @@ export interface LandmarksDocument {
   input_hashes: Record<string, string>;
   seed: null;
   wall_s: number;
+  warnings: Array<string>;
   pelvis: PelvisDocument | null;
   femur_r: FemurDocument | null;
   tibia_r: TibiaDocument | null;

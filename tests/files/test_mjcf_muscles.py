@@ -113,7 +113,7 @@ def test_a_muscles_force_is_opensims_at_optimal_length(tmp_path: Path) -> None:
     file, _ = export(tmp_path, read_osim(tmp_path / "leg.osim"), make_muscled())
     model = mujoco.MjModel.from_xml_path(str(file))
     muscle = model.actuator("fixed")
-    optimal = 0.25 + 0.1 * np.cos(0.2)  # slack length and the fibre along the tendon, rigid
+    optimal = 0.14 + 0.1 * np.cos(0.2)  # slack length and the fibre along the tendon, rigid
     gain = mujoco.mju_muscleGain(optimal, 0.0, muscle.lengthrange, muscle.acc0[0], muscle.gainprm[:9])
     assert gain == pytest.approx(-800.0 * np.cos(0.2), rel=1e-6)
     slack = mujoco.mju_muscleBias(optimal, muscle.lengthrange, muscle.acc0[0], muscle.gainprm[:9])

@@ -38,7 +38,7 @@ MUSCLE = """<{kind} name="{name}"><GeometryPath name="path">
 <PathPointSet><objects>{points}</objects></PathPointSet>
 <PathWrapSet><objects>{wraps}</objects></PathWrapSet></GeometryPath>
 <max_isometric_force>800</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length>
-<tendon_slack_length>0.25</tendon_slack_length>
+<tendon_slack_length>0.14</tendon_slack_length>
 <pennation_angle_at_optimal>0.2</pennation_angle_at_optimal></{kind}>"""
 
 

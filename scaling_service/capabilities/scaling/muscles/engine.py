@@ -165,7 +165,7 @@ def _summarise(rows: list[EngineMuscle], engine: str, reference: str | None) -> 
 
 
 def _name_worst(rows: list[EngineMuscle]) -> Iterator[str]:
-    for row in rows[:_TOLD]:
+    for row in (row for k, row in enumerate(rows[:_TOLD]) if not (k and row.within)):
         why = f": {'; '.join(row.causes)}" if row.causes else ""
         yield (
             f"{row.muscle}: length off by {row.length_mm:.2f} mm at {row.length_at} {row.length_at_deg:.0f}"

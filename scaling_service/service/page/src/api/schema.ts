@@ -708,6 +708,7 @@ export interface JointAngleComparison {
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -752,6 +753,7 @@ export interface KinematicErrorDocument {
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -812,6 +814,7 @@ export interface LevelDocument {
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -991,6 +994,7 @@ export interface Need {
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
@@ -1249,6 +1253,7 @@ export interface ScalingDocument {
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1303,6 +1308,7 @@ export interface SegmentLengthComparison {
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;

@@ -7,7 +7,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.files.limbs import DrivenAxis, Skeleton, format_numbers, list_limbs, list_uncarried
+from scaling_service.files.limbs import (
+    DrivenAxis,
+    Skeleton,
+    format_numbers,
+    list_following,
+    list_limbs,
+    list_uncarried,
+)
 from scaling_service.files.mjcf import write_mjcf
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.muscles import Musculature
@@ -23,7 +30,7 @@ def write_biomod(model: BodyModel, _muscles: Musculature | None = None) -> Skele
     Muscles are not carried.
     ValueError: the model's parameters are not folded into its laws.
     """
-    said = list_uncarried(model)
+    said = (*list_following(model), *list_uncarried(model))
     lines = ["version 4", *(f"// {line}" for line in said), ""]
     lines += [f"gravity {format_numbers(GRAVITY)}", ""]
     for limb in list_limbs(model):

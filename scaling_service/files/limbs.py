@@ -114,19 +114,17 @@ def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
         onwards = axis.before @ onwards
 
 
-def list_uncarried(model: BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
-    """What axes driven by one number each do not say of the model, in plain sentences.
+def list_following(model: BodyModel) -> list[str]:
+    """The axes that follow coordinates by functions, as one sentence or none."""
+    following = [a for limb in list_limbs(model) for a in limb.axes if not a.leads]
+    names = sorted({str(a.term.coordinate) for a in following})
+    said = f"{len(following)} axes follow {', '.join(names)}: {', '.join(a.name for a in following)}"
+    return [said] if following else []
 
-    ``muscles``: whether they are not carried.
-    """
-    found = list_limbs(model)
-    following = [a for limb in found for a in limb.axes if not a.leads]
-    said = []
-    if following:
-        names = sorted({str(a.term.coordinate) for a in following})
-        said.append(
-            f"{len(following)} axes follow {', '.join(names)}: {', '.join(a.name for a in following)}"
-        )
+
+def list_uncarried(model: BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
+    """What axes do not say of the model, in plain sentences; ``muscles``: whether these are not carried."""
+    said: list[str] = []
     if model.constraints:
         said.append(f"constraints are not carried: {', '.join(c.name for c in model.constraints)}")
     skin = [m.name for m in model.markers if not all(law.is_constant for law in m.laws)]

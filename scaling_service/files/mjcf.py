@@ -15,6 +15,7 @@ from scaling_service.files.limbs import (
     Skeleton,
     format_numbers,
     list_axes_at_rest,
+    list_following,
     list_limbs,
     list_uncarried,
 )
@@ -91,6 +92,7 @@ def write_mjcf(model: BodyModel, muscles: Musculature | None = None) -> Skeleton
     _tie(root, ties)
     _sort_joints(bodies[GROUND], ties, found)
     in_all, each = _describe_fits(eased.followed)
+    each = [*list_following(model), *each]
     said = [*list_uncarried(model, muscles=tendons is None), *in_all, _ADDED]
     if tendons is not None:
         of_all, of_muscles = add_muscles(root, bodies, tendons)

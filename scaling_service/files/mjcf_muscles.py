@@ -46,6 +46,7 @@ def add_muscles(
                 drawn.add(part.surface.name)
             wrapped = ET.SubElement(course, "geom", geom=part.surface.name)
             if part.side is not None:
+                _add_site(bodies[part.side.segment], part.side)
                 wrapped.set("sidesite", part.side.name)
         _add_motor(motors, tendon.muscle)
     said, each = [], [f"{t.muscle.name}: {change}" for t in tendons.tendons for change in t.changed]
@@ -92,8 +93,6 @@ def _add_surface(bodies: Mapping[str, ET.Element], bend: Bend) -> None:
         "group": "4",
     }
     ET.SubElement(bodies[surface.segment], "geom", given)
-    if bend.side is not None:
-        _add_site(bodies[bend.side.segment], bend.side)
 
 
 def _add_motor(motors: ET.Element, muscle: Muscle) -> None:

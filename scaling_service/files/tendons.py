@@ -30,6 +30,7 @@ _AWAY = 2.0
 """Side sites stand at this multiple of a surface's radius from its middle: MuJoCo takes a site within the
 surface for a path inside. Chosen; only the direction counts."""
 _STILL_M = 1e-3  # chosen: a site that moves less stays; the path's length changes by less than that squared
+_TURNS = 37  # of half a turn to each side; chosen: steps of 5 degrees
 _LEAST_CONTACTS = 3  # poses from which a surface's course is taken
 
 
@@ -82,16 +83,61 @@ def _plan(
                 movers += own
                 changed.append(f"{site.name} stands between {gap[k - 1]} and {name}")
             surface, said = _simplify(muscle, surfaces[name], contacts)
-            course.append(Bend(surface, _make_side(surface)))
+            course.append(Bend(surface, _make_side(muscle, number, surface, contacts, poses)))
             changed += said
     return tuple(course), movers, tuple(changed)
 
 
-def _make_side(surface: WrapSurface) -> Site | None:
+def _make_side(
+    muscle: Muscle, number: int, surface: WrapSurface, contacts: Sequence[Sequence[Contact]], poses: Poses
+) -> Site | None:
+    """The side site of a surface that is passed on one side, where it makes MuJoCo do what OpenSim does.
+
+    MuJoCo bends a path that meets the surface, or whose straight line runs on the other side than the site,
+    and takes the turn that lies nearer to the site.
+    """
     if surface.side is None:
         return None
-    at = np.array(surface.origin) + np.array(surface.axes) @ surface.side * _AWAY * surface.sizes[0]
-    return Site(f"side of {surface.name}", surface.segment, to_vector(at))
+    side = np.array(surface.side)
+    name, axes = f"side of {surface.name} for {muscle.name}", np.array(surface.axes)
+    if surface.kind == "cylinder" and surface.side[2] == 0.0 and len(contacts):
+        ends = muscle.points[number : number + 2]
+        start, stop = (
+            (poses.to_segment(surface.segment, poses.to_ground(end.segment, end.at)) - surface.origin) @ axes
+            for end in ends
+        )
+        touches = np.full((len(contacts), 3), np.nan)
+        for k, pose in enumerate(contacts):
+            for contact in pose:
+                if contact.after == number and contact.surface in (surface.name, surface.of):
+                    touches[k] = (np.array(contact.middle) - surface.origin) @ axes
+        side[:2] = _choose_side(start[:, :2], stop[:, :2], touches[:, :2], surface.sizes[0], side[:2])
+    return Site(name, surface.segment, to_vector(surface.origin + axes @ side * _AWAY * surface.sizes[0]))
+
+
+def _choose_side(start: Array, stop: Array, touches: Array, radius: float, side: Array) -> Array:
+    """The direction nearest to ``side`` with which MuJoCo does in most poses what OpenSim does, (2,).
+
+    ``start``, ``stop``, ``touches`` ((n_poses, 2), m, about the cylinder's axis): the path's points before
+    and after, and where it touches; NaN where it does not.
+    """
+    nearest = find_nearest(np.zeros(2), start, stop)
+    meets = np.linalg.norm(nearest, axis=1) < radius
+    across = (stop - start)[:, ::-1] * (-1.0, 1.0)
+    across = across * np.sign(np.sum(across * touches, axis=1))[:, None]
+    touched = np.isfinite(touches[:, 0])
+    turns = np.linspace(0.0, np.pi, _TURNS)
+
+    def count_wrong(direction: Array) -> int:
+        beyond = nearest @ direction < 0.0
+        wrong = np.where(touched, ~((meets | beyond) & (across @ direction > 0.0)), beyond & ~meets)
+        return int(wrong.sum())
+
+    tried = [
+        np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ side
+        for turn in np.stack([turns, -turns], axis=1).ravel()
+    ]
+    return min(tried, key=count_wrong)
 
 
 def _order_surfaces(contacts: Sequence[Sequence[Contact]], number: int) -> list[str]:
@@ -187,11 +233,13 @@ def _simplify(
         return surface, []
     own = [c for pose in contacts for c in pose if c.surface == surface.name]
     touches = np.array([(c.first, c.middle, c.last) for c in own])
-    said = f"{surface.name}, a {surface.kind},"
+    said = f"{surface.name}, {'an' if surface.kind == 'ellipsoid' else 'a'} {surface.kind},"
     normals = np.cross(touches[:, 1] - touches[:, 0], touches[:, 2] - touches[:, 1])
     if len(own) < _LEAST_CONTACTS or not normals.any():
         radius = float(np.prod(surface.sizes) ** (1.0 / len(surface.sizes)))
-        ball = replace(surface, kind="sphere", sizes=(radius,), name=f"{surface.name}-{muscle.name}")
+        ball = replace(
+            surface, kind="sphere", sizes=(radius,), name=f"{surface.name}-{muscle.name}", of=surface.name
+        )
         return ball, [f"{said} is a sphere of {1e3 * radius:.1f} mm"]
     axis = np.linalg.svd(normals)[2][0]
     turn = Rotation.align_vectors([axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
@@ -203,6 +251,7 @@ def _simplify(
         surface,
         kind="cylinder",
         name=f"{surface.name}-{muscle.name}",
+        of=surface.name,
         origin=to_vector(origin),
         axes=(to_vector(turn[0]), to_vector(turn[1]), to_vector(turn[2])),
         sizes=(radius, 2.0 * radius),

@@ -20,6 +20,10 @@ from scaling_service.model.trial import Array
 
 _VIA_M = 1e-6  # radius of a sphere that stands for a point; chosen: a thousandth of what is asked of lengths
 _AWAY_M = 0.05  # how far a moving side site goes; chosen: far beyond the sphere, and light to move
+_OVER = 2.0  # of a side by what another coordinate adds to it where the line crosses; chosen: it decides
+_CLEAR, _ROUNDS = 0.3, 20
+"""Cosine with the wanted side that is clear of the line, and doublings of the weight of what is not. Chosen:
+only the sign counts."""
 _STEPS = 721  # of a coordinate's range, in which sides are looked for; chosen: a degree or less
 
 
@@ -100,7 +104,17 @@ def _fit_sides(x: Array, wanted: Array, ends: tuple[float, float]) -> list[Array
     turning = np.polynomial.Polynomial(np.polynomial.polynomial.polyfromroots(turns) if turns else [1.0])
     scale = float(np.abs(turning(own)).max()) / _AWAY_M
     steady = wanted * np.sign(turning(own))[:, None]
-    fits = [np.polynomial.Polynomial.fit(own, column, QUARTIC - len(turns)).convert() for column in steady.T]
+    weights = np.ones(len(own))
+    for _ in range(_ROUNDS):
+        fits = [
+            np.polynomial.Polynomial.fit(own, column, QUARTIC - len(turns), w=weights).convert()
+            for column in steady.T
+        ]
+        found = _normalise(np.column_stack([fit(own) for fit in fits]))
+        unclear = np.sum(found * steady, axis=1) < _CLEAR
+        if not unclear.any():
+            break
+        weights = np.where(unclear, 2.0 * weights, weights)
     return [np.asarray((fit * turning / scale).coef[::-1], dtype=float) for fit in fits]
 
 
@@ -124,7 +138,7 @@ def _fit_crossings(
         quartic, cubic = np.linalg.solve(rows, [1.0, 0.0])
         flat = np.polynomial.Polynomial([0.0, 0.0, 0.0, cubic, quartic])
         moved = flat(np.polynomial.Polynomial([x[0] - x[middle], 1.0])).coef[::-1]
-        yield wanted[end] * np.linalg.norm(side), np.asarray(moved, dtype=float)
+        yield _OVER * wanted[end] * np.linalg.norm(side), np.asarray(moved, dtype=float)
 
 
 def _normalise(vectors: Array) -> Array:

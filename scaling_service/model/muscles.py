@@ -42,6 +42,7 @@ class WrapSurface:
     axes: tuple[Vector, Vector, Vector]  # rows of the rotation from the surface's frame to the segment's
     sizes: tuple[float, ...]
     side: Vector | None = None
+    of: str = ""  # the surface that this one stands for, if it does
 
 
 @dataclass(frozen=True, slots=True)

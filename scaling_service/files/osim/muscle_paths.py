@@ -147,6 +147,18 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"text": Path("moved.osim").read_text(encoding="utf-8"), "astray": sorted(astray)}
 
 
+def set_lengths(request: Mapping[str, Any]) -> dict[str, Any]:
+    """The text of a model with other fibres and tendons; see ``muscles.set_parameters``."""
+    osim = _load_model(request)
+    for name, (fibre, slack) in request["lengths"].items():
+        muscle = osim.updMuscles().get(name)
+        muscle.set_optimal_fiber_length(fibre)
+        muscle.set_tendon_slack_length(slack)
+    osim.finalizeConnections()
+    osim.printToXML("lengths.osim")
+    return {"text": Path("lengths.osim").read_text(encoding="utf-8")}
+
+
 def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
     """Put points of paths at their places in their bodies, m."""
     moved = {(muscle, number): np.array(at) for muscle, number, at in points}

@@ -213,3 +213,14 @@ def move_attachments(
     }
     answer = ask(request)
     return answer["text"], tuple(answer["astray"])
+
+
+def set_parameters(osim: str, model: BodyModel, lengths: Mapping[str, Sequence[float]]) -> str:
+    """The text of a model with other optimal fibre and tendon slack lengths, m, of some muscles.
+
+    Raises as :func:`read_attachments`.
+    """
+    given = {name: list(own) for name, own in lengths.items()}
+    request = {"operation": "muscle parameters", "file": model.source or None, "text": osim, "lengths": given}
+    text: str = ask(request)["text"]
+    return text

@@ -24,7 +24,7 @@ STEPS = 25  # of each range; chosen: 5 degrees of a range of 120
 LENGTH_M, WRAPPING_LENGTH_M, ARM_M = 1e-3, 3e-3, 2e-3
 """What is asked of differences. Chosen: below what attachments are known to, some millimetres."""
 
-_UNKNOWN = "no cause is known"
+UNKNOWN = "no cause is known"
 _NO_ARM = 1e-6  # m; chosen: moment arms below are none
 _TOLD = 5  # of the worst, in words
 _JUMP_M = 1e-3  # chosen: beyond it OpenSim's lengths and moment arms contradict each other
@@ -79,7 +79,7 @@ def check_muscles(model: BodyModel, osim: str, muscles: Musculature, exported: S
                 moment_arm_at=arm[1],
                 moment_arm_at_deg=round(float(np.degrees(arm[2])), 2),
                 within=within,
-                causes=causes or ([] if within else [_UNKNOWN]),
+                causes=causes or ([] if within else [UNKNOWN]),
             )
         )
     reached = f"OpenSim {version('opensim')}"
@@ -165,7 +165,7 @@ def _summarise(rows: list[EngineMuscle], engine: str, reference: str | None) -> 
 
 
 def _name_worst(rows: list[EngineMuscle]) -> Iterator[str]:
-    for row in rows[:_TOLD]:
+    for row in (row for k, row in enumerate(rows[:_TOLD]) if not (k and row.within)):
         why = f": {'; '.join(row.causes)}" if row.causes else ""
         yield (
             f"{row.muscle}: length off by {row.length_mm:.2f} mm at {row.length_at} {row.length_at_deg:.0f}"

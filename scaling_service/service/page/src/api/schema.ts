@@ -727,6 +727,7 @@ export interface JointAngleComparison {
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -771,6 +772,7 @@ export interface KinematicErrorDocument {
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -832,6 +834,7 @@ export interface LevelDocument {
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -1029,6 +1032,7 @@ export interface Need {
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
@@ -1289,6 +1293,7 @@ export interface ScalingDocument {
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1343,6 +1348,7 @@ export interface SegmentLengthComparison {
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;

@@ -85,8 +85,9 @@ def bundle(web: Path) -> None:
             f"set {WITHOUT}=1 to build the package without the page",
         )
     _run([*npm, "run", "build"], web, environment, "the web page cannot be bundled", "See the message above")
-    if not (web / "built" / "index.html").is_file():
-        raise PageNotBuilt(f"bundling wrote no index.html into {web / 'built'}")
+    for name in ("index.html", "report/report.js"):
+        if not (web / "built" / name).is_file():
+            raise PageNotBuilt(f"bundling wrote no {name} into {web / 'built'}")
 
 
 def _has_packages(web: Path) -> bool:

@@ -33,7 +33,7 @@ def takes_away(visitor: Visitor, key: str, folder: Path) -> None:
         assert "comparison.json" in archive.namelist()
     with visitor.page.expect_popup() as opened:
         visitor.press("The report")
-    opened.value.get_by_role("heading", name="Verdict").wait_for()
+    opened.value.get_by_role("link", name="Verdict").wait_for()
     assert key not in opened.value.url
 
 

@@ -5,8 +5,8 @@ import { getResult } from "../api/jobs.ts";
 import { vocabulary } from "../api/vocabulary.ts";
 import type { DiscoveryDocument } from "../api/schema.ts";
 import { bullets, callout, folded } from "../ui/blocks.ts";
-import { h } from "../ui/dom.ts";
-import { few, figures, words } from "../ui/words.ts";
+import { h, vary } from "../ui/dom.ts";
+import { few, figures, percent, words } from "../ui/words.ts";
 import { parts, type Finished, type ResultView } from "./result.ts";
 import { unseen } from "./unseen.ts";
 import { what } from "./what.ts";
@@ -52,7 +52,7 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
-      effects.length > 0 && h("ol", null, ...effects.map(({ name, belief }) => h("li", null, name, belief != null && h("div", { class: "quiet" }, belief.summary)))),
+      effects.length > 0 && h("ol", null, ...effects.map(({ name, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), belief != null && h("div", { class: "quiet" }, belief.summary)))),
       left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
@@ -61,6 +61,13 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     bones(document),
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
+}
+
+/** How much of what did not fit an effect it takes off, as a bar. */
+function share(gain: number | null): HTMLElement | false {
+  if (gain === null || gain <= 0) return false;
+  const bar = vary(h("i", { "aria-hidden": "true" }), { "--share": String(Math.min(gain, 1)) });
+  return h("div", { class: "share" }, bar, `takes ${percent(gain)} off the squared gap of what did not fit it`);
 }
 
 /** What is known of the bones beside the effects; `ik` takes it from the model. */

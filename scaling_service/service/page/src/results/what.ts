@@ -8,10 +8,9 @@ import { h } from "../ui/dom.ts";
 import { AFTER, TRIED } from "../ui/palette.ts";
 import { sentence } from "../ui/problem.ts";
 import { cell, table } from "../ui/table.ts";
-import { figures } from "../ui/words.ts";
+import { figures, plural, words } from "../ui/words.ts";
 
 const MOST_TRIED = 10;
-const MOST_ALIKE = 6;
 const NORMAL_95 = 1.96;
 
 export function what(document: DiscoveryDocument, signal: AbortSignal, place: HTMLElement): void {
@@ -30,9 +29,8 @@ function chapter(effect: EffectDocument): HTMLElement[] {
     h("p", null, effect.belief == null ? "" : `How sure: ${effect.belief.summary}.`),
     numbers(effect),
     alike.length > 0
-      ? h("div", null, h("p", null, "These recordings do not tell it from:"), bullets(alike.slice(0, MOST_ALIKE).map(placed)),
-          alike.length > MOST_ALIKE && folded(`${alike.length - MOST_ALIKE} more`, bullets(alike.slice(MOST_ALIKE).map(placed))),
-          effect.would_separate !== null && h("p", null, `This would tell them apart: ${effect.would_separate}.`))
+      ? h("div", null, effect.would_separate !== null && h("p", null, h("b", null, "To record next: "), `${effect.would_separate}. It would tell this from what looks the same here.`),
+          folded(`These recordings do not tell it from ${plural(alike.length, "other")}`, bullets(alike.map(placed))))
       : h("p", { class: "quiet" }, "These recordings tell it from every other effect of the catalogue."),
   ];
 }
@@ -106,8 +104,12 @@ function estimates({ estimates: all }: DiscoveryDocument): HTMLElement {
   }));
 }
 
+/** What holds of the recording as a whole has no place. */
+const WHOLE = new Set(["world", "markers", "forces"]);
+
 /** An effect in a line: what, where, along with what, in which recording. */
 function placed({ kind, where, driver, trials, note }: PlacedEffect): string {
-  const following = driver.length === 0 ? "" : ` with ${driver.join(", ")}`;
-  return `${kind.replaceAll("_", " ")} at ${where.join(", ")}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
+  const places = where.filter((name) => !WHOLE.has(name)).map(words);
+  const following = driver.length === 0 ? "" : ` with ${driver.map(words).join("; ")}`;
+  return `${kind.replaceAll("_", " ")}${places.length === 0 ? "" : ` at ${places.join("; ")}`}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
 }

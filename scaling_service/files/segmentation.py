@@ -220,7 +220,9 @@ def _extract_surface(inside: NDArray[np.bool_], affine: Array, corner: NDArray[n
     grid.point_data["inside"] = field.ravel(order="F")
     surface = grid.contour([0.5], scalars="inside", method="flying_edges").triangulate()
     places = (np.asarray(surface.points, dtype=float) + corner) @ affine[:3, :3].T + affine[:3, 3]
-    return Mesh(places, np.asarray(surface.regular_faces, dtype=np.intp))
+    faces = np.asarray(surface.regular_faces, dtype=np.intp)
+    mirrored = np.linalg.det(affine[:3, :3]) < 0
+    return Mesh(places, faces[:, ::-1] if mirrored else faces)
 
 
 def _measure_voxel(affine: Array) -> Array:

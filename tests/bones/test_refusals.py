@@ -187,3 +187,24 @@ def test_a_hip_of_a_clinical_image_stands_alone(level: float) -> None:
         bones.HIP_CENTRE * [1, 1, -1], abs=0.1
     )
     assert "knee_centre" in found["femur_l"].refused
+
+
+def test_a_tibia_back_to_front_is_refused() -> None:
+    vertices, faces = bones.tibia()
+    pair = {
+        "femur_r": bones.metres(bones.femur()),
+        "tibia_r": bones.metres((vertices * [-1.0, 1.0, -1.0], faces)),
+    }
+    with pytest.raises(MeshRefused, match=r"turned by 1[78]\d degrees") as refusal:
+        check_joined(find_landmarks(pair))
+    assert refusal.value.field == "tibia_r"
+
+
+def test_legs_of_two_persons_are_told() -> None:
+    vertices, faces = bones.mirrored(bones.femur())
+    pair = {
+        "femur_r": bones.metres(bones.femur()),
+        "femur_l": bones.metres((vertices * 0.92 - [0, 0, 200], faces)),
+    }
+    notes = check_joined(find_landmarks(pair))
+    assert any("of one person" in note for note in notes)

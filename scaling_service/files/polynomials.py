@@ -29,7 +29,7 @@ _SLOPES = 0.3
 much as 3 mm a radian."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Followed:
     """How near a law is held."""
 
@@ -37,7 +37,6 @@ class Followed:
     coordinate: str
     degree: int
     off: float  # m or rad, at most, over the coordinate's range
-    off_slope: float  # m or rad for each radian or metre of the coordinate
     kind: str  # rotation or translation
 
 
@@ -75,9 +74,15 @@ def ease_laws(model: BodyModel) -> Eased:
                     continue
                 found, off = _ease(replace(term, gain=1.0), own, helpers)
                 terms += [replace(each, gain=term.gain) for each in found]
-                name = f"{segment.name} {joint.kind} {k}"
-                sizes = (abs(term.gain) * off[0], abs(term.gain) * off[1])
-                followed.append(Followed(name, own.name, _DEGREES[len(found)], *sizes, joint.kind))
+                followed.append(
+                    Followed(
+                        joint=f"{segment.name} {joint.kind} {k}",
+                        coordinate=own.name,
+                        degree=_DEGREES[len(found)],
+                        off=abs(term.gain) * off,
+                        kind=joint.kind,
+                    )
+                )
             joints.append(replace(joint, law=Law(tuple(terms))))
         segments.append(replace(segment, joints=tuple(joints)))
     more = tuple(Coordinate(name=name, lower=-1.0, upper=1.0) for name in helpers)
@@ -94,8 +99,8 @@ def find_span(shape: Shape, coordinate: Coordinate) -> tuple[float, float]:
 
 def _ease(
     term: Term, coordinate: Coordinate, helpers: dict[str, tuple[str, Array]]
-) -> tuple[list[Term], tuple[float, float]]:
-    """Terms that add up to a term as nearly as they can, and how far values and slopes are off."""
+) -> tuple[list[Term], float]:
+    """Terms that add up to a term as nearly as they can, and how far they are off at most, m or rad."""
     assert term.shape is not None
     lower, upper = find_span(term.shape, coordinate)
     x, half = np.linspace(lower, upper, _POINTS), 0.5 * (upper - lower)
@@ -113,8 +118,7 @@ def _ease(
         rows = np.concatenate([values, _SLOPES * slopes])
         found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
         left = np.abs(rows @ found - wanted)
-        off = (float(left[:_POINTS].max()), float(left[_POINTS:].max()) / _SLOPES)
-        if max(off) < _ENOUGH:
+        if left.max() < _ENOUGH:
             break
     own, *rest = np.split(found, range(QUARTIC + 1, len(found), 2))
     terms = [_make_term(coordinate.name, np.polynomial.Polynomial(own)(scaled), (lower, upper))]
@@ -125,7 +129,7 @@ def _ease(
         )
         names.append(_name_helper(leader, _list_powers(law_of), helpers))
         terms.append(_make_term(names[-1], third * _T3 + fourth * _T4, (-1.0, 1.0)))
-    return terms, off
+    return terms, float(left[:_POINTS].max())
 
 
 def _list_powers(polynomial: np.polynomial.Polynomial) -> Array:

@@ -45,7 +45,7 @@ class WrapSurface:
     of: str = ""  # the surface that this one stands for, if it does
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
     """A muscle on a surface in one pose."""
 
@@ -75,7 +75,7 @@ class Muscle:
     passive: tuple[float, ...]  # its force over the isometric one at equal steps of strain up to there
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Musculature:
     """A model's muscles. A point that moves in its segment is fixed in one of its own, in ``movers``."""
 

@@ -17,13 +17,17 @@ from scaling_service.files.osim.models import read_osim, render_osim
 from scaling_service.model.body import BodyModel
 from scaling_service.model.scaling import scale_model
 from tests.files.osim.muscled import WRAPS, make_muscled
+from tests.peers.scaled_models import scaled_gait2354, scaled_rajagopal
 
 MODELS = {
     "Rajagopal": "rajagopal_walk/Rajagopal2016.osim",
     "gait2354": "gait2354/gait2354_simbody.osim",
 }
-PERSONS = {"short": (0.88, 1), "tall": (1.12, 2)}
-"""Size, and the seed of how segments and axes differ from it, by up to 5 %."""
+PERSONS = {"short": (0.88, 1), "tall": (1.12, 2), "recorded": None}
+"""Size, and the seed of how segments and axes differ from it, by up to 5 %; none: OpenSim's own scaling to
+the person of the model's public recording."""
+
+RECORDED = {"Rajagopal": scaled_rajagopal, "gait2354": scaled_gait2354}
 
 ROOT = ("pelvis_tilt", "pelvis_list", "pelvis_rotation", "pelvis_tx", "pelvis_ty", "pelvis_tz")
 
@@ -157,7 +161,13 @@ def test_it_loads_in_mjx(tmp_path: Path) -> None:
 @pytest.mark.parametrize("which", MODELS)
 @pytest.mark.costly
 def test_muscles_are_opensims(which: str, person: str, shared_data: Path, tmp_path: Path) -> None:
-    file, found = export(tmp_path, *make_person(shared_data / MODELS[which], *PERSONS[person]))
+    drawn = PERSONS[person]
+    if drawn is None:
+        scaled = RECORDED[which](shared_data, tmp_path)
+        who = read_osim(scaled), scaled.read_text(encoding="utf-8")
+    else:
+        who = make_person(shared_data / MODELS[which], *drawn)
+    file, found = export(tmp_path, *who)
     assert found.share_within is not None
     assert found.share_within >= 0.95
     assert found.share_moment_arms_within is not None

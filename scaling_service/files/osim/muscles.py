@@ -92,7 +92,7 @@ def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
         movers=tuple(segment for segment in moving.segments if segment.name in names),
         q=q,
         contacts=tuple(
-            tuple(tuple(Contact(name, k, *map(to_vector, at)) for name, k, *at in row) for row in pose)
+            tuple(tuple(_make_contact(*found) for found in row) for row in pose)
             for pose in answer["contacts"]
         ),
     )
@@ -102,6 +102,11 @@ def _make_muscle(found: Mapping[str, Any]) -> Muscle:
     points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in found["points"])
     tuples = {name: tuple(found[name]) for name in ("surfaces", "passive")}
     return Muscle(**{**found, **tuples, "points": points})
+
+
+def _make_contact(surface: str, after: int, first: Array, middle: Array, last: Array) -> Contact:
+    places = {"first": to_vector(first), "middle": to_vector(middle), "last": to_vector(last)}
+    return Contact(surface=surface, after=after, **places)
 
 
 def _make_surface(found: Mapping[str, Any]) -> WrapSurface:

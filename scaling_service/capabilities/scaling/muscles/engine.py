@@ -25,6 +25,7 @@ LENGTH_M, WRAPPING_LENGTH_M, ARM_M = 1e-3, 3e-3, 2e-3
 """What is asked of differences. Chosen: below what attachments are known to, some millimetres."""
 
 UNKNOWN = "no cause is known"
+_NEAR = 2e-3  # rad; chosen: a tenth of a degree to each side
 _NO_ARM = 1e-6  # m; chosen: moment arms below are none
 _TOLD = 5  # of the worst, in words
 _JUMP_M = 1e-3  # chosen: beyond it OpenSim's lengths and moment arms contradict each other
@@ -82,6 +83,7 @@ def check_muscles(model: BodyModel, osim: str, muscles: Musculature, exported: S
                 causes=causes or ([] if within else [UNKNOWN]),
             )
         )
+    rows = _explain_arms(rows, model, osim, off_arms, values)
     reached = f"OpenSim {version('opensim')}"
     return MuscleCheck(_make_document(engine, rows, exported, reached, ""), values, engine, reference)
 
@@ -125,6 +127,43 @@ def _find_contradiction(
         f"OpenSim's own length is up to {1e3 * gaps[worst]:.1f} mm from the integral of its moment arm about"
         f" {worst}"
     ]
+
+
+def _explain_arms(
+    rows: list[EngineMuscle],
+    model: BodyModel,
+    osim: str,
+    off: Mapping[str, Array],
+    values: Mapping[str, Array],
+) -> list[EngineMuscle]:
+    """Rows whose moment arm is off, with the slope of OpenSim's own length where it is off most.
+
+    ``off``: coordinate to the engine's moment arms less OpenSim's, (n_steps, n_rows), m.
+    """
+    far = [k for k, row in enumerate(rows) if row.moment_arm_mm > 1e3 * ARM_M]
+    if not far:
+        return rows
+    default = np.array([c.default for c in model.coordinates])
+    q = np.tile(default, (3 * len(far), 1))
+    for n, k in enumerate(far):
+        name = rows[k].moment_arm_at
+        at = values[name][np.argmax(np.abs(off[name][:, k]))]
+        q[3 * n : 3 * n + 3, model.coordinate_names.index(name)] = at + np.array([-_NEAR, 0.0, _NEAR])
+    near, explained = measure_muscles(osim, model, q), list(rows)
+    for n, k in enumerate(far):
+        row, lengths = rows[k], near.lengths[3 * n : 3 * n + 3, k]
+        arm = float(near.arms.get((row.muscle, row.moment_arm_at), np.zeros(len(q)))[3 * n + 1])
+        theirs = arm + off[row.moment_arm_at][np.argmax(np.abs(off[row.moment_arm_at][:, k])), k]
+        slopes = -np.diff(lengths) / _NEAR  # on both sides: at a kink one of them is far off
+        slope = float(slopes[np.argmin(np.abs(slopes - theirs))])
+        if abs(slope - theirs) < abs(slope - arm):
+            said = (
+                f"OpenSim's own length changes there as for a moment arm of {1e3 * slope:.1f} mm, its moment"
+                f" arm is {1e3 * arm:.1f} mm, the engine's {1e3 * theirs:.1f} mm"
+            )
+            causes = [said, *(cause for cause in row.causes if cause != UNKNOWN)]
+            explained[k] = row.model_copy(update={"causes": causes})
+    return explained
 
 
 def _make_document(

@@ -248,8 +248,8 @@ def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
         right, left = (1e3 * float(np.linalg.norm(points[upper] - points[lower])) for points in pair)
         if abs(right - left) > _LENGTHS_APART * max(right, left):
             yield (
-                f"{bone}_r is {right:.0f} mm long and {bone}_l {left:.0f} mm between their joints: check that "
-                "they are of one person"
+                f"{bone}_r is {right:.0f} mm long and {bone}_l {left:.0f} mm between their joints: check "
+                "that they are of one person"
             )
 
 

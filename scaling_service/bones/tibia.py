@@ -70,7 +70,7 @@ def find_tibia_landmarks(
         refused |= dict.fromkeys(_AT_KNEE, "the surface is cut off below the knee")
     else:
         for name, direction in (("plateau_medial", -pose.outwards), ("plateau_lateral", pose.outwards)):
-            tips[name] = Tip(tibia, direction, pose.plateau, SHARP_M)
+            tips[name] = Tip(tibia, direction, pose.plateau, depth=SHARP_M)
         _add_fibula_head(shank, pose, tips, refused)
     cut = _find_cut(tibia, pose)
     if cut is not None:
@@ -78,15 +78,15 @@ def find_tibia_landmarks(
     else:
         ankle = pose.height < ANKLE_M
         medial = ankle & _select_medial(tibia, pose.outwards, ankle)
-        tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, SHARP_M)
-        tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, SHARP_M, turn)
+        tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, depth=SHARP_M)
+        tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, depth=SHARP_M, turn=turn)
         if fibula is None:
             refused |= dict.fromkeys(_OF_FIBULA, "there is no fibula in the surface")
         else:
             height = fibula.smooth @ pose.y
             low = height < height.min() + ANKLE_M
-            tips["malleolus_lateral"] = Tip(fibula, -pose.y, low, SHARP_M)
-            tips["malleolus_lateral_prominence"] = Tip(fibula, pose.outwards, low, SHARP_M, turn)
+            tips["malleolus_lateral"] = Tip(fibula, -pose.y, low, depth=SHARP_M)
+            tips["malleolus_lateral_prominence"] = Tip(fibula, pose.outwards, low, depth=SHARP_M, turn=turn)
     points = {name: tip.find() for name, tip in tips.items()}
     refused |= refuse_cut(points, surface.rims)
     off = {name: tips[name].deviate() for name in points}
@@ -166,7 +166,7 @@ def _add_fibula_head(shank: Shank, pose: ShankPose, tips: dict[str, Tip], refuse
         refused["fibula_head"] = "the fibula is grown to the tibia, so its upper end cannot be told"
     else:
         level = shank.fibula.smooth @ pose.y
-        tips["fibula_head"] = Tip(shank.fibula, pose.y, level > level.max() - ANKLE_M, SHARP_M)
+        tips["fibula_head"] = Tip(shank.fibula, pose.y, level > level.max() - ANKLE_M, depth=SHARP_M)
 
 
 def _add_ankle(points: dict[str, Array], off: dict[str, float], refused: dict[str, str]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones.deviations import GRAIN_M
 from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, measure_coverage, refine_cylinder
 from scaling_service.bones.shapes import SphereFit, fit_sphere_pair
 from scaling_service.bones.surface import Surface
@@ -38,8 +39,8 @@ MOST_APART_DEG = 12.0
 """Sphere axis against cylinder axis, above which both are refused: chosen, twice that of rough MRI."""
 
 _APART = float(np.cos(np.deg2rad(MOST_APART_DEG)))
+_SHORT_M, _END_M = 0.15, 0.03  # chosen: a piece shorter than this shows the shaft at its end only
 _NOTCH = 0.08  # share of the width on either side of the middle that is left out; chosen
-_GRAIN_M = 5e-3  # errors of a segmentation are alike over about so far; chosen, several voxels
 _LEAST_NOISE_M = 5e-5  # chosen: no segmentation is truer
 _FIRST_NOISE_M = 5e-4  # chosen: between CT (0.1-0.3 mm) and rough MRI (0.6 mm)
 _FACING = (0.7, 0.9)  # cosines between normal and radius, from no weight to full; chosen
@@ -105,7 +106,10 @@ def find_knee(surface: Surface, distal_end: float, rightward: Array | None = Non
     width = float(np.ptp(block.smooth @ z))
     if not 0.05 <= width <= 0.12:  # bicondylar breadth 78.5 (3.0) to 88.6 (4.2) mm; a child's to a giant's
         return f"the distal end is {1e3 * width:.0f} mm wide; condyles are 50-120 mm"
-    shaft = (height > 1.5 * DISTAL_M) & (height < min(0.6 * float(height.max()), 0.25))
+    total = float(height.max())
+    shaft = (height > 1.5 * DISTAL_M) & (height < min(0.6 * total, 0.25))
+    if total < _SHORT_M:
+        shaft = (height > 1.2 * DISTAL_M) & (height > total - _END_M)
     if rightward is None and int(shaft.sum()) < 50:
         return "there is too little shaft above the condyles to tell front from back"
     x = np.cross(up, z)
@@ -197,7 +201,7 @@ def _fit_pair(
     Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
     """
     points = [surface.points[weight > 0] for weight in chosen]
-    counts = [(weight * surface.areas)[weight > 0] / _GRAIN_M**2 for weight in chosen]
+    counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
     rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
     noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
     return fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)

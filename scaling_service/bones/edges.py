@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-
-from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
 
@@ -15,34 +15,45 @@ HOLE_M = 0.02  # chosen: a wider gap than a hole of the segmentation, narrower t
 NEAR_M = 0.010  # chosen: edges of triangles and a blunt tip's size
 
 
-def find_cuts(surface: Surface) -> Array:
-    """Vertices on edges of a surface that are wider than a hole, (n, 3), m, in its own frame."""
-    edges = np.sort(surface.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+@dataclass(frozen=True, slots=True, eq=False)
+class Rims:
+    """Vertices on edges that have one face only: ``points`` (n, 3), ``widths`` (n,) of their gaps, m."""
+
+    points: Array
+    widths: Array
+
+    def measure_near(self, point: Array) -> float:
+        """Width of the widest gap beside a point, m; 0 without any."""
+        near = np.linalg.norm(self.points - point, axis=1) < NEAR_M
+        return float(self.widths[near].max(initial=0.0))
+
+
+NO_RIMS = Rims(np.zeros((0, 3)), np.zeros(0))
+
+
+def find_rims(points: Array, faces: NDArray[np.intp]) -> Rims:
+    """Where a surface of ``points`` (n, 3), m, and ``faces`` (m, 3) ends."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, count = np.unique(edges, axis=0, return_counts=True)
-    rim = unique[count == 1]
-    if not len(rim):
-        return np.zeros((0, 3))
-    names, compact = np.unique(rim, return_inverse=True)
+    names, compact = np.unique(unique[count == 1], return_inverse=True)
+    if not len(names):
+        return NO_RIMS
     ends = compact.reshape(-1, 2)
     graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(names), len(names)))
-    count_loops, loop = connected_components(graph, directed=False)
-    points = surface.points[names]
-    low, high = np.full((count_loops, 3), np.inf), np.full((count_loops, 3), -np.inf)
+    loops, loop = connected_components(graph, directed=False)
+    points = points[names]
+    low, high = np.full((loops, 3), np.inf), np.full((loops, 3), -np.inf)
     np.minimum.at(low, loop, points)
     np.maximum.at(high, loop, points)
-    return np.asarray(points[np.linalg.norm(high - low, axis=1)[loop] > HOLE_M])
+    return Rims(points, np.linalg.norm(high - low, axis=1)[loop])
 
 
-def refuse_cut(points: dict[str, Array], cuts: Array) -> dict[str, str]:
+def refuse_cut(points: dict[str, Array], rims: Rims) -> dict[str, str]:
     """Takes out tips that lie where the surface is cut, and says so: beyond there may be more of the bone.
 
-    ``points``: tips to (3,), m. ``cuts`` (n, 3): from :func:`find_cuts`, in the same frame.
+    ``points``: tips to (3,), m, in the frame of the rims.
     """
-    on_edge = [
-        name
-        for name, at in points.items()
-        if len(cuts) and float(np.linalg.norm(cuts - at, axis=1).min()) < NEAR_M
-    ]
+    on_edge = [name for name, at in points.items() if rims.measure_near(at) > HOLE_M]
     for name in on_edge:
         del points[name]
     return dict.fromkeys(on_edge, "the surface ends there, so that it need not be the landmark")

@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.condyles import Knee, find_knee
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
+from scaling_service.bones.cuts import find_cut_plane, is_cut
+from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
+from scaling_service.bones.edges import refuse_cut
+from scaling_service.bones.fits import SphereOnBone, find_spheres, place_sphere
 from scaling_service.bones.pieces import find_ends, require_long, require_one_bone
 from scaling_service.bones.results import (
     BoneLandmarks,
@@ -15,13 +18,15 @@ from scaling_service.bones.results import (
     Quality,
     Side,
     Sphere,
-    rate_confidence,
 )
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
 
 FLARE = 1.3  # largest ratio of a cut end's width to the shaft's: chosen, an ankle has 1.6-2
+_ELONGATED = 2.0  # chosen: length over thickness below which the shaft need not be the long axis
+_HALF = 0.5  # heads cover 0.49-0.85 of their spheres, other balls on an end 0.22-0.43
+_SHORTEST_M = 0.05  # chosen: a head with its neck
 AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
 
@@ -45,12 +50,19 @@ def find_femur_landmarks(
     if ends is not None:
         return _find_on_ends(ends, named_side, refused)
     surface, notes = require_one_bone(surface, "femur")
-    require_long(surface, "femur")
-    head = find_head(surface, refused)
-    knee, reason = _find_knee_end(surface, head)
+    surface, piece = _stand_piece(surface)
+    if not piece:
+        require_long(surface, "femur")
+    head = find_head(surface, refused, shaft=not piece)
+    knee, reason = _find_knee_end(surface, None if piece else head)
+    if piece and head is not None:  # one end shows either; a ball on condyles covers less than half
+        if knee is None or head.covered > _HALF:
+            knee, reason = None, "the surface is cut off above the knee"
+        else:
+            head, refused["hip_centre"] = None, "the surface is cut off below the hip"
     if knee is None:
         refused["knee_centre"] = reason
-    elif head is None and _widens_distally(surface, knee):
+    elif head is None and not is_cut(surface, knee.frame.y) and _widens_distally(surface, knee):
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
     if head is None and knee is None:
@@ -60,6 +72,15 @@ def find_femur_landmarks(
         )
     side, side_from = _tell_side(surface, head, knee, named_side)
     return _collect(surface, head, knee, (side, side_from), refused, notes)
+
+
+def _stand_piece(surface: Surface) -> tuple[Surface, bool]:
+    """One end of a femur, not much longer than thick, along the normal of its cut; and whether it is such."""
+    size = np.ptp(surface.points, axis=0)
+    if size[0] > _ELONGATED * float(size[1:].max()) or size[0] < _SHORTEST_M:
+        return surface, False
+    normal = find_cut_plane(surface)
+    return (surface, False) if normal is None else (surface.turn(normal), True)
 
 
 def _find_on_ends(surface: Surface, named_side: Side | None, refused: dict[str, str]) -> BoneLandmarks:
@@ -141,24 +162,39 @@ def _collect(
     balls: dict[str, Sphere] = {}
     cylinders: dict[str, Cylinder] = {}
     axes: dict[str, Array] = {}
+    off: dict[str, float] = {}
+    turned: dict[str, float] = {}
     if head is not None:
         points["hip_centre"] = surface.to_image(head.centre)
-        balls["head"] = place_sphere(surface, head, poor_cover=HEAD_COVERED, good_cover=0.6)
+        balls["head"] = place_sphere(surface, head)
+        off["hip_centre"] = deviate_sphere(surface, head)
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
         axes["knee"] = surface.turn_to_image(knee.axis)
-        balls["condyle_medial"] = place_sphere(surface, medial, poor_cover=0.06, good_cover=0.15)
-        balls["condyle_lateral"] = place_sphere(surface, lateral, poor_cover=0.06, good_cover=0.15)
+        balls["condyle_medial"] = place_sphere(surface, medial)
+        balls["condyle_lateral"] = place_sphere(surface, lateral)
+        centres = deviate_sphere(surface, medial), deviate_sphere(surface, lateral)
+        off["knee_centre"] = 0.5 * float(np.hypot(*centres))
+        turned["knee"] = deviate_line(float(np.linalg.norm(medial.centre - lateral.centre)), *centres)
         outwards = knee.axis if side[0] == "r" else -knee.axis
-        points["epicondyle_lateral"] = surface.to_image(find_tip(surface, outwards, knee.distal))
-        points["epicondyle_medial"] = surface.to_image(find_tip(surface, -outwards, knee.distal))
+        tips = {
+            "epicondyle_lateral": Tip(surface, outwards, knee.distal),
+            "epicondyle_medial": Tip(surface, -outwards, knee.distal),
+        }
+        ends = {name: tip.find() for name, tip in tips.items()}
+        refused |= refuse_cut(ends, surface.rims)
+        off |= {name: tips[name].deviate() for name in ends}
+        points |= {name: surface.to_image(point) for name, point in ends.items()}
         notes += _note_axes(surface, knee, cylinders)
+    deviations, axis_deviations = add_definitions(off, turned)
     return BoneLandmarks(
         bone="femur",
         side=side[0],
         side_from=side[1],
         points=points,
+        deviations=deviations,
+        axis_deviations=axis_deviations,
         spheres=balls,
         cylinders=cylinders,
         axes=axes,
@@ -179,9 +215,7 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     if found is None:
         return ["no cylinder fits both condyles"]
     axis = found.direction * np.sign(found.direction @ knee.axis)
-    quality = Quality(
-        found.rms, found.covered, rate_confidence(found.rms / found.radius, poor=0.08, good=0.03)
-    )
+    quality = Quality(found.rms, found.covered)
     cylinders["condyles"] = Cylinder(
         surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
         surface.turn_to_image(axis),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.results import Quality, Sphere, rate_confidence
+from scaling_service.bones.results import Quality, Sphere
 from scaling_service.bones.shapes import fit_cylinder, fit_sphere, span_plane
 from scaling_service.bones.surface import Surface
 
@@ -41,13 +41,9 @@ class SphereOnBone:
     support: Array  # (n,); weight of every vertex, 0 to 1
 
 
-def place_sphere(surface: Surface, ball: SphereOnBone, *, poor_cover: float, good_cover: float) -> Sphere:
-    """The sphere in the image, trusted by how much of it is covered and how well it fits."""
-    trust = min(
-        rate_confidence(ball.covered, poor=poor_cover, good=good_cover),
-        rate_confidence(ball.rms / ball.radius, poor=0.06, good=0.02),
-    )
-    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered, trust))
+def place_sphere(surface: Surface, ball: SphereOnBone) -> Sphere:
+    """The sphere in the image."""
+    return Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered))
 
 
 def find_spheres(surface: Surface, radii: tuple[float, float], *, hollow: bool = False) -> list[SphereOnBone]:

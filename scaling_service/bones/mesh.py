@@ -143,7 +143,7 @@ class Smoother:
         makes edges longer, so that too few steps would be taken.
         """
         # One half step spreads a point by a quarter of the squared edge along each direction.
-        edge = _measure_median_edge(self._points if edges_of is None else edges_of, self._faces)
+        edge = measure_median_edge(self._points if edges_of is None else edges_of, self._faces)
         steps = min(round(4.0 * (sigma / edge) ** 2), _MOST_STEPS)
         moved = self._points
         for _ in range(steps):
@@ -169,7 +169,8 @@ def remove_noise(points: Array, faces: Faces, sigma: float) -> tuple[Array, floa
     return smoother.smooth(sigma, edges_of=smooth), noise
 
 
-def _measure_median_edge(points: Array, faces: Faces) -> float:
+def measure_median_edge(points: Array, faces: Faces) -> float:
+    """Half of the edges are longer; in the points' unit."""
     edges = points[faces] - points[np.roll(faces, -1, axis=1)]
     return float(np.median(np.linalg.norm(edges, axis=2))) or 1.0
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones.constellation import MOST_UNLIKE, RARE, measure_sockets, measure_unlikeness
-from scaling_service.bones.edges import find_cuts, refuse_cut
+from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
+from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.shapes import span_plane
@@ -36,6 +37,7 @@ _PSIS_OUT = (0.36, 0.75)
 """Where PSIS lie to the side, in halves of the sockets' distance: half 40-47 of 87 mm (models and palpation),
 give or take two and a half standard deviations of 12 %."""
 
+_BESIDE_SACRUM_M = 0.006  # chosen: a third of the breadth that is searched; what is rearmost may be sacrum
 _SPINE_OUT, _PUBIS_IN = 0.85, 0.5
 """Where both ends of the anterior plane lie, as shares of half the distance between the sockets:
 spines at 1.2-1.5, pubic tubercles at 0.2-0.4. Chosen between them."""
@@ -93,29 +95,38 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
             remedy="Check the unit (mm or m), and that both hip bones are in the surface",
         )
     pose = _choose_pose(surface)
-    cuts = find_cuts(surface)
+    sockets = dict(zip(_SOCKETS, (pose.right, pose.left), strict=True))
+    off = {name: deviate_sphere(surface, ball) for name, ball in sockets.items()}
     surface, pieces = _leave_sacrum(surface, pose)
-    frame, right, left = _touch_plane(surface, pose.frame), pose.right, pose.left
-    points = dict(zip(_SOCKETS, (right.centre, left.centre), strict=True))
+    frame = _touch_plane(surface, pose.frame)
+    points = {name: ball.centre for name, ball in sockets.items()}
     sacrum = _holds_sacrum(surface, frame)
-    points |= _level_spines(surface, frame, sacrum)
-    points |= _find_tubercles(surface, frame)
-    tips = {name: at for name, at in points.items() if name not in _SOCKETS}
-    refused = _refuse_uneven(tips, frame) | refuse_cut(tips, cuts)
-    points = {name: points[name] for name in _SOCKETS} | tips
-    if {"asis_r", "asis_l"} <= points.keys():
+    tips = _list_tips(surface, frame, sacrum)
+    found = {name: tip.find() for name, tip in tips.items()}
+    refused = _refuse_uneven(found, frame) | refuse_cut(found, surface.rims)
+    points |= found
+    off |= {
+        name: float(np.hypot(tips[name].deviate(), _BESIDE_SACRUM_M if sacrum and "psis" in name else 0.0))
+        for name in found
+    }
+    axes, turned = {}, {}
+    if {"asis_r", "asis_l"} <= found.keys():
         points["mid_asis"] = 0.5 * (points["asis_r"] + points["asis_l"])
-    across = points["asis_r"] - points["asis_l"] if "mid_asis" in points else None
+        off["mid_asis"] = 0.5 * float(np.hypot(off["asis_r"], off["asis_l"]))
+        across = points["asis_r"] - points["asis_l"]
+        width = float(np.linalg.norm(across))
+        axes["asis"] = surface.turn_to_image(across / width)
+        turned["asis"] = deviate_line(width, off["asis_r"], off["asis_l"])
+    deviations, axis_deviations = add_definitions(off, turned)
     return BoneLandmarks(
         bone="pelvis",
         side=None,
         side_from="shape",
         points={name: surface.to_image(point) for name, point in points.items()},
-        spheres={
-            name: place_sphere(surface, ball, poor_cover=SOCKET_COVERED, good_cover=0.28)
-            for name, ball in zip(_SOCKETS, (right, left), strict=True)
-        },
-        axes={} if across is None else {"asis": surface.turn_to_image(across / np.linalg.norm(across))},
+        spheres={name: place_sphere(surface, ball) for name, ball in sockets.items()},
+        axes=axes,
+        deviations=deviations,
+        axis_deviations=axis_deviations,
         definitions={name: words for name, words in _DEFINITIONS.items() if name in points},
         refused=refused,
         warnings=(*surface.notes, *pieces, *_list_doubts(points, sacrum)),
@@ -156,7 +167,7 @@ def _choose_pose(surface: Surface) -> _Pose:
             for angle in 2.0 * np.pi * np.arange(_STARTS) / _STARTS:
                 try:
                     frame = _touch_plane(some, _start_frame(left, right, angle), find=_find_vertex)
-                    spines = _level_spines(some, frame, _holds_sacrum(some, frame), find=_find_vertex)
+                    spines, _ = _level_spines(some, frame, _holds_sacrum(some, frame), find=_find_vertex)
                 except MeshRefused as error:
                     why = error.problem
                     continue
@@ -243,8 +254,8 @@ def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = find_tip) -> _
 
 def _level_spines(
     surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = find_tip
-) -> dict[str, Array]:
-    """Where the plane touches the pubis, and ASIS and PSIS once they stand level (Wu et al. 2002)."""
+) -> tuple[dict[str, Array], _Frame]:
+    """Where the plane touches the pubis, ASIS and PSIS once they stand level, and the frame that does."""
     touching: dict[str, Array] = {}
     for side, sign in _SIDES:
         touching |= _find_plane_tips(surface, frame, side, sign, find)
@@ -259,16 +270,22 @@ def _level_spines(
         level = _turn_forward(
             frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]
         )
-    return spines
+    return spines, level
 
 
-def _find_tubercles(surface: Surface, frame: _Frame) -> dict[str, Array]:
-    points = {}
+def _list_tips(surface: Surface, frame: _Frame, sacrum: bool) -> dict[str, Tip]:
+    """ASIS, PSIS and pubic tubercles."""
+    spines, level = _level_spines(surface, frame, sacrum)
+    tips = {}
     for side, sign in _SIDES:
-        direction = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
-        region = _select_regions(surface, frame, sign).pubis
-        points[f"pubic_tubercle_{side}"] = _find_furthest(surface, direction, region, "pubic tubercle")
-    return points
+        regions = _select_regions(surface, frame, sign)
+        near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
+        rear = regions.beside_sacrum if sacrum else regions.rear
+        corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
+        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
+        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
+        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
+    return tips
 
 
 def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:

@@ -93,7 +93,12 @@ def require_long(surface: Surface, bone: str) -> None:
         )
 
 
-_FIBULA_LENGTH = (0.75, 1.25)  # of the tibia's; chosen around the usual 0.95-1.0
+_FIBULA_LENGTH = 0.6
+"""Least ratio of both bones' lengths: whole ones 0.95-1.0; at the ankle the fibula reaches lower by a
+quarter of a piece of 4 cm. Chosen."""
+_FIBULA_BESIDE = 0.6  # chosen: least share of the shorter bone that lies beside the other
+_ELONGATED = 1.5  # chosen: least length over width of a bone whose own long axis is its shaft's
+_ANKLE_M = 0.025  # chosen: the least of a shank that holds both malleoli
 _FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
 _FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen
 
@@ -133,15 +138,38 @@ def separate_fibula(surface: Surface) -> Shank:
 
 
 def _is_fibula(tibia: Surface, piece: Surface) -> bool:
-    """As long as the tibia, thinner, beside it and along it."""
-    (length, axis), (other, direction) = _measure_long_axis(tibia), _measure_long_axis(piece)
-    ratio, area = other / length, float(piece.areas.sum() / tibia.areas.sum())
+    """Beside the tibia over most of its length, thinner, and along it where both are long."""
+    (length, axis), direction = _measure_long_axis(tibia), piece.widest_direction()
+    long = length > _ELONGATED * float(np.ptp(tibia.smooth @ tibia.widest_direction(across=axis)))
+    if not long:  # a piece at one end: the thinner bone shows where the shafts run
+        axis = direction
+    spans = [(float(x.min()), float(x.max())) for x in (tibia.smooth @ axis, piece.smooth @ axis)]
+    lengths = [high - low for low, high in spans]
+    beside = min(spans[0][1], spans[1][1]) - max(spans[0][0], spans[1][0])
+    area = float(piece.areas.sum() / tibia.areas.sum())
     return (
-        _FIBULA_LENGTH[0] < ratio < _FIBULA_LENGTH[1]
+        min(lengths) > _FIBULA_LENGTH * max(lengths)
+        and beside > _FIBULA_BESIDE * min(lengths)
         and _FIBULA_AREA[0] < area < _FIBULA_AREA[1]
-        and abs(float(axis @ direction)) > 0.95
-        and abs(float((piece.middle() - tibia.middle()) @ axis)) < 0.2 * length
+        and (not long or abs(float(axis @ direction)) > 0.95)
     )
+
+
+def require_shank(shank: Shank) -> None:
+    """Refuses what has an impossible length, or is neither long nor has a fibula beside it.
+
+    Raises MeshRefused: with the length, and the unit that would make it possible.
+    """
+    if shank.fibula is None:
+        require_long(shank.tibia, "tibia")
+        return
+    length = float(np.ptp(shank.tibia.smooth @ shank.fibula.widest_direction()))
+    if not _ANKLE_M <= length <= LONG_M[1]:
+        raise MeshRefused(
+            f"it is {1e3 * length:.4g} mm long; a tibia has up to {1e3 * LONG_M[1]:.0f} mm, its end at the "
+            f"ankle at least {1e3 * _ANKLE_M:.0f}",
+            remedy="Check the unit (mm or m)",
+        )
 
 
 def _part_shafts(surface: Surface, notes: list[str]) -> Shank:

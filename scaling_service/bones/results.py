@@ -18,28 +18,10 @@ Side = Literal["r", "l"]
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """How well a shape sits on the bone.
-
-    ``confidence``: 0 (about to be refused) to 1, from the two others and what is usual; see
-    :func:`rate_confidence`.
-    """
+    """How well a shape sits on the bone."""
 
     rms: float  # m; of the distances between surface and shape, over what was fitted
     covered: float  # share of the whole shape that the surface covers, 0 to 1 (for a plane or a tip: 1)
-    confidence: float
-
-
-def rate_confidence(value: float, poor: float, good: float) -> float:
-    """Where a measure lies between what is refused (0) and what is usual on a clean bone (1).
-
-    Examples
-    --------
-    >>> rate_confidence(0.5, poor=0.4, good=0.6)
-    0.5
-    >>> rate_confidence(0.01, poor=0.06, good=0.02)
-    1.0
-    """
-    return round(float(np.clip((value - poor) / (good - poor), 0.0, 1.0)), 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +57,11 @@ class BoneLandmarks:
     side: Side | None  # {"r", "l"}; None for a pelvis
     side_from: str
     points: Mapping[str, Array]  # mapping of str to ndarray, shape (3,), m
+    deviations: Mapping[str, float]  # of every point, m; see :mod:`scaling_service.bones.deviations`
     spheres: Mapping[str, Sphere] = field(default_factory=lambda: MappingProxyType({}))
     cylinders: Mapping[str, Cylinder] = field(default_factory=lambda: MappingProxyType({}))
     axes: Mapping[str, Array] = field(default_factory=lambda: MappingProxyType({}))
+    axis_deviations: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # rad
     definitions: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     refused: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()

@@ -233,3 +233,12 @@ def _span_plane_of(offset: Array, a: Array) -> Array:
 def _normalise(v: Array) -> Array:
     unit: Array = v / np.linalg.norm(v)
     return unit
+
+
+def spread_directions(n: int) -> Array:
+    """Evenly spread directions, without their opposites (a Fibonacci spiral)."""
+    k = np.arange(n) + 0.5
+    z = k / n
+    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
+    across_z = np.sqrt(1.0 - z**2)
+    return np.column_stack([across_z * np.cos(turn), across_z * np.sin(turn), z])

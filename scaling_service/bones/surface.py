@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.bones import mesh
+from scaling_service.bones.edges import NO_RIMS, Rims, find_rims
 from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
@@ -48,6 +49,8 @@ class Surface:
     origin: Array  # (3,), m
     R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
+    edge: float = 0.0  # m; median length of the edges that were given
+    rims: Rims = NO_RIMS  # of the whole surface, also of its parts
     notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
@@ -73,6 +76,19 @@ class Surface:
         if across is not None:
             local = local - (local @ across)[:, None] * across
         return find_principal_axes(local, self.areas[chosen])[:, 2]
+
+    def turn(self, axis: Array) -> Surface:
+        """The same in a frame whose x axis is a unit vector (3,) of this one."""
+        others = np.linalg.svd(axis[None])[2][1:]
+        R = np.column_stack([axis, others[0], np.cross(axis, others[0])])
+        return replace(
+            self,
+            points=self.points @ R,
+            smooth=self.smooth @ R,
+            normals=self.normals @ R,
+            R_image_own=self.R_image_own @ R,
+            rims=replace(self.rims, points=self.rims.points @ R),
+        )
 
     def part(self, kept: NDArray[np.bool_]) -> Surface:
         """Only some vertices; faces go."""
@@ -113,6 +129,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
     if open_share > OPEN_SHARE:
         notes.append(f"the surface is open ({100 * open_share:.1f} % of its edges have one face)")
     triangles = _turn_outwards(points, triangles, label, notes)
+    edge = mesh.measure_median_edge(points, triangles)
     points, noise = mesh.remove_noise(points, triangles, SMOOTHING_M)
     if noise > 0.0:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
@@ -131,6 +148,8 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         origin=origin,
         R_image_own=axes,
         noise=noise,
+        edge=edge,
+        rims=find_rims(points, triangles),
         notes=tuple(notes),
     )
 

@@ -6,16 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line, deviate_sphere
 from scaling_service.bones.fits import (
     CylinderOnBone,
     SphereOnBone,
     find_spheres,
     place_sphere,
     refine_cylinder,
+    refine_sphere,
 )
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, rate_confidence
-from scaling_service.bones.shapes import span_plane
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side
+from scaling_service.bones.shapes import span_plane, spread_directions
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
 
@@ -32,12 +34,21 @@ HEAD_RADII_M = (0.009, 0.025)  # chosen around 12-14 mm on three adults
 HEAD_COVERED = 0.3  # least share of a head's sphere; chosen, three adults have 0.41-0.51
 HEAD_OFF_M = 0.01  # least way from the ankle's axis to the head; chosen, three adults have 16-25 mm
 FACET_RADII_M = (0.013, 0.030)  # of the hollow that sits on the heel bone; chosen around 17-22 mm
-FACET_COVERED = 0.05  # usual share of its sphere; three adults have 0.05-0.08
 FACET_AREA = 0.3  # least area of it as a share of the squared radius; chosen, three adults have 0.5-1.1
+
+_FACET_AT, _FACET_SD = (-0.55, -1.0, 0.5), (0.3, 0.4, 0.25)
+_FACET_SIZE = 0.85
+"""Where the centre of the facet's sphere lies from the ankle's, forward, up and lateral, and its radius, in
+radii of the trochlea. Four persons have -0.42 to -0.73, -0.77 to -1.32 and 0.40 to 0.60, and 0.76 to 1.02;
+the deviations are the whole range, which each of them is within when the others set it."""
+_ANOTHER_M = 10e-3  # chosen: half a facet's radius; nearer ones are one hollow
+_FACET_UNLIKE = 16.3  # squared deviations in space that one of a thousand exceeds
 
 _GAP_M = 6e-3
 """What of a talus is nearer to tibia and fibula than this is its part of the joint: chosen, a joint space of
 2-5 mm and a step of the meshes."""
+
+_ENDS_M = 1e-3  # chosen: along the axis the trochlea's ends are blunt
 
 MORTISE = 0.12
 """Least share of the surface in the mortise: chosen, half of the 0.25-0.29 of three persons; a heel bone in
@@ -80,17 +91,16 @@ def find_talus_landmarks(
     supported = found.support > 0
     along = (surface.points[supported] - found.point) @ axis
     centre = found.point + axis * 0.5 * float(np.quantile(along, 0.02) + np.quantile(along, 0.98))
-    trust = min(
-        rate_confidence(found.rms / found.radius, poor=0.08, good=0.03),
-        rate_confidence(found.covered, poor=ARC, good=0.28),
-        rate_confidence(found.area / found.radius**2, poor=AREA, good=1.2),
+    head, behind, facet = _find_subtalar_spheres(
+        surface, centre, axis if named_side != "l" else -axis, up, found.radius
     )
-    head, facet = _find_subtalar_spheres(surface, centre, axis, up)
     spheres = {
-        name: place_sphere(surface, ball, poor_cover=0.5 * usual, good_cover=usual)
-        for name, ball, usual in (("head", head, HEAD_COVERED), ("heel_facet", facet, FACET_COVERED))
+        name: place_sphere(surface, ball)
+        for name, ball in (("head", head), ("heel_facet", facet))
         if ball is not None
     }
+    across, turned = deviate_cylinder(surface, found)
+    off, turns = {"ankle_centre": float(np.hypot(across, _ENDS_M))}, {"ankle": turned}
     points, axes = {"ankle_centre": surface.to_image(centre)}, {"ankle": surface.turn_to_image(axis)}
     words = {"ankle_centre": "middle of the trochlea on the axis of its least-squares cylinder"}
     if head is not None and facet is not None:
@@ -99,20 +109,26 @@ def find_talus_landmarks(
             spheres["heel_facet"].centre,
             forward / np.linalg.norm(forward),
         )
+        ends = deviate_sphere(surface, head), deviate_sphere(behind, facet)
+        off["subtalar_centre"] = ends[1]
+        turns["subtalar"] = deviate_line(float(np.linalg.norm(forward)), *ends)
         words["subtalar_centre"] = "centre of the sphere on the facet that sits on the heel bone"
+    deviations, axis_deviations = add_definitions(off, turns)
     missing = "head" if head is None else "facet that sits on the heel bone"
     return BoneLandmarks(
         bone="talus",
         side=named_side,
         side_from="name",
         points=points,
+        deviations=deviations,
+        axis_deviations=axis_deviations,
         spheres=spheres,
         cylinders={
             "trochlea": Cylinder(
                 surface.to_image(centre),
                 surface.turn_to_image(axis),
                 found.radius,
-                Quality(found.rms, found.covered, trust),
+                Quality(found.rms, found.covered),
             )
         },
         axes=axes,
@@ -136,23 +152,41 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
 
 
 def _find_subtalar_spheres(
-    surface: Surface, ankle: Array, axis: Array, up: Array
-) -> tuple[SphereOnBone | None, SphereOnBone | None]:
-    """Its head, and the hollow that sits on the heel bone, on the other side of the ankle's axis."""
-    head = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, axis)), None)
+    surface: Surface, ankle: Array, lateral: Array, up: Array, radius: float
+) -> tuple[SphereOnBone | None, Surface, SphereOnBone | None]:
+    """Its head; what lies behind the ankle's axis, and the hollow on it that sits on the heel bone.
+
+    ``lateral`` (3,): along the ankle's axis. ``radius``: of the trochlea, m. Of the hollows the one counts
+    whose area and place are likeliest together; one is sought where it usually is, too, and a deviation
+    beside it.
+    """
+    head = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, lateral)), None)
     if head is None:
-        return None, None
-    forward = head.centre - ankle
-    above = np.cross(axis, forward)
+        return None, surface, None
+    to_head = head.centre - ankle
+    forward = to_head - float(to_head @ lateral) * lateral
+    forward = forward / np.linalg.norm(forward)
+    above = np.cross(lateral, forward)
     above *= np.sign(above @ up)
-    behind = surface.part(((surface.points - ankle) @ forward < 0.0) & (surface.normals @ above < 0.0))
-    hollows = [
-        (area, sphere)
-        for sphere in find_spheres(behind, FACET_RADII_M, hollow=True)
-        if (area := float(sphere.support @ behind.areas)) > FACET_AREA * sphere.radius**2
-        and (sphere.centre - ankle) @ forward < 0.0
-    ]
-    return head, max(hollows, key=lambda found: found[0], default=(0.0, None))[1]
+    axes = np.stack([forward, above, lateral])
+    behind = surface.part(((surface.points - ankle) @ to_head < 0.0) & (surface.normals @ above < 0.0))
+    usual = ankle + radius * np.array(_FACET_AT) @ axes
+    tried = find_spheres(behind, FACET_RADII_M, hollow=True)
+    spread = radius * np.diag(_FACET_SD) @ axes
+    for start in usual + np.vstack([np.zeros(3), spread, -spread]):
+        there = refine_sphere(behind, start, _FACET_SIZE * radius, hollow=True)
+        if there is None or not FACET_RADII_M[0] <= there.radius <= FACET_RADII_M[1]:
+            continue
+        if all(np.linalg.norm(there.centre - other.centre) > _ANOTHER_M for other in tried):
+            tried.append(there)
+    best, facet = 0.0, None
+    for sphere in tried:
+        area = float(sphere.support @ behind.areas) / sphere.radius**2
+        unlike = float(np.sum((axes @ (sphere.centre - usual) / (radius * np.array(_FACET_SD))) ** 2))
+        likely = area * np.exp(-0.5 * unlike)
+        if area > FACET_AREA and unlike < _FACET_UNLIKE and likely > best:
+            best, facet = likely, sphere
+    return head, behind, facet
 
 
 def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:
@@ -163,7 +197,7 @@ def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:
 def _find_trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
     """The convex cylinder that carries most of the surface, among those that face the tibia."""
     facing = surface.normals @ up > 0.2
-    directions = _spread_directions(_DIRECTIONS)
+    directions = spread_directions(_DIRECTIONS)
     directions = directions[np.abs(directions @ up) < 0.5]
     directions = directions[np.abs(directions @ right) > 0.5]
     guesses = sorted((_vote_for_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
@@ -213,12 +247,3 @@ def _vote_for_circle(
             point = plane.T @ flat + direction * float(middle @ direction)
             best = (score, point, direction, float(radius))
     return best
-
-
-def _spread_directions(n: int) -> Array:
-    """Evenly spread directions, without their opposites (a Fibonacci spiral)."""
-    k = np.arange(n) + 0.5
-    z = k / n
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * k
-    across_z = np.sqrt(1.0 - z**2)
-    return np.column_stack([across_z * np.cos(turn), across_z * np.sin(turn), z])

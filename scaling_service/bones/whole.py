@@ -26,7 +26,7 @@ _TALUS_ALONE = "a talus alone does not show which of its facets is the trochlea"
 SIZE_M: Mapping[str, tuple[float, float]] = {
     "pelvis": (0.15, 0.45),
     "femur": (0.08, 0.64),
-    "tibia": (0.08, 0.64),
+    "tibia": (0.05, 0.49),
     "talus": (0.03, 0.09),
 }
 """Largest extents, parts of long bones included. Each range spans less than a factor of ten, so that
@@ -44,6 +44,10 @@ three persons: below the first or above the second there is a warning, above the
 _PLATEAU_TO_FEMUR = (0.78, 1.15)
 """Chosen: width of the plateau over that between the epicondyles, 0.91 to 0.98 on three persons.
 Outside, tibia and femur are of persons of different size."""
+_TURNED_DEG = 60.0
+"""Chosen: between the axis of the condyles and the one across the plateau, which differ by a few degrees in
+people and by 10-30 in a bent or turned knee; beyond it a tibia lies back to front or belongs elsewhere."""
+_LENGTHS_APART = 0.06  # chosen: thrice the 2 % by which a person's legs differ at most usually
 _CONDYLE_M = 0.02  # chosen: an adult's, where no sphere was fitted
 
 
@@ -142,12 +146,20 @@ def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
     if "ankle_centre" in points:
         points["ankle_centre_malleoli"] = points["ankle_centre"]
         words["ankle_centre_malleoli"] = words["ankle_centre"]
-    points["ankle_centre"] = talus.points["ankle_centre"]
+    off = dict(tibia.deviations)
+    if "ankle_centre" in off:
+        off["ankle_centre_malleoli"] = off["ankle_centre"]
+    points["ankle_centre"], off["ankle_centre"] = (
+        talus.points["ankle_centre"],
+        talus.deviations["ankle_centre"],
+    )
     words["ankle_centre"] = talus.definitions["ankle_centre"]
     refused = {name: why for name, why in tibia.refused.items() if name != "ankle_centre"}
     found[f"tibia_{side}"] = replace(
         tibia,
         points=points,
+        deviations=off,
+        axis_deviations={**tibia.axis_deviations, "ankle": talus.axis_deviations["ankle"]},
         definitions=words,
         refused=refused,
         axes={**tibia.axes, "ankle": talus.axes["ankle"]},
@@ -217,13 +229,41 @@ def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[s
         )
 
 
+def _measure_knee_turn(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
+    """From the axis of the condyles to the one across the plateau, deg; None where one is missing."""
+    axes = [
+        found[bone].axes[name]
+        for bone, name in ((f"femur_{side}", "knee"), (f"tibia_{side}", "plateau"))
+        if bone in found and name in found[bone].axes
+    ]
+    return float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
+
+
+def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
+    """A warning where both sides' bones are of different length."""
+    for bone, (upper, lower) in _LENGTHS.items():
+        pair = [found[f"{bone}_{side}"].points for side in "rl" if f"{bone}_{side}" in found]
+        if len(pair) < 2 or not all({upper, lower} <= points.keys() for points in pair):
+            continue
+        right, left = (1e3 * float(np.linalg.norm(points[upper] - points[lower])) for points in pair)
+        if abs(right - left) > _LENGTHS_APART * max(right, left):
+            yield (
+                f"{bone}_r is {right:.0f} mm long and {bone}_l {left:.0f} mm between their joints: check "
+                "that they are of one person"
+            )
+
+
+_LENGTHS = {"femur": ("hip_centre", "knee_centre"), "tibia": ("plateau_medial", "malleolus_medial")}
+
+
 def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     """Whether bones meet in their joints, as they do in one image of one person.
 
     ``found``: bone to its landmarks. Returns a warning for each knee whose gap or whose bones' widths do not
-    fit. Raises MeshRefused: a femur's head is nowhere near its socket, or a tibia nowhere near its femur.
+    fit, and for sides of different length. Raises MeshRefused: a femur's head is nowhere near its socket, or
+    a tibia nowhere near its femur or turned against it.
     """
-    notes: list[str] = []
+    notes: list[str] = list(_compare_sides(found))
     remedy = "Export all bones in the frame of one image of one person, not each in its own"
     for side in "rl":
         notes += _compare_widths(found, side)
@@ -231,6 +271,10 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
         if gap is not None and gap > _OTHER_FRAME_M:
             problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"
             raise MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
+        turned = _measure_knee_turn(found, side)
+        if turned is not None and turned > _TURNED_DEG:
+            problem = f"its plateau is turned by {turned:.0f} degrees against the condyles of femur_{side}"
+            raise MeshRefused(problem, field=f"tibia_{side}", remedy=remedy)
         knee = _measure_knee_gap(found, side)
         if knee is None:
             continue

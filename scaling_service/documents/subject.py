@@ -143,9 +143,14 @@ class Trials(_Strict):
 
 
 class Bones(_Strict):
-    """Surface meshes of the person's bones, in one common image frame."""
+    """Surface meshes of the person's bones, in one common image frame, or a segmentation of the image."""
 
-    units: Literal["mm", "m"] = Field(description="Unit of the coordinates in the files.")
+    units: Literal["mm", "m"] = Field(
+        default="mm", description="Unit of the coordinates in the files; a label map is in mm."
+    )
+    segmentation: Name | None = Field(
+        default=None, description="A label map (.nii, .nii.gz), or a folder of one mask or surface a label."
+    )
     pelvis: Name | None = None
     femur_r: Name | None = None
     tibia_r: Name | None = None

@@ -89,6 +89,8 @@ class People:
     image_centre: float  # m
     image_axis_sd: float  # rad
     image_marker: float  # m
+    landmark_points: Mapping[str, float]  # of bones, without side; m, root mean square distance in space
+    landmark_axes: Mapping[str, float]  # rad
     reach_mediolateral: float  # rad
     reach_other: float  # rad
     loose_share: float
@@ -162,6 +164,8 @@ def read_people() -> People:
         image_centre=1e-3 * float(image["centre_mm"]),
         image_axis_sd=float(np.radians(image["axis_deg"])),
         image_marker=1e-3 * float(image["marker_mm"]),
+        landmark_points={n: 1e-3 * float(size) for n, size in table["landmarks"]["points_mm"].items()},
+        landmark_axes={n: float(np.radians(a)) for n, a in table["landmarks"]["axes_deg"].items()},
         reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
         reach_other=float(np.radians(skin["reach_deg"]["other"])),
         loose_share=float(skin["loose_share"]),

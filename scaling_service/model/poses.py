@@ -128,6 +128,20 @@ def place_markers(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
     return result
 
 
+def sweep_coordinates(model: BodyModel, steps: int) -> dict[str, Array]:
+    """Each free rotation over its range, half a turn to each side at most, the others at their default.
+
+    Returns coordinate to its poses, (steps, n_coordinates), rad or m.
+    """
+    default = np.array([c.default for c in model.coordinates])
+    found: dict[str, Array] = {}
+    for k, own in enumerate(model.coordinates):
+        if own.kind == "rotation" and not own.locked:
+            found[own.name] = np.tile(default, (steps, 1))
+            found[own.name][:, k] = np.linspace(max(own.lower, -np.pi), min(own.upper, np.pi), steps)
+    return found
+
+
 def is_gliding(model: BodyModel, names: tuple[str, ...]) -> bool:
     """Whether any of these markers moves on its segment."""
     chosen = [marker for marker in model.markers if marker.name in names]

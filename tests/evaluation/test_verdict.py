@@ -99,7 +99,7 @@ def test_trust_in_angles_follows_their_deviation(deg: float, level: str) -> None
     (angles,) = [t for t in verdict(replace(MAP, angle_sds=sds)).trust if t.topic == "Joint angles"]
     assert angles.level == level
     assert f"{deg:.1f}°" in angles.text
-    assert "hip_rotation_r" in angles.text
+    assert "(hip rotation, right)" in angles.text
 
 
 @pytest.mark.parametrize(("mm", "level"), [(9.0, "good"), (11.0, "fair"), (21.0, "poor")])
@@ -108,7 +108,7 @@ def test_trust_in_lengths_follows_their_deviation(mm: float, level: str) -> None
         "Lengths and joint centres"
     ]
     assert lengths.level == level
-    assert "hip_r" in lengths.text
+    assert "(hip, right)" in lengths.text
 
 
 @pytest.mark.parametrize(("skin", "level"), [(1.5, "good"), (2.5, "fair"), (3.5, "poor")])

@@ -236,9 +236,9 @@ def test_nothing_is_written_beside_a_folder_that_is_there(
     places: list[Path] = []
     original = writing.tempfile.mkdtemp
 
-    def mkdtemp(*, prefix: str, dir: Path) -> str:  # noqa: A002 (the library's own name)
-        places.append(dir)
-        return original(prefix=prefix, dir=dir)
+    def mkdtemp(suffix: str | None = None, prefix: str | None = None, dir: Path | None = None) -> str:  # noqa: A002 (the library's own name)
+        places.extend([dir] if dir is not None else [])  # else the system's own place
+        return original(suffix=suffix, prefix=prefix, dir=dir)
 
     monkeypatch.setattr(writing.tempfile, "mkdtemp", mkdtemp)
     save(results, used)

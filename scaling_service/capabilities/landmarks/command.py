@@ -39,17 +39,31 @@ def landmarks(
         _MeshFile, _make_bone_option("tibia_l", "Left tibia, with its fibula if imaged.")
     ] = None,
     talus_l: Annotated[_MeshFile, _make_bone_option("talus_l", "Left talus.")] = None,
+    segmentation: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[SEGMENTATION]",
+            help="A label map (.nii, .nii.gz), or a folder of one mask or surface a label.",
+            show_default=False,
+        ),
+    ] = None,
     units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
 ) -> None:
-    """Find joint centres, axes and bony landmarks on surfaces of bones (STL, PLY, OBJ, VTP).
+    """Find joint centres, axes and bony landmarks on surfaces of bones or in a segmentation.
 
-    Orientation and side are found from the shapes. Writes landmarks.json under --out, in mm in the
-    image's own axes, each with its residual, the share of the shape that is covered, and a confidence.
+    Surfaces are STL, PLY, OBJ or VTP. Orientation and side are found from the shapes. Writes landmarks.json
+    under --out, in mm in the image's own axes, each with its residual, the share of the shape that is
+    covered, and a deviation.
+
+    A segmentation's labels may be called as TotalSegmentator, 3D Slicer and others do (hip_left, sacrum,
+    femur_right, tibia); a table beside a label map with the same stem (.json, .txt, .ctbl) names its numbers.
 
     [bold]Example[/bold]: scaling-service landmarks --units mm --femur_r F.stl --tibia_r T.stl --out found
     """
     meshes = (pelvis, femur_r, tibia_r, talus_r, femur_l, tibia_l, talus_l)
     given = {name: path for name, path in zip(BONE_NAMES, meshes, strict=True) if path is not None}
+    if segmentation is not None:
+        given["segmentation"] = segmentation
     with running(out) as progress:
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
 
@@ -60,7 +74,8 @@ def landmarks(
 
 def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     """A table of what was found, then what was refused or is doubtful."""
-    rows, notes = [], []
+    rows: list[Row] = []
+    notes = list(document.warnings)
     for bone_name in BONE_NAMES:
         bone: BoneDocument | None = getattr(document, bone_name)
         if bone is None:
@@ -68,12 +83,14 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
         rows.append(Row(bone_name))
         for field, value in bone:
             if field.endswith("_mm") and isinstance(value, tuple):
-                rows.append(Row(f"  {field.removesuffix('_mm')}", [f"{x:.1f}" for x in value]))
+                point = field.removesuffix("_mm")
+                cells = [*(f"{x:.1f}" for x in value), f"{bone.deviations_mm[point]:.1f}"]
+                rows.append(Row(f"  {point}", cells))
         notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
         notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
     console = make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
-    print_table(console, Table(caption=caption, columns=["", "x", "y", "z"], rows=rows))
+    print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
     say(console, "Note", "yellow", notes)
     list_files(console, out, [name])
 

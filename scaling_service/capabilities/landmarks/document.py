@@ -24,7 +24,6 @@ class ShapeFit(Part):
     axis: Vector | None = Field(default=None, description="Of a cylinder, to the subject's right.")
     rms_mm: float
     covered: float = Field(description="Share of the sphere, or of the cylinder's turn, that is covered.")
-    confidence: float = Field(description="0, about to be refused, to 1, as on a clean bone.")
 
 
 class BoneDocument(Part):
@@ -33,8 +32,12 @@ class BoneDocument(Part):
     side: Side | None = Field(description="Null for a pelvis.")
     side_from: Literal["shape", "name"] = Field(description="name: too incomplete to tell; it was believed.")
     fit_rms_mm: float | None = Field(description="The largest of the fits'; null without a fit.")
-    confidence: float | None = Field(description="The smallest of the fits'; null without a fit.")
     fits: dict[str, ShapeFit]
+    deviations_mm: dict[str, float] = Field(
+        description="Landmark to the root mean square distance from where an expert would put it: from its "
+        "fit, the mesh and its definition. 1.7 times it holds 95 %."
+    )
+    deviations_deg: dict[str, float] = Field(description="The same of each axis, as an angle.")
     definitions: dict[str, str] = Field(description="Landmark to how it is defined.")
     refused: dict[str, str] = Field(description="Landmark that could not be found, and why.")
     warnings: list[str]
@@ -109,6 +112,7 @@ class LandmarksDocument(Part):
     input_hashes: dict[str, str]
     seed: None = Field(default=None, description="Nothing in landmarking is random.")
     wall_s: float
+    warnings: list[str] = Field(description="Of bones beside each other; each bone has its own, too.")
     pelvis: PelvisDocument | None = None
     femur_r: FemurDocument | None = None
     tibia_r: TibiaDocument | None = None

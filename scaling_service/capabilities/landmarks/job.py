@@ -22,7 +22,8 @@ class LandmarksRequest(OfOneSubject):
 
     bones: dict[str, str] | None = Field(
         default=None,
-        description=f"Of {', '.join(BONE_NAMES)} to an uploaded mesh's name; the subject's unless given.",
+        description=f"Of {', '.join(BONE_NAMES)} to an uploaded mesh's name, or segmentation to that of a "
+        "label map; the subject's unless given.",
         examples=[{"femur_r": "femur_r.stl"}],
     )
     units: Literal["mm", "cm", "m", "detect"] = Field(default="detect", description="Unit of all meshes.")
@@ -31,7 +32,7 @@ class LandmarksRequest(OfOneSubject):
     @classmethod
     def _known(cls, bones: dict[str, str] | None) -> dict[str, str] | None:
         for bone in bones or ():
-            if bone not in BONE_NAMES:
+            if bone not in (*BONE_NAMES, "segmentation"):
                 raise ValueError(
                     f"'{bone}' is not a bone that has landmarks; they are {', '.join(BONE_NAMES)}"
                 )

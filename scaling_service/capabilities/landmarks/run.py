@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scaling_service.bones.images import SEGMENTATION, list_files_of, read_bones
 from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRefused, Sphere
-from scaling_service.bones.whole import BONES, UNITS, find_landmarks, find_unit
+from scaling_service.bones.whole import BONES, check_joined, find_landmarks
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.writing import all_or_nothing, code_version, write_json
-from scaling_service.files.mesh import Mesh, read_mesh
 
 FILE_NAME = "landmarks.json"
 DETECT = "detect"  # in place of a unit: the one in which the bones have the size of bones
@@ -29,18 +29,16 @@ def landmark_bones(
 ) -> LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
-    ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes. ``units``: of all files:
+    ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes, or ``segmentation`` to a
+    label map or a folder. ``units``: of all files:
     ``mm``, ``cm``, ``m`` or ``detect``. InputError: a file cannot be read, or a mesh cannot be used; with
     file, bone and remedy.
     """
     began = time.perf_counter()
     if not bones:
         raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
-    meshes = {name: _read(name, path) for name, path in bones.items()}
-    given = units != DETECT
-    extents = {name: float(np.ptp(mesh.vertices, axis=0).max()) for name, mesh in meshes.items()}
-    unit = units if given else find_unit(extents)
-    shapes = {name: (UNITS[unit] * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+    imaged = read_bones(bones, None if units == DETECT else units)
+    shapes = imaged.meshes
     done: list[str] = []
 
     def starting(name: str) -> None:
@@ -48,16 +46,17 @@ def landmark_bones(
         done.append(name)
 
     try:
-        found = find_landmarks(shapes, progress=starting)
+        found = imaged.widen(find_landmarks(shapes, progress=starting))
+        notes = (*check_joined(found), *imaged.tell())
     except MeshRefused as error:
-        raise MeshRefused(
-            error.problem, file=bones.get(error.field or ""), field=error.field, remedy=error.remedy
-        ) from None
+        file = bones.get(error.field or "", bones.get(SEGMENTATION))
+        raise MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
-        settings={"units": unit, "units_from": "given" if given else "size"},
-        input_hashes={path.name: _digest(path) for path in bones.values()},
+        settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
+        input_hashes={file.name: _digest(file) for path in bones.values() for file in list_files_of(path)},
+        warnings=list(notes),
         wall_s=round(time.perf_counter() - began, 3),
         **described,
     )
@@ -74,13 +73,6 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
     return Path(folder) / FILE_NAME
 
 
-def _read(name: str, path: Path) -> Mesh:
-    try:
-        return read_mesh(path)
-    except InputError as error:
-        raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
-
-
 def _digest(path: Path) -> str:
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -95,8 +87,11 @@ def _describe(bone: BoneLandmarks) -> dict[str, Any]:
         "side": bone.side,
         "side_from": bone.side_from,
         "fit_rms_mm": max((fit.rms_mm for fit in fits.values()), default=None),
-        "confidence": min((fit.confidence for fit in fits.values()), default=None),
         "fits": fits,
+        "deviations_mm": {name: round(_MM * size, 2) for name, size in bone.deviations.items()},
+        "deviations_deg": {
+            f"{name}_axis": round(float(np.rad2deg(size)), 2) for name, size in bone.axis_deviations.items()
+        },
         "definitions": {k: v for k, v in bone.definitions.items() if k in bone.points},
         "refused": dict(bone.refused),
         "warnings": list(bone.warnings),
@@ -120,7 +115,6 @@ def _fit(
         axis=axis,
         rms_mm=round(found.quality.rms * _MM, 4),
         covered=round(found.quality.covered, 4),
-        confidence=found.quality.confidence,
     )
 
 
@@ -141,7 +135,7 @@ def _describe_tibia(bone: BoneLandmarks) -> dict[str, Any]:
     talus = "ankle" in bone.axes
     source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
     return {
-        "plateau_axis": _to_unit(bone.axes["plateau"]),
+        "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
         "ankle_centre_from": source,
         "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
     }

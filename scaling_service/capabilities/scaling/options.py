@@ -18,14 +18,20 @@ class ScaleOptions(Options):
         Flag(metavar="FORMAT,…", kind=str | None, read=read_names),
     ] = Field(
         default=(),
-        description="Further forms of each model's skeleton, with markers and inertia: mjcf (MuJoCo), biomod "
-        "(biorbd).",
+        description="Further forms of each model, with markers and inertia: mjcf (MuJoCo; with muscles, held "
+        "against OpenSim's, if it is an .osim model), biomod (biorbd).",
     )
     muscle_points: Annotated[Literal["scaled", "surface"], Flag(name="--muscle-points")] = Field(
         default="scaled",
         description="Where muscles are attached in the image-based methods' .osim models: scaled with their "
         "segments, or moved with the surface from the model's own bone (whose geometry file lies beside the "
         "model) to the person's.",
+    )
+    muscle_parameters: Annotated[Literal["ratio", "range"], Flag(name="--muscle-parameters")] = Field(
+        default="ratio",
+        description="Optimal fibre and tendon slack lengths in .osim models: both grow as the muscle does "
+        "(ratio: OpenSim's scaling), or fibres work where they do in the generic model (range: Modenese et "
+        "al. 2016, with rigid tendons).",
     )
 
 

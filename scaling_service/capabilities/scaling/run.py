@@ -28,6 +28,7 @@ from scaling_service.capabilities.scaling.methods.table import (
     check_methods,
 )
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
+from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling
@@ -181,6 +182,8 @@ def run(
             scalings[method] = _evaluate(with_mass(found, session), session, part)
             if options.muscle_points == "surface":
                 scalings[method] = _put_on_surfaces(scalings[method], session)
+            if options.muscle_parameters == "range":
+                scalings[method] = _keep_ranges(scalings[method], session)
     results = Results(
         loaded=loaded, settings=settings, scalings=scalings, subject_file=loaded.file, options=options
     )
@@ -228,6 +231,22 @@ def _put_on_surfaces(scaling: Scaling, session: Session) -> Scaling:
     )
     noted = replace(calibration, warnings=(*calibration.warnings, *found.notes))
     return replace(scaling, calibration=noted, osim=found.osim, attachments=found.moved)
+
+
+def _keep_ranges(scaling: Scaling, session: Session) -> Scaling:
+    """The scaling with fibres that work over the range that they have in the generic model."""
+    calibration, source = scaling.calibration, session.subject.model
+    if not source.lower().endswith(".osim"):
+        raise SubjectInvalid(
+            "no fibres can keep their range: the subject's model is no .osim model",
+            field="model",
+            remedy="Give an .osim model with muscles, or leave out --muscle-parameters",
+        )
+    text = scaling.osim or render_scaled(calibration, session)
+    osim, kept = keep_ranges(text, hold_markers(calibration.model), Path(source))
+    said = (f"fibres and tendons kept their ratio of {', '.join(kept)}",) if kept else ()
+    noted = replace(calibration, warnings=(*calibration.warnings, *said))
+    return replace(scaling, calibration=noted, osim=osim)
 
 
 def render_scaled(calibration: Calibration, session: Session) -> str:

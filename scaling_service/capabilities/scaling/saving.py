@@ -32,6 +32,7 @@ from scaling_service.capabilities.scaling.clinical_gait import (
 )
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
 from scaling_service.capabilities.scaling.comparison.verdict import judge
+from scaling_service.capabilities.scaling.exporting import export_models
 from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.options import PLAIN
@@ -58,7 +59,6 @@ from scaling_service.documents.results import (
     WallTime,
 )
 from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
-from scaling_service.files.engines import ENGINES
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD
@@ -171,23 +171,18 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     write_clinical(folder, gait)
     if results.muscles is not None:
         write_courses(folder, results.muscles.courses[calibration.method])
+    text = None
     try:
-        replace_text(folder / "model.osim", scaling.osim or render_scaled(calibration, results.session))
+        text = scaling.osim or render_scaled(calibration, results.session)
+        replace_text(folder / "model.osim", text)
         if calibration.model.posterior is not None:
             warnings.append(MARKERS_HELD)
     except (DependencyMissing, ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)
-    for form in results.options.export:
-        file, write = ENGINES[form]
-        try:
-            skeleton = write(calibration.model)
-        except ModelRefused as error:
-            warnings.append(f"{calibration.method}/{file} was not written: {error}")
-            continue
-        replace_text(folder / file, skeleton.text)
-        warnings += [f"{file}: {said}" for said in skeleton.left_out]
+    if results.options.export:
+        warnings += export_models(folder, calibration.model, text, results.options.export)
     if results.session.images is not None:
         write_bones(folder, calibration, results.session.images.bones)
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())

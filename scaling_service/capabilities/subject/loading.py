@@ -10,8 +10,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from scaling_service.bones.images import SEGMENTATION, read_bones
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import UNITS, check_joined, collect_evidence, find_landmarks
+from scaling_service.bones.whole import check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
@@ -27,7 +28,6 @@ from scaling_service.documents.results import RepairNote
 from scaling_service.documents.subject import SIZE_UNIT
 from scaling_service.documents.writing import code_version
 from scaling_service.files.image_markers import read_image_markers
-from scaling_service.files.mesh import read_mesh
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
@@ -323,17 +323,15 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
         note = "bones are used with built-in and .osim models only: image-based methods were left out"
         return None, (note,)
-    scale = UNITS[subject.bone_units]
-    meshes = {name: read_mesh(path) for name, path in subject.bones.items()}
-    shapes = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in meshes.items()}
+    imaged = read_bones(subject.bones, subject.bone_units)
     try:
-        found = find_landmarks(shapes)
-        notes = check_joined(found)
+        found = imaged.widen(find_landmarks(imaged.meshes))
+        notes = (*check_joined(found), *imaged.tell())
     except MeshRefused as error:
-        file = subject.bones.get(error.field or "")
+        file = subject.bones.get(error.field or "", subject.bones.get(SEGMENTATION))
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in shapes.items()}
+    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in imaged.meshes.items()}
     evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
     said = (
         f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_list_refused(bone))

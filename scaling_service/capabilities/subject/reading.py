@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
+from scaling_service.bones.images import SEGMENTATION, list_files_of
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
@@ -79,7 +80,7 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
         forces=find.all(document.forces, "forces"),
         corrections={name: list_relabellings(found) for name, found in document.corrections.items()},
         mirrored=dict(document.mirrored),
-        bones=find.all(document.bones.meshes if document.bones else {}, "bones"),
+        bones=find.images(document.bones.meshes if document.bones else {}),
         bone_units=document.bones.units if document.bones else "mm",
         bone_bodies={str(bone): name for bone, name in document.bone_bodies.items()},
         image_markers=find.optional(document.image_markers, "image_markers"),
@@ -116,6 +117,15 @@ class _Finder:
 
     def all(self, paths: Mapping[str, str], field: str) -> dict[str, Path]:
         return {name: self(path, f"{field}.{name}") for name, path in paths.items()}
+
+    def images(self, paths: Mapping[str, str]) -> dict[str, Path]:
+        """Bones' files; a segmentation may be a folder."""
+        found = {}
+        for name, path in paths.items():
+            place = self._folder / Path(path).expanduser()
+            folder = name == SEGMENTATION and place.is_dir()
+            found[name] = place.absolute() if folder else self(path, f"bones.{name}")
+        return found
 
     def recording(self, path: str, field: str) -> Path:
         if PurePath(path).suffix.lower() not in READERS:
@@ -196,7 +206,8 @@ def _list_inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
     yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
     yield from list_recordings(subject)
     yield from subject.forces.values()
-    yield from subject.bones.values()
+    for path in subject.bones.values():
+        yield from list_files_of(path)
 
 
 def _digest(path: Path) -> str:

@@ -33,7 +33,7 @@ def measure(request: Mapping[str, Any]) -> dict[str, Any]:
     frames = len(next(iter(request["q"].values())))
     lengths, forces = np.zeros((frames, len(muscles))), np.zeros((frames, len(muscles), 0))
     if muscles and frames:
-        posed = _Posed(osim, request["q"])
+        posed = Posed(osim, request["q"])
         forces = np.zeros((frames, len(muscles), posed.freedoms))
         for frame in range(frames):
             posed.take(frame)
@@ -63,8 +63,8 @@ def find_path(muscle: Any) -> Any:
     return path
 
 
-class _Posed:
-    """A model that takes one pose after the other."""
+class Posed:
+    """A model that takes one pose after the other: ``q`` holds each coordinate's values, rad or m."""
 
     def __init__(self, osim: Any, q: Mapping[str, Sequence[float]]) -> None:
         for coordinate in list_items(osim.updCoordinateSet()):  # a pose is taken as it is
@@ -107,7 +107,7 @@ def list_points(request: Mapping[str, Any]) -> dict[str, Any]:
     """Path points that are fixed in a body, and the surfaces of all bodies; see ``attachments``."""
     osim = _load_model(request)
     points = [
-        [muscle.getName(), number, *_in_body(point.getParentFrame(), point.get_location())]
+        [muscle.getName(), number, *place_in_body(point.getParentFrame(), point.get_location())]
         for muscle, number, point in _list_fixed_points(osim)
     ]
     meshes = [
@@ -147,13 +147,25 @@ def move_points(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"text": Path("moved.osim").read_text(encoding="utf-8"), "astray": sorted(astray)}
 
 
+def set_lengths(request: Mapping[str, Any]) -> dict[str, Any]:
+    """The text of a model with other fibres and tendons; see ``muscles.set_parameters``."""
+    osim = _load_model(request)
+    for name, (fibre, slack) in request["lengths"].items():
+        muscle = osim.updMuscles().get(name)
+        muscle.set_optimal_fiber_length(fibre)
+        muscle.set_tendon_slack_length(slack)
+    osim.finalizeConnections()
+    osim.printToXML("lengths.osim")
+    return {"text": Path("lengths.osim").read_text(encoding="utf-8")}
+
+
 def _set_points(osim: Any, points: Iterable[Sequence[Any]]) -> None:
     """Put points of paths at their places in their bodies, m."""
     moved = {(muscle, number): np.array(at) for muscle, number, at in points}
     for muscle, number, point in _list_fixed_points(osim):
         at = moved.get((muscle.getName(), number))
         if at is not None:
-            rotation, origin = map(np.array, _place(point.getParentFrame()))
+            rotation, origin = map(np.array, place_frame(point.getParentFrame()))
             point.set_location(import_opensim().Vec3(*(rotation.T @ (at - origin))))
 
 
@@ -185,17 +197,18 @@ def _list_fixed_points(osim: Any) -> Iterator[tuple[Any, int, Any]]:
                 yield muscle, number, fixed
 
 
-def _in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
+def place_in_body(frame: Any, at: Any) -> tuple[str, list[float]]:
+    """The body that a frame is fixed in, and a point of the frame in that body, (3,), m."""
     place = frame.findTransformInBaseFrame()
     return frame.findBaseFrame().getName(), list_numbers(place.shiftFrameStationToBase(at))
 
 
 def _place_surface(mesh: Any) -> tuple[list[float], list[list[float]], list[float]]:
     """Scale factors of a surface, and its rotation and origin in its body, m."""
-    return list_numbers(mesh.get_scale_factors()), *_place(mesh.getFrame())
+    return list_numbers(mesh.get_scale_factors()), *place_frame(mesh.getFrame())
 
 
-def _place(frame: Any) -> tuple[list[list[float]], list[float]]:
+def place_frame(frame: Any) -> tuple[list[list[float]], list[float]]:
     """A frame's rotation and origin in its body, m."""
     place = frame.findTransformInBaseFrame()
     return [[place.R().get(i, j) for j in range(3)] for i in range(3)], list_numbers(place.p())

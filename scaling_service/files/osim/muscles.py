@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.files.mesh import Mesh, read_mesh
 from scaling_service.files.osim.models import TIME_LIMIT_S, ask
-from scaling_service.model.body import BodyModel
+from scaling_service.model.body import BodyModel, to_vector
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
+from scaling_service.model.document import from_document
+from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
 from scaling_service.model.trial import Bone
 from scaling_service.numerics.multibody.laws import Array
 
@@ -45,13 +48,12 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
     """
     known = np.asarray(np.isfinite(q).all(axis=1))
     columns = dict(zip(model.coordinate_names, q[known].T, strict=True))
-    followed = {c.dependent: evaluate_law_at(c.law, columns[c.independent]) for c in model.couplers}
     turning = [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked]
     request = {
         "operation": "muscles",
         "file": model.source or None,
         "text": osim,
-        "q": {name: values.tolist() for name, values in (columns | followed).items()},
+        "q": _list_values(model, columns),
         "coordinates": turning,
         "couplings": [
             [c.dependent, c.independent, differentiate_law_at(c.law, columns[c.independent]).tolist()]
@@ -66,6 +68,58 @@ def measure_muscles(osim: str, model: BodyModel, q: Array) -> MuscleGeometry:
         for muscle, coordinate, values in answer["arms"]
     }
     return MuscleGeometry(muscles, lengths, arms)
+
+
+def read_musculature(osim: str, model: BodyModel, q: Array) -> Musculature:
+    """The muscles of a model, and what surfaces they touch in some poses.
+
+    ``osim``: text of the ``.osim`` file. ``model``: what it holds.
+    ``q``: (n_poses, n_coordinates), rad or m, in the order of the model's coordinates.
+    Raises DependencyMissing, FileUnreadable, ModelRefused: as for reading a model; ModelRefused as well where
+    a path or a surface is of a kind that is not known.
+    """
+    request = {
+        "operation": "musculature",
+        "file": model.source or None,
+        "text": osim,
+        "q": _list_values(model, dict(zip(model.coordinate_names, q.T, strict=True))),
+    }
+    answer = ask(request, time_limit_s=TIME_LIMIT_S + _FRAME_S * len(q))
+    moving, names = from_document(answer["model"]), set(answer["movers"])
+    return Musculature(
+        muscles=tuple(_make_muscle(each) for each in answer["muscles"]),
+        surfaces=tuple(_make_surface(each) for each in answer["surfaces"]),
+        movers=tuple(segment for segment in moving.segments if segment.name in names),
+        q=q,
+        contacts=tuple(
+            tuple(tuple(_make_contact(*found) for found in row) for row in pose)
+            for pose in answer["contacts"]
+        ),
+    )
+
+
+def _make_muscle(found: Mapping[str, Any]) -> Muscle:
+    points = tuple(PathPoint(**point | {"at": to_vector(point["at"])}) for point in found["points"])
+    tuples = {name: tuple(found[name]) for name in ("surfaces", "passive")}
+    return Muscle(**{**found, **tuples, "points": points})
+
+
+def _make_contact(surface: str, after: int, first: Array, middle: Array, last: Array) -> Contact:
+    places = {"first": to_vector(first), "middle": to_vector(middle), "last": to_vector(last)}
+    return Contact(surface=surface, after=after, **places)
+
+
+def _make_surface(found: Mapping[str, Any]) -> WrapSurface:
+    x, y, z = map(to_vector, found["axes"])
+    side = None if found["side"] is None else to_vector(found["side"])
+    own = {"origin": to_vector(found["origin"]), "axes": (x, y, z), "sizes": tuple(found["sizes"])}
+    return WrapSurface(**{**found, **own, "side": side})
+
+
+def _list_values(model: BodyModel, columns: Mapping[str, Array]) -> dict[str, list[float]]:
+    """Values of all coordinates, those that follow others included."""
+    followed = {c.dependent: evaluate_law_at(c.law, columns[c.independent]) for c in model.couplers}
+    return {name: np.asarray(values).tolist() for name, values in {**columns, **followed}.items()}
 
 
 def _spread(known: NDArray[np.bool_], values: Array) -> Array:
@@ -164,3 +218,14 @@ def move_attachments(
     }
     answer = ask(request)
     return answer["text"], tuple(answer["astray"])
+
+
+def set_parameters(osim: str, model: BodyModel, lengths: Mapping[str, Sequence[float]]) -> str:
+    """The text of a model with other optimal fibre and tendon slack lengths, m, of some muscles.
+
+    Raises as :func:`read_attachments`.
+    """
+    given = {name: list(own) for name, own in lengths.items()}
+    request = {"operation": "muscle parameters", "file": model.source or None, "text": osim, "lengths": given}
+    text: str = ask(request)["text"]
+    return text

@@ -17,7 +17,8 @@ from typing import Any
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.from_opensim import read_body_model
 from scaling_service.files.osim.library import list_unknown, load
-from scaling_service.files.osim.muscle_paths import list_points, measure, move_points
+from scaling_service.files.osim.muscle_paths import list_points, measure, move_points, set_lengths
+from scaling_service.files.osim.musculature import describe
 from scaling_service.files.osim.to_opensim import write
 from scaling_service.model.document import from_document, to_document
 
@@ -41,8 +42,10 @@ OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "read": _read,
     "write": _write,
     "muscles": measure,
+    "musculature": describe,
     "attachments": list_points,
     "move attachments": move_points,
+    "muscle parameters": set_lengths,
 }
 
 

@@ -101,7 +101,8 @@ export interface BodyMarker {
 }
 
 export interface Bones {
-  units: "mm" | "m";
+  units?: "mm" | "m";
+  segmentation?: string | null;
   pelvis?: string | null;
   femur_r?: string | null;
   tibia_r?: string | null;
@@ -521,8 +522,9 @@ export interface FemurDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -725,6 +727,7 @@ export interface JointAngleComparison {
 export interface JointAnglesRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -769,6 +772,7 @@ export interface KinematicErrorDocument {
 export interface KinematicErrorRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -795,6 +799,7 @@ export interface LandmarksDocument {
   input_hashes: Record<string, string>;
   seed: null;
   wall_s: number;
+  warnings: Array<string>;
   pelvis: PelvisDocument | null;
   femur_r: FemurDocument | null;
   tibia_r: TibiaDocument | null;
@@ -829,6 +834,7 @@ export interface LevelDocument {
 export interface LinearRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB" | "EB";
@@ -1026,6 +1032,7 @@ export interface Need {
 export interface OptimisedRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   subject: string;
   settings?: Settings;
   method?: "MB_lam" | "MB_am" | "EB_am" | "MAP";
@@ -1046,8 +1053,9 @@ export interface PelvisDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1285,6 +1293,7 @@ export interface ScalingDocument {
 export interface ScalingRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1339,6 +1348,7 @@ export interface SegmentLengthComparison {
 export interface SegmentLengthsRequest {
   export?: Array<"mjcf" | "biomod">;
   muscle_points?: "scaled" | "surface";
+  muscle_parameters?: "ratio" | "range";
   muscles?: boolean;
   subject: string;
   settings?: Settings;
@@ -1360,7 +1370,6 @@ export interface ShapeFit {
   axis: [number, number, number] | null;
   rms_mm: number;
   covered: number;
-  confidence: number;
 }
 
 export interface SizesProof {
@@ -1452,8 +1461,9 @@ export interface TalusDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;
@@ -1473,8 +1483,9 @@ export interface TibiaDocument {
   side: "r" | "l" | null;
   side_from: "shape" | "name";
   fit_rms_mm: number | null;
-  confidence: number | null;
   fits: Record<string, ShapeFit>;
+  deviations_mm: Record<string, number>;
+  deviations_deg: Record<string, number>;
   definitions: Record<string, string>;
   refused: Record<string, string>;
   warnings: Array<string>;

@@ -1,0 +1,223 @@
+"""The bones of one image from what a segmentation calls them: sides, both hip bones, tibia and fibula."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scaling_service.bones.mesh import compute_vertex_areas, label_pieces, merge_vertices
+from scaling_service.bones.results import BoneLandmarks, MeshRefused
+from scaling_service.bones.surface import STRAY_SHARE
+from scaling_service.bones.whole import UNITS, find_unit
+from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.files.mesh import Mesh, read_mesh
+from scaling_service.files.segmentation import Segmentation, is_segmentation, read_segmentation
+from scaling_service.numerics.multibody.laws import Array
+
+Arrays = tuple[Array, NDArray[np.intp]]
+"""Vertices (n, 3) and faces (m, 3)."""
+
+SEGMENTATION = "segmentation"
+"""Beside names of bones: one file or folder with several of them."""
+
+_KINDS = {
+    "pelvis": r"pelvis|hip|hips|coxa\w*|coxal|innominate|os_coxae|hemipelvis|ilium|beckenknochen",
+    "femur": r"femur|femora|thighbone",
+    "tibia": r"tibia|tibiae|shank",
+    "fibula": r"fibula|fibulae",
+    "talus": r"talus|tali|astragalus",
+}
+"""What bones are called: TotalSegmentator, 3D Slicer, Mimics and common words; others are passed over."""
+
+_SIDES = {"r": r"right|r|rt|dx", "l": r"left|l|lt|sin"}
+_MM = 1e-3
+_TOLD = 6  # chosen: labels named in a sentence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImagedBones:
+    """Bones in one image, m.
+
+    ``meshes``: name of a bone to vertices (n, 3), m, and faces (m, 3). ``voxel``: root mean square of what
+    rounding to voxels leaves open, in space, m. ``passed_over``: labels that are no bone of ours.
+    """
+
+    meshes: Mapping[str, Arrays]
+    unit: str = "mm"  # of the surfaces' files
+    voxel: float = 0.0
+    passed_over: tuple[str, ...] = ()
+
+    def tell(self) -> tuple[str, ...]:
+        """Which labels were passed over."""
+        if not self.passed_over:
+            return ()
+        some = ", ".join(self.passed_over[:_TOLD]) + (" …" if len(self.passed_over) > _TOLD else "")
+        return (f"segmentation: no bone of ours, or without its tibia: {some}",)
+
+    def widen(self, found: Mapping[str, BoneLandmarks]) -> dict[str, BoneLandmarks]:
+        """Landmarks with deviations that hold the voxel size."""
+        return {
+            name: replace(
+                bone, deviations={k: float(np.hypot(size, self.voxel)) for k, size in bone.deviations.items()}
+            )
+            for name, bone in found.items()
+        }
+
+
+def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBones:
+    """Bones from a file each, or from a segmentation.
+
+    ``paths``: bone to file, or ``segmentation`` to a label map or a folder of masks or surfaces. ``unit``: of
+    surfaces, ``mm``, ``cm`` or ``m``; found by their size unless given. A label map has its own. Raises
+    InputError: a file cannot be read; MeshRefused: a segmentation has no bone of ours, or does not tell its
+    sides.
+    """
+    loose = {name: _get_arrays(_read(name, path)) for name, path in paths.items() if name != SEGMENTATION}
+    measured: dict[str, Arrays] = {}
+    voxel = 0.0
+    left_over: tuple[str, ...] = ()
+    if SEGMENTATION in paths:
+        found = _read_segmentation(paths[SEGMENTATION])
+        voxel = _MM * float(np.sqrt((found.voxel**2).sum() / 12.0))
+        scale = _MM if voxel else 1.0
+        labels = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in found.surfaces.items()}
+        told, left_over = assemble(labels, found.rightward)
+        if voxel:
+            measured = told
+        else:
+            loose = told | loose
+    if unit is None and loose:
+        unit = find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
+    unit = unit or "mm"
+    scaled = {name: (UNITS[unit] * v, f) for name, (v, f) in loose.items()}
+    return ImagedBones(meshes=measured | scaled, unit=unit, voxel=voxel, passed_over=left_over)
+
+
+def _read(name: str, path: Path) -> Mesh:
+    try:
+        return read_mesh(path)
+    except InputError as error:
+        raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
+
+
+def _read_segmentation(path: Path) -> Segmentation:
+    if not path.exists() or not is_segmentation(path):
+        raise FileUnreadable(
+            "it is no segmentation",
+            file=path,
+            field=SEGMENTATION,
+            remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
+        )
+    return read_segmentation(path)
+
+
+def list_files_of(path: Path) -> list[Path]:
+    """The file itself, or those in a folder."""
+    return sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
+
+
+def assemble(
+    labels: Mapping[str, Arrays], rightward: Array | None = None
+) -> tuple[dict[str, Arrays], tuple[str, ...]]:
+    """Bones under their names, both hip bones and each tibia with its fibula in one; and labels passed over.
+
+    ``labels``: what a segmentation calls them to vertices (n, 3), m, and faces (m, 3). ``rightward`` (3,): to
+    the subject's right, which parts a label that holds both sides. Raises MeshRefused: a label holds both
+    sides, or none is named, and the image's axes are not known.
+    """
+    parts: dict[str, list[Arrays]] = {}
+    left_over: list[str] = []
+    for label, mesh in labels.items():
+        kind, side = _understand(label)
+        if kind is None:
+            left_over.append(label)
+        elif kind == "pelvis":
+            parts.setdefault(kind, []).append(mesh)
+        else:
+            sided = [(side, mesh)] if side is not None else _part_sides(label, mesh, rightward, labels)
+            for name, part in sided:
+                parts.setdefault(f"{kind}_{name}", []).append(part)
+    for side in "rl":
+        fibula = parts.pop(f"fibula_{side}", [])
+        if f"tibia_{side}" in parts:
+            parts[f"tibia_{side}"] += fibula
+        elif fibula:
+            left_over.append(f"fibula_{side}")
+    if not parts:
+        raise MeshRefused(
+            f"none of its labels is a bone of pelvis or leg ({', '.join(sorted(labels)[:8])})",
+            field=SEGMENTATION,
+            remedy="Name them hip_left, femur_right, tibia_r, fibula_r, talus_r …",
+        )
+    return {name: _join(meshes) for name, meshes in parts.items()}, tuple(left_over)
+
+
+def _understand(label: str) -> tuple[str | None, str | None]:
+    """Kind of bone and side of a label; None where the name does not say.
+
+    Examples
+    --------
+    >>> _understand("Segment_Right Femur"), _understand("hip_left"), _understand("vertebrae_L5")
+    (('femur', 'r'), ('pelvis', 'l'), (None, 'l'))
+    """
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", label)
+    words = [word for word in re.split(r"[^A-Za-z]+", spaced.lower()) if word]
+    kinds = [kind for kind, names in _KINDS.items() if any(re.fullmatch(names, word) for word in words)]
+    sides = [side for side, names in _SIDES.items() if any(re.fullmatch(names, word) for word in words)]
+    return (kinds[0] if len(kinds) == 1 else None), (sides[0] if len(sides) == 1 else None)
+
+
+def _part_sides(
+    label: str,
+    mesh: Arrays,
+    rightward: Array | None,
+    labels: Mapping[str, Arrays],
+) -> Iterator[tuple[str, Arrays]]:
+    """Pieces of a label by side: on which side of the middle of all bones they lie."""
+    if rightward is None:
+        raise MeshRefused(
+            f"the label '{label}' does not say its side",
+            field=SEGMENTATION,
+            remedy=f"Name it {label}_r or {label}_l, or give the label map, whose axes tell",
+        )
+    vertices, faces = merge_vertices(*mesh)
+    piece = label_pieces(len(vertices), faces)
+    areas = np.bincount(piece, weights=compute_vertex_areas(vertices, faces))
+    large = np.flatnonzero(areas > STRAY_SHARE * areas.max())
+    middles = {k: float((vertices[piece == k] @ rightward).mean()) for k in large}
+    if max(middles.values()) - min(middles.values()) > _TWO_LEGS_M:
+        centre = 0.5 * (max(middles.values()) + min(middles.values()))
+    else:  # of one leg: beside what else is in the image
+        ends = [other[0] @ rightward for other in labels.values()]
+        centre = 0.5 * (max(float(x.max()) for x in ends) + min(float(x.min()) for x in ends))
+        if abs(float(np.mean(list(middles.values()))) - centre) < _ASIDE_M:
+            raise MeshRefused(
+                f"the label '{label}' does not say its side, nor does its place",
+                field=SEGMENTATION,
+                remedy=f"Name it {label}_r or {label}_l",
+            )
+    for side, sign in (("r", 1.0), ("l", -1.0)):
+        own = np.isin(piece, [k for k, at in middles.items() if sign * (at - centre) > 0])
+        if own.any():
+            kept = faces[own[faces].all(axis=1)]
+            names, compact = np.unique(kept, return_inverse=True)
+            yield side, (vertices[names], compact.reshape(-1, 3))
+
+
+_TWO_LEGS_M = 0.06  # chosen: shanks of two legs are 0.1-0.3 m apart, pieces of one bone less
+_ASIDE_M = 0.03  # chosen: a leg beside the middle of the body
+
+
+def _join(meshes: list[Arrays]) -> Arrays:
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+    faces = [faces + start for (_, faces), start in zip(meshes, starts, strict=True)]
+    return np.vstack([vertices for vertices, _ in meshes]), np.vstack(faces)
+
+
+def _get_arrays(mesh: Mesh) -> Arrays:
+    return mesh.vertices, mesh.faces

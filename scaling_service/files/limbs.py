@@ -1,0 +1,151 @@
+"""A model as limbs: axes that move by one number each, as other engines have them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from scaling_service.core.errors import ModelRefused
+from scaling_service.model.body import BodyModel, Joint, Law, Segment, Term
+from scaling_service.model.compile import evaluate_law
+from scaling_service.model.trial import Array
+from scaling_service.numerics.multibody.rigid import rotate_about
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DrivenAxis:
+    """One turn about, or shift along, an axis."""
+
+    name: str  # the coordinate's where the axis moves as it does, else made of segment, kind and number
+    kind: str  # rotation or translation
+    axis: Array  # (3,), unit vector in the frame reached so far
+    term: Term  # its value, rad or m: a term of one coordinate
+    leads: bool  # whether the value is the coordinate itself
+    before: Array  # (4, 4): the fixed frame between the axis before, or the parent, and this one
+
+    def value(self, coordinates: Mapping[str, Array]) -> Array:
+        """What the axis moves by, rad or m, at values of the coordinates."""
+        return np.asarray(evaluate_law(Law((self.term,)), coordinates))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limb:
+    """A segment with the axes that carry it from its parent."""
+
+    segment: Segment
+    axes: tuple[DrivenAxis, ...]
+    last: Array  # (4, 4): from the last axis to the segment's frame
+
+    @property
+    def at_rest(self) -> Array:
+        """The segment in its parent where all axes are at zero, (4, 4)."""
+        frame = np.eye(4)
+        for axis in self.axes:
+            frame = frame @ axis.before
+        return frame @ self.last
+
+
+def list_limbs(model: BodyModel) -> tuple[Limb, ...]:
+    """The model's segments, parents first; locked coordinates stand at their default.
+
+    ValueError: parameters are not folded into the laws.
+    ModelRefused: a joint moves by a function of several coordinates.
+    """
+    if model.parameters:
+        raise ValueError("fold the parameters into the laws first")
+    for segment, joint in model.joints():
+        if any(t.surface is not None for t in joint.law.terms):
+            raise ModelRefused(
+                f"joint '{segment.joint_name}' moves by a function of several coordinates, and the format's"
+                " axes by one each",
+                field=segment.joint_name,
+                remedy="Leave out the export; the .osim and the JSON model hold the joint",
+            )
+    fixed = {c.name: c.default for c in model.coordinates if c.locked}
+    leading: set[str] = set()
+    return tuple(_make_limb(segment, fixed, leading) for segment in model.segments)
+
+
+def _make_limb(segment: Segment, fixed: Mapping[str, float], leading: set[str]) -> Limb:
+    axes: list[DrivenAxis] = []
+    frame = np.eye(4)
+    for joint in segment.joints:
+        terms = [t for t in joint.law.terms if t.coordinate is not None and t.coordinate not in fixed]
+        constant = sum(float(evaluate_law(Law((t,)), fixed)) for t in joint.law.terms if t not in terms)
+        frame = frame @ displace(joint, constant)
+        for term in terms:
+            axes.append(_find_axis(segment, joint, term, frame, len(axes), leading))
+            frame = np.eye(4)
+    return Limb(segment, tuple(axes), frame)
+
+
+def _find_axis(
+    segment: Segment, joint: Joint, term: Term, frame: Array, number: int, leading: set[str]
+) -> DrivenAxis:
+    coordinate, axis = str(term.coordinate), np.asarray(joint.axis, dtype=float)
+    if abs(term.gain) == 1.0 and term.shape is None and coordinate not in leading:
+        leading.add(coordinate)
+        plain = replace(term, gain=1.0)
+        return DrivenAxis(
+            name=coordinate, kind=joint.kind, axis=axis * term.gain, term=plain, leads=True, before=frame
+        )
+    name = f"{segment.name}_{joint.kind}_{number}"
+    return DrivenAxis(name=name, kind=joint.kind, axis=axis, term=term, leads=False, before=frame)
+
+
+def displace(joint: Joint, value: float) -> Array:
+    """The move of a joint by a value, (4, 4)."""
+    frame = np.eye(4)
+    if joint.kind == "translation":
+        frame[:3, 3] = value * np.asarray(joint.axis)
+    else:
+        frame[:3, :3] = rotate_about(joint.axis, value)
+    return frame
+
+
+def list_axes_at_rest(limb: Limb) -> Iterator[tuple[DrivenAxis, Array, Array]]:
+    """Each axis with its direction and a point on it, (3,) each, in the segment's frame at rest."""
+    onwards: Array = limb.last
+    for axis in reversed(limb.axes):
+        back: Array = np.asarray(np.linalg.inv(onwards), dtype=float)
+        yield axis, back[:3, :3] @ axis.axis, back[:3, 3]
+        onwards = axis.before @ onwards
+
+
+def list_following(model: BodyModel) -> list[str]:
+    """The axes that follow coordinates by functions, as one sentence or none."""
+    following = [a for limb in list_limbs(model) for a in limb.axes if not a.leads]
+    names = sorted({str(a.term.coordinate) for a in following})
+    said = f"{len(following)} axes follow {', '.join(names)}: {', '.join(a.name for a in following)}"
+    return [said] if following else []
+
+
+def list_uncarried(model: BodyModel, *, muscles: bool = True) -> tuple[str, ...]:
+    """What axes do not say of the model, in plain sentences; ``muscles``: whether these are not carried."""
+    said: list[str] = []
+    if model.constraints:
+        said.append(f"constraints are not carried: {', '.join(c.name for c in model.constraints)}")
+    skin = [m.name for m in model.markers if not all(law.is_constant for law in m.laws)]
+    if skin:
+        said.append(f"markers that move with joints are fixed where they are nominally: {', '.join(skin)}")
+    locked = [c.name for c in model.coordinates if c.locked]
+    if locked:
+        said.append(f"locked coordinates are fixed at their default: {', '.join(locked)}")
+    said.append(f"{'muscles, wrapping surfaces and ' if muscles else ''}meshes are not carried")
+    return tuple(said)
+
+
+@dataclass(frozen=True, slots=True)
+class Skeleton:
+    """The text of a file, and what it does not carry of the model, in plain sentences."""
+
+    text: str
+    left_out: tuple[str, ...]
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of muscles, one by one
+
+
+def format_numbers(values: object) -> str:
+    """Numbers in a row, exactly."""
+    return " ".join(f"{value:.17g}" for value in np.asarray(values, dtype=float))

@@ -27,9 +27,10 @@ FLARE = 1.3  # least ratio of the ankle end's width to the narrowest shaft's: ch
 MALLEOLUS_M = 3e-3
 """How far the medial malleolus stands below the rest of the end at least; chosen, usual are 10-15 mm."""
 
-_PIECE_TURN = float(np.deg2rad(15.0))
-"""Of medial and lateral at an ankle whose knee is not seen: chosen, the malleoli stand turned against the
-plateau by 15 to 30 degrees, the fibula less."""
+_LOOSE_TURN = float(np.deg2rad(15.0))
+"""Of medial and lateral where no plateau tells them well: chosen. The malleoli stand turned against a
+plateau that is not seen by 15 to 30 degrees, the fibula less; what is left of a fibula that was grown to the
+tibia tips the plateau."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +64,14 @@ def find_tibia_landmarks(
     if fibula is None:
         _refuse_femur(tibia)
     pose = find_shank_pose(shank, named_side)
-    turn = TURN if pose.plateau is not None else _PIECE_TURN
+    turn = TURN if pose.plateau is not None and not shank.joined else _LOOSE_TURN
     tips: dict[str, Tip] = {}
     refused: dict[str, str] = {}
     if pose.plateau is None:
         refused |= dict.fromkeys(_AT_KNEE, "the surface is cut off below the knee")
     else:
         for name, direction in (("plateau_medial", -pose.outwards), ("plateau_lateral", pose.outwards)):
-            tips[name] = Tip(tibia, direction, pose.plateau, depth=SHARP_M)
+            tips[name] = Tip(tibia, direction, pose.plateau, depth=SHARP_M, turn=turn)
         _add_fibula_head(shank, pose, tips, refused)
     cut = _find_cut(tibia, pose)
     if cut is not None:
@@ -91,7 +92,9 @@ def find_tibia_landmarks(
     refused |= refuse_cut(points, surface.rims)
     off = {name: tips[name].deviate() for name in points}
     _add_ankle(points, off, refused)
-    deviations, axis_deviations = add_definitions(off, {"plateau": 0.0} if pose.plateau is not None else {})
+    deviations, axis_deviations = add_definitions(
+        off, {"plateau": turn if shank.joined else 0.0} if pose.plateau is not None else {}
+    )
     if "ankle_centre" in off:
         deviations |= add_definitions({"ankle_centre_malleoli": off["ankle_centre"]}, {})[0]
         deviations["ankle_centre"] = deviations.pop("ankle_centre_malleoli")

@@ -60,7 +60,7 @@ export class Draft {
     this.change();
   }
 
-  units(units: Bones["units"]): void {
+  units(units: NonNullable<Bones["units"]>): void {
     this.document.bones = { ...this.document.bones, units };
     this.change();
   }

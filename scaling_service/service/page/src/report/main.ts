@@ -40,7 +40,7 @@ function tell(error: unknown): void {
   if (isAbort(error)) return;
   if (!(error instanceof Problem)) console.error(error);
   shown?.append(problemBox(asProblem(error)));
-  if (summary !== null && !summary.isConnected && shown !== summary) shown?.append(...summary.childNodes);
+  if (shown !== summary && shown?.querySelector(".tabs") === null) shown.append(...(summary?.childNodes ?? [])); // nothing came of the view
 }
 
 addEventListener("unhandledrejection", (event) => {

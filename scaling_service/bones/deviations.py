@@ -10,7 +10,7 @@ times such a deviation holds 95 % (1.61 in space, 1.73 of an axis).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ class Tip:
     surface: Surface
     direction: Array  # (3,), unit
     within: Mask  # (n,)
+    _: KW_ONLY
     depth: float = BLUNT_M  # m
     turn: float = TURN  # rad; standard deviation of the direction about each axis across it
 

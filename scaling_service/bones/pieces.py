@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from scaling_service.bones.results import MeshRefused
@@ -100,6 +100,7 @@ _FIBULA_BESIDE = 0.6  # chosen: least share of the shorter bone that lies beside
 _ELONGATED = 1.5  # chosen: least length over width of a bone whose own long axis is its shaft's
 _ANKLE_M = 0.025  # chosen: the least of a shank that holds both malleoli
 _FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
+_NO_LENGTH_M = 1e-9
 _FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen
 
 
@@ -192,31 +193,23 @@ def _part_shafts(surface: Surface, notes: list[str]) -> Shank:
     weights = [float(surface.areas[between & (label == name)].sum()) for name in large]
     order = np.argsort(weights)[::-1]
     shafts = [between & (label == large[k]) for k in order]
-    fibula = main & _grow_fibula(surface, shafts, axis)
+    fibula = main & _grow_fibula(surface, shafts)
     said = "tibia and fibula are joined in one surface and were parted along their shafts"
     return Shank(surface.part(main & ~fibula), surface.part(fibula), joined=True, notes=[*notes, said])
 
 
-def _grow_fibula(surface: Surface, shafts: list[NDArray[np.bool_]], axis: Array) -> NDArray[np.bool_]:
-    """Vertices that belong to the thinner shaft, grown from the middle to both ends slice by slice."""
-    level = surface.smooth @ axis
-    fibula = np.zeros(len(level), dtype=bool)
-    fibula |= shafts[1]
-    done = shafts[0] | shafts[1]
-    step = 5e-3
-    low, high = level[done].min(), level[done].max()
-    while not done.all():
-        low, high = low - step, high + step
-        fresh = ~done & (level > low) & (level < high)
-        if fresh.any():
-            near = done & ((level < low + 4 * step) | (level > high - 4 * step))
-            tree = cKDTree(surface.smooth[near])
-            _, nearest = tree.query(surface.smooth[fresh])
-            fibula[fresh] = fibula[near][nearest]
-            done |= fresh
-        elif low < level.min() and high > level.max():
-            break
-    return fibula
+def _grow_fibula(surface: Surface, shafts: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    """Vertices nearer along the surface to the thinner shaft: bridges between both bones part half-way."""
+    a, b = surface.faces.ravel(), np.roll(surface.faces, -1, axis=1).ravel()
+    lengths = np.linalg.norm(surface.smooth[a] - surface.smooth[b], axis=1)
+    n = len(surface.points)
+    # Each edge stands twice, once for each of its faces; zero would be no edge.
+    graph = csr_array((np.maximum(lengths, _NO_LENGTH_M), (a, b)), shape=(n, n))
+    seeds = [np.flatnonzero(shaft) for shaft in shafts]
+    _, _, nearest = dijkstra(
+        graph, directed=False, indices=np.concatenate(seeds), min_only=True, return_predecessors=True
+    )
+    return np.asarray(np.isin(nearest, seeds[1]))
 
 
 def _measure_long_axis(surface: Surface) -> tuple[float, Array]:

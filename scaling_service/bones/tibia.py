@@ -27,9 +27,10 @@ FLARE = 1.3  # least ratio of the ankle end's width to the narrowest shaft's: ch
 MALLEOLUS_M = 3e-3
 """How far the medial malleolus stands below the rest of the end at least; chosen, usual are 10-15 mm."""
 
-_PIECE_TURN = float(np.deg2rad(15.0))
-"""Of medial and lateral at an ankle whose knee is not seen: chosen, the malleoli stand turned against the
-plateau by 15 to 30 degrees, the fibula less."""
+_LOOSE_TURN = float(np.deg2rad(15.0))
+"""Of medial and lateral where no plateau tells them well: chosen. The malleoli stand turned against a
+plateau that is not seen by 15 to 30 degrees, the fibula less; what is left of a fibula that was grown to the
+tibia tips the plateau."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +64,14 @@ def find_tibia_landmarks(
     if fibula is None:
         _refuse_femur(tibia)
     pose = find_shank_pose(shank, named_side)
-    turn = TURN if pose.plateau is not None else _PIECE_TURN
+    turn = TURN if pose.plateau is not None and not shank.joined else _LOOSE_TURN
     tips: dict[str, Tip] = {}
     refused: dict[str, str] = {}
     if pose.plateau is None:
         refused |= dict.fromkeys(_AT_KNEE, "the surface is cut off below the knee")
     else:
         for name, direction in (("plateau_medial", -pose.outwards), ("plateau_lateral", pose.outwards)):
-            tips[name] = Tip(tibia, direction, pose.plateau, SHARP_M)
+            tips[name] = Tip(tibia, direction, pose.plateau, depth=SHARP_M, turn=turn)
         _add_fibula_head(shank, pose, tips, refused)
     cut = _find_cut(tibia, pose)
     if cut is not None:
@@ -78,20 +79,22 @@ def find_tibia_landmarks(
     else:
         ankle = pose.height < ANKLE_M
         medial = ankle & _select_medial(tibia, pose.outwards, ankle)
-        tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, SHARP_M)
-        tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, SHARP_M, turn)
+        tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, depth=SHARP_M)
+        tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, depth=SHARP_M, turn=turn)
         if fibula is None:
             refused |= dict.fromkeys(_OF_FIBULA, "there is no fibula in the surface")
         else:
             height = fibula.smooth @ pose.y
             low = height < height.min() + ANKLE_M
-            tips["malleolus_lateral"] = Tip(fibula, -pose.y, low, SHARP_M)
-            tips["malleolus_lateral_prominence"] = Tip(fibula, pose.outwards, low, SHARP_M, turn)
+            tips["malleolus_lateral"] = Tip(fibula, -pose.y, low, depth=SHARP_M)
+            tips["malleolus_lateral_prominence"] = Tip(fibula, pose.outwards, low, depth=SHARP_M, turn=turn)
     points = {name: tip.find() for name, tip in tips.items()}
     refused |= refuse_cut(points, surface.rims)
     off = {name: tips[name].deviate() for name in points}
     _add_ankle(points, off, refused)
-    deviations, axis_deviations = add_definitions(off, {"plateau": 0.0} if pose.plateau is not None else {})
+    deviations, axis_deviations = add_definitions(
+        off, {"plateau": turn if shank.joined else 0.0} if pose.plateau is not None else {}
+    )
     if "ankle_centre" in off:
         deviations |= add_definitions({"ankle_centre_malleoli": off["ankle_centre"]}, {})[0]
         deviations["ankle_centre"] = deviations.pop("ankle_centre_malleoli")
@@ -166,7 +169,7 @@ def _add_fibula_head(shank: Shank, pose: ShankPose, tips: dict[str, Tip], refuse
         refused["fibula_head"] = "the fibula is grown to the tibia, so its upper end cannot be told"
     else:
         level = shank.fibula.smooth @ pose.y
-        tips["fibula_head"] = Tip(shank.fibula, pose.y, level > level.max() - ANKLE_M, SHARP_M)
+        tips["fibula_head"] = Tip(shank.fibula, pose.y, level > level.max() - ANKLE_M, depth=SHARP_M)
 
 
 def _add_ankle(points: dict[str, Array], off: dict[str, float], refused: dict[str, str]) -> None:

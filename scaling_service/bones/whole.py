@@ -309,14 +309,18 @@ def collect_evidence(
     markers seen in that image: model marker to (segment, position in m). ``bones``: the surfaces
     themselves.
     """
+    centres = {name: (bone, point) for name, bone, point in _list_centres(found)}
+    axes = {
+        f"{joint}_{bone.side}": (bone, joint)
+        for bone in found.values()
+        for joint in ("knee", "ankle", "subtalar")
+        if joint in bone.axes
+    }
     return ImageEvidence(
-        centres=dict(_list_centres(found)),
-        axes={
-            f"{joint}_{b.side}": _to_vector(b.axes[joint])
-            for b in found.values()
-            for joint in ("knee", "ankle", "subtalar")
-            if joint in b.axes
-        },
+        centres={name: _to_vector(bone.points[point]) for name, (bone, point) in centres.items()},
+        axes={name: _to_vector(bone.axes[joint]) for name, (bone, joint) in axes.items()},
+        deviations={name: bone.deviations[point] for name, (bone, point) in centres.items()},
+        axis_deviations={name: bone.axis_deviations[joint] for name, (bone, joint) in axes.items()},
         landmarks=dict(_list_marker_landmarks(found)),
         markers=dict(markers),
         source="landmarks of bone meshes",
@@ -324,16 +328,16 @@ def collect_evidence(
     )
 
 
-def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
-    """Joint centres; a hip whose femur is not there is the centre of its socket."""
+def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, BoneLandmarks, str]]:
+    """Joint centres, their bones and points; a hip whose femur is not there is the centre of its socket."""
     pelvis = found.get("pelvis")
     for side in "rl" if pelvis is not None else "":
         if pelvis is not None and f"acetabulum_{side}" in pelvis.points:
-            yield f"hip_{side}", _to_vector(pelvis.points[f"acetabulum_{side}"])
+            yield f"hip_{side}", pelvis, f"acetabulum_{side}"
     for bone in found.values():
         for point, joint in _CENTRES.get(bone.bone, {}).items():
             if point in bone.points:
-                yield f"{joint}_{bone.side}", _to_vector(bone.points[point])
+                yield f"{joint}_{bone.side}", bone, point
 
 
 def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:

@@ -235,6 +235,9 @@ class ImageEvidence:
     markers: Mapping[str, tuple[str, Vector]] = field(default_factory=dict)
     """Skin markers seen in the image: model marker to (segment, position)."""
     source: str = ""  # how they were found
+    deviations: Mapping[str, float] = field(default_factory=dict)
+    """Of centres and landmarks, by their names: root mean square distance from an expert's, m."""
+    axis_deviations: Mapping[str, float] = field(default_factory=dict)  # rad
     bones: Mapping[str, Bone] = field(default_factory=dict)
     """Segment to the surface of its bone, as far as imaged."""
 

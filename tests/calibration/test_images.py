@@ -9,10 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.capabilities.scaling.methods.people_prior import Imaged, measure_imaged
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.parameters import compose_tilts, compute_axis, tilt_of
+from scaling_service.model.people import read_people
 from scaling_service.model.trial import ImageEvidence
 from tests.calibration.people import Person, imaged, person
 
@@ -152,3 +154,13 @@ def test_bones_that_show_no_length_are_refused() -> None:
     alone = ImageEvidence(centres={"ankle_r": (0.0, 0.0, 0.0)})
     with pytest.raises(SubjectInvalid, match="nor a length of a bone"):
         calibrate(replace(who.session, images=alone), "EB")
+
+
+def test_what_a_poor_image_leaves_open_widens_lengths() -> None:
+    people = read_people()
+    plain = Imaged(lengths={"shank_r": 0.4})
+    poor = Imaged(lengths={"shank_r": 0.4}, off={"ankle_r": 0.006, "hip_r": 0.001})
+    usual = people.image_centre
+    assert measure_imaged(plain, people)["shank_r"] == pytest.approx((0.4, np.hypot(usual, usual)))
+    assert measure_imaged(poor, people)["shank_r"] == pytest.approx((0.4, np.hypot(usual, 0.006)))
+    assert poor.deviate_centre("hip_l", people) == people.image_hip

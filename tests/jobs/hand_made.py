@@ -71,7 +71,9 @@ TOUCH = replace(
             where=("torso",),
             columns=(),
             trials=("squat",),
-            change=Contact("torso", 0.5, 1.5, (0.05, 0.3, 0.0), tuple(NOISE)),
+            change=Contact(
+                segment="torso", start_s=0.5, end_s=1.5, point=(0.05, 0.3, 0.0), noise=tuple(NOISE)
+            ),
         ),
         [],
         [],

@@ -117,7 +117,7 @@ TOUCH = Estimate(
         where=("torso",),
         columns=(),
         trials=("sway",),
-        change=Contact("torso", 0.5, 1.5, (0.0,) * 3, tuple(NOISE)),
+        change=Contact(segment="torso", start_s=0.5, end_s=1.5, point=(0.0,) * 3, noise=tuple(NOISE)),
     ),
     np.zeros(0),
 )

@@ -54,7 +54,9 @@ def test_the_force_inferred_is_the_one_that_was_measured(squat: tuple[Prepared, 
     start, end = (float(prepared.recordings[0].trial.times[k]) for k in (0, -1))
     contact = Candidate(
         kind="external_contact", where=("calcn_l",), columns=(), trials=("squats1",),
-        change=Contact("calcn_l", start, end, (0.05, 0.0, 0.0), tuple(NOISE)),
+        change=Contact(
+            segment="calcn_l", start_s=start, end_s=end, point=(0.05, 0.0, 0.0), noise=tuple(NOISE)
+        ),
     )  # fmt: skip
     found = fit_recordings(
         SearchContext(model=prepared.model, recordings=prepared.recordings),

@@ -112,7 +112,9 @@ def _make_contact(spell: Spell, segment: str, point: Array) -> Contact:
     start, end = float(item.times[0]), float(item.times[-1])
     if not is_throughout(item, spell.rows):
         (start, _), (end, _) = fit_edges(spell, item.residuals[:, :3])
-    return Contact(segment, start, end, (x, y, z), tuple(spell.noise.tolist()))
+    return Contact(
+        segment=segment, start_s=start, end_s=end, point=(x, y, z), noise=tuple(spell.noise.tolist())
+    )
 
 
 def _describe_contact(effect: Estimate, after: Fit) -> Mapping[str, float]:

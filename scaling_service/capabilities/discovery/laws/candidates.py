@@ -74,7 +74,7 @@ class Exchange:
     end_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
     """An unmeasured contact from one time to another (s), at a point of a segment (m, in its frame)."""
 

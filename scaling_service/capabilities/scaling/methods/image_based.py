@@ -318,7 +318,8 @@ def _state_deviations(found: Calibration, evidence: ImageEvidence) -> Calibratio
             sizes[segment] = SegmentSize(
                 dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
             )
-    centres = {f"hip_{s}": EstimatedCentre("image", (people.image_hip,) * 3) for s in sorted(imaged.hips)}
+    hips = [f"hip_{side}" for side in sorted(imaged.hips)]
+    centres = {hip: EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips}
     return replace(found, sizes=sizes, centres={**found.centres, **centres})
 
 

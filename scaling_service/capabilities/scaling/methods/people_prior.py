@@ -47,6 +47,18 @@ class Imaged:
     lengths: Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
     segments: frozenset[str] = frozenset()  # that lie in the image
     markers: frozenset[str] = frozenset()
+    off: Mapping[str, float] = field(default_factory=dict)
+    """Deviations that the image's surfaces leave, along each axis: of centres (``hip_r`` …), m, and of joints
+    with an imaged axis, rad; what is not there is as good as images usually are."""
+
+    def deviate_centre(self, centre: str, people: People) -> float:
+        """Standard deviation of an imaged centre along each axis, m: the image's, at least what is usual."""
+        usual = people.image_hip if centre.startswith("hip_") else people.image_centre
+        return max(usual, self.off.get(centre, 0.0))
+
+    def deviate_axis(self, joint: str, people: People) -> float:
+        """The same of a joint's axis, rad, about each of the segment's others."""
+        return max(people.image_axis_sd, self.off.get(joint, 0.0))
 
     def tells(self, model: BodyModel, name: str) -> bool:
         """Whether images gave this parameter's value (``scale.femur_r``, ``axis.knee_r.x`` …)."""
@@ -81,14 +93,21 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
         if (name == "inter_hip" and pelvis and {"hip_r", "hip_l"} <= evidence.centres.keys())
         or (name[:-2] in ("femur", "shank") and parts[name[-1]][name.startswith("shank")] in own)
     }
+    knees = {
+        side: model.segment(shank).joint_name
+        for side, (femur, shank) in parts.items()
+        if femur in lying and shank is not None
+    }
     return Imaged(
         pelvis=pelvis,
         hips=frozenset(side for side in "rl" if pelvis and f"hip_{side}" in evidence.centres),
-        knees=frozenset(
-            model.segment(shank).joint_name
-            for femur, shank in parts.values()
-            if femur in lying and shank is not None
-        ),
+        knees=frozenset(knees.values()),
+        off={name: size / np.sqrt(3.0) for name, size in evidence.deviations.items()}
+        | {
+            joint: evidence.axis_deviations[f"knee_{side}"] / np.sqrt(2.0)
+            for side, joint in knees.items()
+            if f"knee_{side}" in evidence.axis_deviations
+        },
         lengths=lengths,
         segments=lying,
         markers=frozenset(name for name, (segment, _) in evidence.markers.items() if segment in lying),
@@ -97,10 +116,13 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
 
 def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, float]]:
     """Dimensions that images show and their standard deviations, m."""
-    hip, other = people.image_hip, people.image_centre
-    sds = {"inter_hip": np.hypot(hip, hip), "femur": np.hypot(hip, other), "shank": np.hypot(other, other)}
+    ends = {"inter_hip": ("hip_r", "hip_l")} | {
+        f"{length}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
+        for length, upper, lower in (("femur", "hip", "knee"), ("shank", "knee", "ankle"))
+        for side in "rl"
+    }
     return {
-        name: (length, float(sds[name if name in sds else name[:-2]]))
+        name: (length, float(np.linalg.norm([imaged.deviate_centre(end, people) for end in ends[name]])))
         for name, length in imaged.lengths.items()
     }
 
@@ -233,7 +255,8 @@ def expect_hips(
     """
     if imaged.pelvis:
         for side in sides:
-            apart = people.image_hip if side in imaged.hips else _MODEL_HIP_M
+            own = imaged.deviate_centre(f"hip_{side}", people)
+            apart = own if side in imaged.hips else _MODEL_HIP_M
             prior.add_values([f"centre.hip_{side}.{a}" for a in LETTERS], np.zeros(3), apart**2 * np.eye(3))
         return
     names = [f"centre.hip_{side}.{letter}" for side in sides for letter in LETTERS]

@@ -227,7 +227,7 @@ def _free(
         expect_hips(prior, model, pelvis, tuple(hips), people, expected, imaged, told)
     for joint in knees:
         turns = [f"axis.{joint}.x", f"axis.{joint}.y"]
-        sd = people.image_axis_sd if joint in imaged.knees else people.knee_axis_sd
+        sd = imaged.deviate_axis(joint, people) if joint in imaged.knees else people.knee_axis_sd
         prior.add_values(turns, np.zeros(2), sd**2 * np.eye(2))
     expect_places(prior, shown, people, expected, imaged, told)
     for segment, own in drivers.items():

@@ -13,6 +13,7 @@ from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     Following,
     MethodEvidence,
+    Moment,
     Verdict,
 )
 from scaling_service.capabilities.scaling.comparison.verdict import STRANGE, judge
@@ -76,6 +77,10 @@ def test_what_people_say_more_of_than_recordings_is_leant_on() -> None:
     ("found", "said"),
     [
         (verdict(replace(MAP, skin=1.01 * STRANGE)), "mislabelled or strayed"),
+        (
+            verdict(replace(MAP, skin=1.01 * STRANGE, worst=Moment("RLFE", "walk", 1.2, 0.074))),
+            "markers (RLFE is farthest, 74 mm in walk at 1.20 s), loose clothing",
+        ),
         (verdict(replace(MAP, lengths={"femur_r": 0.6}), usual_lengths={"femur_r": 0.43}), "unusual for"),
         (verdict(MB, EB), "MAP was not computed"),
     ],

@@ -17,7 +17,7 @@ from scaling_service.files.trc import read_trc
 from scaling_service.model.document import from_document
 from scaling_service.virtual.example import SLIDING, SWAPPED
 from tests.jobs.hidden_case import found, session
-from tests.report.reading import data, read
+from tests.report.reading import held, read
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +99,8 @@ def test_the_report_tells_the_story(folder: Path, document: DiscoveryDocument) -
     html = (folder / "report.html").read_text(encoding="utf-8")
     assert document.headline in html
     assert document.effects[0].name.split(":")[0] in html
-    (held,) = data(read(html))
-    assert "scene/scene.json" in held["files"]
+    inside = held(read(html))
+    assert "scene/scene.json" in inside["files"]
 
 
 def test_nothing_found_is_a_page_too(document: DiscoveryDocument) -> None:

@@ -14,7 +14,7 @@ from scaling_service.capabilities.scaling.saving import save
 from scaling_service.cli import main
 from tests.jobs.conftest import UNSMOOTHED
 from tests.jobs.reported import MOST_BYTES
-from tests.report.reading import data, read
+from tests.report.reading import held, read
 
 
 @pytest.fixture
@@ -80,8 +80,8 @@ def test_a_real_person_with_bones(shared_data: Path, tmp_path: Path) -> None:
     save(results, tmp_path / "out")
     html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert len(html.encode()) < MOST_BYTES
-    (held,) = data(read(html))
-    assert {"scene/scene.json", "scene/EB.glb"} <= set(held["files"])
+    inside = held(read(html))
+    assert {"scene/scene.json", "scene/EB.glb"} <= set(inside["files"])
     written = json.loads((tmp_path / "out" / "EB" / "scaling.json").read_text(encoding="utf-8"))
     assert {"bones.glb", "bones/femur_r.stl", "bones/pelvis.stl", "bones/tibia_r.stl"} <= set(
         written["files"]

@@ -27,7 +27,7 @@ from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.jobs.reported import MOST_BYTES, document_of, html_of, page_of, without
-from tests.report.reading import Node, data, tables
+from tests.report.reading import Node, held, tables
 from tests.report.test_tables import NASTY
 
 LONGEST_S = 3.0
@@ -41,8 +41,8 @@ def demo() -> tuple[Results, TruthDocument]:
 
 def played(root: Node) -> dict[str, Any]:
     """The scene within a report."""
-    (held,) = data(root)
-    scene: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(held["files"]["scene/scene.json"])))
+    inside = held(root)
+    scene: dict[str, Any] = json.loads(gzip.decompress(base64.b64decode(inside["files"]["scene/scene.json"])))
     return scene
 
 
@@ -166,4 +166,4 @@ def test_names_from_files_stay_text(results: Results) -> None:
     root = page_of(hostile)
     assert NASTY in root.all("h1")[0].text
     assert NASTY in root.all("main")[0].text
-    assert len(root.all("script")) == 2
+    assert len(root.all("script")) in (0, 2)  # none without the web page

@@ -9,7 +9,7 @@ from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.saving import save_dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from tests.jobs.force_laboratory import force_laboratory
-from tests.report.reading import Node, data, read
+from tests.report.reading import Node, held, read
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +32,8 @@ def tables(root: Node) -> dict[str, list[list[str]]]:
 
 
 def test_the_residuals_over_time_are_inside(written: tuple[DynamicsDocument, Node]) -> None:
-    (held,) = data(written[1])
-    assert set(held["files"]) == {
+    inside = held(written[1])
+    assert set(inside["files"]) == {
         "scene/residuals.json",
         "scene/sway.residual.f32",
         "scene/swing.residual.f32",

@@ -30,6 +30,16 @@ class Following:
     max: float
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Where and when a marker is farthest from a model's, m and s."""
+
+    marker: str
+    trial: str
+    time: float
+    distance: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MethodEvidence:
     """What is known of one method's model.
@@ -37,6 +47,7 @@ class MethodEvidence:
     ``from_images``: whether its lengths and joint centres come from images alone.
     ``skin``: how much its markers move over its bones against what skin does in ordinary people; None for
         a method that does not estimate it.
+    ``worst``: the moment of the largest distance over all trials; None where nothing was seen.
     ``fitted``, ``held_out``: on the trials that it may have been fitted to, and on those that it was not.
     ``lengths``: ``femur_r`` … to m.
     ``length_sds``, ``centre_sds``: ``femur_r`` …, ``hip_r`` … to standard deviations, m, where they are
@@ -48,6 +59,7 @@ class MethodEvidence:
     method: str
     from_images: bool = False
     skin: float | None = None
+    worst: Moment | None = None
     fitted: Following | None = None
     held_out: Following | None = None
     lengths: Mapping[str, float] = field(default_factory=dict)

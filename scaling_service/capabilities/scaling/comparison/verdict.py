@@ -13,6 +13,7 @@ from typing import Literal
 from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     MethodEvidence,
+    Moment,
     Strength,
     Verdict,
 )
@@ -86,11 +87,19 @@ def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
     if chosen.skin is not None and chosen.skin > STRANGE:
         yield (
             f"Markers move {chosen.skin:.1f} times as much over the bones as skin ordinarily does: look for "
-            "mislabelled or strayed markers, loose clothing, or a body that the model does not describe."
+            f"mislabelled or strayed markers{_describe_moment(chosen.worst)}, loose clothing, or a body that "
+            "the model does not describe."
         )
     odd = list_unusual(chosen.lengths, evidence.usual_lengths)
     if odd:
         yield f"{_describe_unusual(odd)} Check height, units and labels."
+
+
+def _describe_moment(worst: Moment | None) -> str:
+    if worst is None:
+        return ""
+    distance = f"{1e3 * worst.distance:.0f} mm"
+    return f" ({worst.marker} is farthest, {distance} in {worst.trial} at {worst.time:.2f} s)"
 
 
 def _describe_unusual(lengths: tuple[str, ...]) -> str:

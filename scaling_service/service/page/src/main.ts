@@ -4,13 +4,14 @@
  * |-----------|------------------------------------------------------------------------------------|
  * | `api`     | requests to the service, its keys, events and problems                              |
  * | `ui`      | elements, tables, choices, dialogs, colours, words; text never becomes HTML         |
- * | `charts`  | figures: descriptions for ECharts, their being saved                                |
+ * | `charts`  | figures: descriptions for plotly, their being saved                                 |
  * | `space`   | the stage in space and what stands on it (three)                                    |
  * | `scene`   | what is played back: arrays in files, playback, the map of the error                |
  * | `intake`  | what is dropped: files, subject files, cohorts                                      |
  * | `imports` | the proof of a subject's files, and their correction                                |
  * | `views`   | one for each place: start, subjects, import, run, jobs, cohort                      |
  * | `results` | one for each kind of result                                                         |
+ * | `report`  | another beginning: the results alone, within a file that holds what they show       |
  */
 
 import { part } from "./api/connection.ts";

@@ -15,9 +15,9 @@ import { apply } from "../ui/theme.ts";
 import { answer, besides, held, OWN } from "./answers.ts";
 
 const report = held();
-const static_ = document.querySelector("main");
+const summary = document.querySelector("main");
 let leaving = new AbortController();
-let shown = static_;
+let shown = summary;
 
 async function go(): Promise<void> {
   leaving.abort();
@@ -40,7 +40,7 @@ function tell(error: unknown): void {
   if (isAbort(error)) return;
   if (!(error instanceof Problem)) console.error(error);
   shown?.append(problemBox(asProblem(error)));
-  if (static_ !== null && !static_.isConnected && shown !== static_) shown?.append(...static_.childNodes);
+  if (shown !== summary && shown?.querySelector(".tabs") === null) shown.append(...(summary?.childNodes ?? [])); // nothing came of the view
 }
 
 addEventListener("unhandledrejection", (event) => {

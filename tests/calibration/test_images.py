@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
-from scaling_service.capabilities.scaling.methods.people_prior import Imaged, measure_imaged
+from scaling_service.capabilities.scaling.methods.people_prior import Imaged, find_imaged, measure_imaged
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
@@ -164,3 +164,14 @@ def test_what_a_poor_image_leaves_open_widens_lengths() -> None:
     assert measure_imaged(plain, people)["shank_r"] == pytest.approx((0.4, np.hypot(usual, usual)))
     assert measure_imaged(poor, people)["shank_r"] == pytest.approx((0.4, np.hypot(usual, 0.006)))
     assert poor.deviate_centre("hip_l", people) == people.image_hip
+
+
+def test_deviations_of_centres_and_axes_of_one_name_stay_apart() -> None:
+    who = known(43)
+    image = replace(
+        imaged(who, TILTS_DEG), deviations={"knee_r": 0.003 * np.sqrt(3)}, axis_deviations={"knee_r": 0.1}
+    )
+    found = find_imaged(calibrate(replace(who.session, images=image), "EB"), image)
+    people = read_people()
+    assert found.deviate_centre("knee_r", people) == pytest.approx(0.003)
+    assert found.deviate_axis("knee_r", people) == pytest.approx(0.1 / np.sqrt(2))

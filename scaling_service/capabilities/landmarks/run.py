@@ -47,10 +47,10 @@ def landmark_bones(
 
     try:
         found = imaged.widen(find_landmarks(shapes, progress=starting))
-        notes = (*check_joined(found), *imaged.tell())
     except MeshRefused as error:
         file = bones.get(error.field or "", bones.get(SEGMENTATION))
         raise MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
+    notes = (*_ask_whether_joined(found), *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
         code_version=code_version(),
@@ -71,6 +71,14 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
         absent = [bone for bone in BONES if getattr(document, bone) is None]
         write_json(scratch / FILE_NAME, document, without=absent)
     return Path(folder) / FILE_NAME
+
+
+def _ask_whether_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
+    """What tells against one image of one person: told, as bones may each lie in a frame of their own."""
+    try:
+        return check_joined(found)
+    except MeshRefused as error:
+        return (f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",)
 
 
 def _digest(path: Path) -> str:

@@ -48,8 +48,9 @@ class Imaged:
     segments: frozenset[str] = frozenset()  # that lie in the image
     markers: frozenset[str] = frozenset()
     off: Mapping[str, float] = field(default_factory=dict)
-    """Deviations that the image's surfaces leave, along each axis: of centres (``hip_r`` …), m, and of joints
-    with an imaged axis, rad; what is not there is as good as images usually are."""
+    """Deviations that the image's surfaces leave of centres (``hip_r`` …) along each axis, m; what is absent
+    is as good as images usually are."""
+    turned: Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
 
     def deviate_centre(self, centre: str, people: People) -> float:
         """Standard deviation of an imaged centre along each axis, m: the image's, at least what is usual."""
@@ -58,7 +59,7 @@ class Imaged:
 
     def deviate_axis(self, joint: str, people: People) -> float:
         """The same of a joint's axis, rad, about each of the segment's others."""
-        return max(people.image_axis_sd, self.off.get(joint, 0.0))
+        return max(people.image_axis_sd, self.turned.get(joint, 0.0))
 
     def tells(self, model: BodyModel, name: str) -> bool:
         """Whether images gave this parameter's value (``scale.femur_r``, ``axis.knee_r.x`` …)."""
@@ -102,8 +103,8 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
         pelvis=pelvis,
         hips=frozenset(side for side in "rl" if pelvis and f"hip_{side}" in evidence.centres),
         knees=frozenset(knees.values()),
-        off={name: size / np.sqrt(3.0) for name, size in evidence.deviations.items()}
-        | {
+        off={name: size / np.sqrt(3.0) for name, size in evidence.deviations.items()},
+        turned={
             joint: evidence.axis_deviations[f"knee_{side}"] / np.sqrt(2.0)
             for side, joint in knees.items()
             if f"knee_{side}" in evidence.axis_deviations

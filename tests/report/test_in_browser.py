@@ -111,6 +111,8 @@ def test_it_fits_a_phone(open_report: Open, place: str) -> None:
     visitor = open_report(f"#/jobs/report/{place}", viewport={"width": 390, "height": 844})
     visitor.page.wait_for_selector("nav.tabs")
     assert visitor.page.evaluate(TOO_WIDE) <= 0
+    if place == "verdict":
+        assert visitor.page.locator(".table").first.evaluate("it => it.scrollWidth - it.clientWidth") <= 0
 
 
 def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:

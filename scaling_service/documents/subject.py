@@ -161,7 +161,9 @@ class Bones(_Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _refuse_other_bones(cls, value: object) -> object:
+    def _check_bones(cls, value: object) -> object:
+        if isinstance(value, Mapping) and "units" not in value and set(value) != {"segmentation"}:
+            raise _make_error("the unit of the surfaces is missing", "Add `units:`, mm or m", "units")
         for name in value if isinstance(value, Mapping) else ():
             if isinstance(name, str) and _OTHER_BONES.search(name):
                 raise _make_error(

@@ -12,9 +12,12 @@ from typer.testing import CliRunner
 from scaling_service.bones.images import assemble, read_bones
 from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.whole import find_landmarks
+from scaling_service.capabilities.subject.loading import gather_images
+from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.cli.app import app
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.segmentation import read_segmentation
+from scaling_service.model.builtin import load_builtin
 from tests.bones import bones
 from tests.bones.bones import Mesh
 from tests.bones.labels import write_labels
@@ -117,3 +120,19 @@ def test_what_does_not_say_its_side_or_is_no_bone_is_refused(tmp_path: Path) -> 
     (tmp_path / "broken.nii").write_bytes(b"no image")
     with pytest.raises(FileUnreadable, match="cannot be read as NIfTI"):
         read_segmentation(tmp_path / "broken.nii")
+
+
+def test_a_subject_may_give_a_segmentation(legs: Path) -> None:
+    file = legs.with_name("subject.yaml")
+    file.write_text(
+        "subject: {id: S}\nmodel: lower_limb_14dof\ntrials: {static: stand.trc}\n"
+        "bones: {segmentation: legs.nii.gz}\n"
+    )
+    (legs.parent / "stand.trc").write_text("")
+    subject = load_subject(file)
+    assert subject.bones == {"segmentation": legs}
+    evidence, notes = gather_images(subject, load_builtin("lower_limb_14dof"))
+    assert evidence is not None
+    assert {"hip_r", "knee_l", "ankle_r"} <= evidence.centres.keys() == evidence.deviations.keys()
+    assert set(evidence.bones) == {"femur_r", "femur_l", "tibia_r", "tibia_l"}
+    assert any("spleen" in note for note in notes)

@@ -18,7 +18,6 @@ def test_types(npm: Path | None, tmp_path: Path) -> None:
     web = tmp_path / "service" / "page"
     shutil.copytree(WEB / "src", web / "src")
     shutil.copy(WEB / "tsconfig.json", web)
-    shutil.copytree(WEB.parents[1] / "report" / "assets", tmp_path / "report" / "assets")
     (web / "node_modules").symlink_to(npm)
     program, _ = node()
     command = [str(program), str(npm / "typescript" / "bin" / "tsc"), "--noEmit"]

@@ -111,6 +111,8 @@ def test_it_fits_a_phone(open_report: Open, place: str) -> None:
     visitor = open_report(f"#/jobs/report/{place}", viewport={"width": 390, "height": 844})
     visitor.page.wait_for_selector("nav.tabs")
     assert visitor.page.evaluate(TOO_WIDE) <= 0
+    if place == "verdict":
+        assert visitor.page.locator(".table").first.evaluate("it => it.scrollWidth - it.clientWidth") <= 0
 
 
 def test_without_javascript_the_summary_is_read(open_report: Open, headline: str) -> None:
@@ -132,3 +134,14 @@ def test_the_result_is_saved_as_it_is(open_report: Open, report: Path) -> None:
         visitor.press("The result as JSON")
     content = json.loads(Path(saved.value.path()).read_text(encoding="utf-8"))
     assert content == json.loads(report.with_name("comparison.json").read_text(encoding="utf-8"))
+
+
+def test_a_view_that_fails_leaves_the_summary(browser: Any, report: Path, headline: str) -> None:
+    broken = report.with_name("broken.html")
+    text = report.read_text(encoding="utf-8")
+    broken.write_text(text.replace('"methods":{"', '"nothing":{"', 1), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(broken.as_uri())
+    page.get_by_text("The page has a defect").wait_for()
+    assert headline in page.locator("main").inner_text()
+    page.close()

@@ -40,17 +40,24 @@ function tell(error: unknown): void {
   if (isAbort(error)) return;
   if (!(error instanceof Problem)) console.error(error);
   shown?.append(problemBox(asProblem(error)));
-  if (shown !== summary && shown?.querySelector(".tabs") === null) shown.append(...(summary?.childNodes ?? [])); // nothing came of the view
+}
+
+/** Show a place; the summary where its view fails. */
+function show(): void {
+  void go().catch((error: unknown) => {
+    tell(error);
+    if (!isAbort(error) && shown !== summary) shown?.append(...(summary?.childNodes ?? []));
+  });
 }
 
 addEventListener("unhandledrejection", (event) => {
   event.preventDefault();
   tell(event.reason);
 });
-addEventListener("hashchange", () => void go().catch(tell));
+addEventListener("hashchange", show);
 
 answerWith((path, asked) => answer(report, path, asked));
 apply();
 document.querySelector("header")?.append(themeButton());
 // What is there already is painted first.
-requestAnimationFrame(() => setTimeout(() => void go().catch(tell)));
+requestAnimationFrame(() => setTimeout(show));

@@ -176,7 +176,7 @@ def discovers(visitor: Visitor, look: Look) -> None:
     visitor.follow("example")
     visitor.page.get_by_role("link", name="Search for the missing effect").click()
     visitor.sees("2 missing effects were found")
-    visitor.sees("Markers: what is left over, and its floor")
+    visitor.sees("Markers: what is left over, and what is ordinary")
     look()
     visitor.page.get_by_text("What had been hidden in this virtual person").click()
     visitor.sees("LLM, LMM: two labels are exchanged for a while, in knee_l only: start 2 s, end 2.6 s")

@@ -93,12 +93,12 @@ def require_long(surface: Surface, bone: str) -> None:
         )
 
 
-_FIBULA_LENGTH = 0.6
-"""Least ratio of both bones' lengths: whole ones 0.95-1.0; at the ankle the fibula reaches lower by a
-quarter of a piece of 4 cm. Chosen."""
+_FIBULA_LENGTH = 0.45
+"""Least ratio of both bones' lengths: whole ones 0.95-1.0; at the ankle the fibula reaches 10-15 mm lower,
+half of a tibia of 25 mm, and a tilted cut takes more. Chosen."""
 _FIBULA_BESIDE = 0.6  # chosen: least share of the shorter bone that lies beside the other
-_ELONGATED = 1.5  # chosen: least length over width of a bone whose own long axis is its shaft's
-_ANKLE_M = 0.025  # chosen: the least of a shank that holds both malleoli
+_ELONGATED = 2.0  # chosen: least length over width of a bone whose own long axis is its shaft's
+_ANKLE_M = 0.02  # chosen: the least of a shank that holds both malleoli
 _FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
 _NO_LENGTH_M = 1e-9
 _FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen

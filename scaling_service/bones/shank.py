@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.cuts import is_cut
+from scaling_service.bones.cuts import find_cut_plane, is_cut
 from scaling_service.bones.pieces import Shank
 from scaling_service.bones.results import MeshRefused, Side
 from scaling_service.bones.surface import Surface
@@ -20,7 +20,7 @@ PLATEAU_WIDTH_M = (0.045, 0.11)  # width of a plateau from a child to a giant; a
 WIDER = 1.2  # least ratio of the ends' widths: chosen, a plateau is 1.4-1.8 times as wide as the ankle end
 
 _BEHIND_M = 5e-3  # chosen: the fibula's head lies 10-25 mm behind the middle of the plateau
-_ELONGATED = 1.5  # chosen: least length over thickness of a tibia whose own long axis is its shaft's
+_ELONGATED = 2.0  # chosen: least length over thickness of a tibia whose own long axis is its shaft's
 
 _SHORT_OF_M = {"knee": (0.013, 0.005), "ankle": (-0.008, 0.005)}
 """How far the fibula ends short of the tibia, mean and deviation: its head 10-15 mm below the plateau, its
@@ -84,7 +84,7 @@ def measure_width(surface: Surface, axis: Array, chosen: Mask) -> float:
 
 
 def _find_shaft(tibia: Surface, fibula: Surface | None) -> Array:
-    """Along the shank; of a piece shorter than it is thick the fibula tells, which is thin."""
+    """Along the shank; of a piece hardly longer than thick between the fibula, which is thin, and its cut."""
     own = tibia.widest_direction()
     if fibula is None:
         return own
@@ -92,7 +92,11 @@ def _find_shaft(tibia: Surface, fibula: Surface | None) -> Array:
     thickness = 2.0 * float(np.linalg.norm(across - across.mean(axis=0), axis=1).max())
     if float(np.ptp(tibia.smooth @ own)) > _ELONGATED * thickness:
         return own
-    return fibula.widest_direction()
+    thin, normal = fibula.widest_direction(), find_cut_plane(tibia)
+    if normal is None:
+        return thin
+    both = normal + thin * np.sign(thin @ normal)
+    return np.asarray(both / np.linalg.norm(both))
 
 
 def _tell_end(tibia: Surface, fibula: Surface | None, outward: Array) -> str:

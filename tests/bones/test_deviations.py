@@ -121,3 +121,23 @@ def test_worse_meshes_and_shorter_lines_deviate_more() -> None:
     for name, size in plain.deviations.items():
         assert worse.deviations[name] > size, name
     assert deviate_line(0.05, 1e-3) == pytest.approx(2.0 * deviate_line(0.1, 1e-3))
+
+
+@pytest.mark.parametrize("person", list(PERSONS))
+@pytest.mark.parametrize("reach_m", [0.05, 0.08])
+def test_the_end_of_a_shank_gives_the_malleoli_of_the_whole(
+    person: str, reach_m: float, shared_data: Path
+) -> None:
+    folder = shared_data / person / PERSONS[person]
+    if not (folder / FILES["tibia_r"]).is_file():
+        pytest.skip(f"no bones at {folder}")
+    mesh = read_mesh(folder / FILES["tibia_r"])
+    vertices = 1e-3 * mesh.vertices
+    whole = find_landmarks({"tibia_r": (vertices, mesh.faces)})["tibia_r"]
+    up = whole.points["fibula_head"] - whole.points["malleolus_lateral"]
+    level = (vertices - whole.points["malleolus_lateral"]) @ up / np.linalg.norm(up)
+    end = mesh.faces[(level < reach_m)[mesh.faces].all(axis=1)]
+    found = find_landmarks({"tibia_r": (vertices, end)})["tibia_r"]
+    assert {"plateau_medial", "fibula_head"} <= found.refused.keys()
+    for name in ("malleolus_medial", "malleolus_lateral", "ankle_centre"):
+        assert np.linalg.norm(found.points[name] - whole.points[name]) < 2 * found.deviations[name], name

@@ -221,10 +221,11 @@ def _read_entry(content: bytes, at: int, end: int, processor: Processor) -> _Ent
 def _read_value(
     content: bytes, at: int, size: int, shape: tuple[int, ...], count: int, processor: Processor
 ) -> list[Any]:
+    if not count:  # of an empty array's other lengths nothing would remain but lists, billions of them
+        return []
     if size == -1:
         width = shape[0] if shape else 1
-        texts = [content[k : k + width] for k in range(at, at + count, width)] if count else []
-        return [_decode_text(text) for text in texts]
+        return [_decode_text(content[k : k + width]) for k in range(at, at + count, width)]
     if size == 4:
         values = processor.read_reals(content, at, count)
     elif size == 2:

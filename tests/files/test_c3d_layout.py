@@ -284,6 +284,12 @@ def test_unsigned_analog_numbers(tmp_path):
     check_same(read_bytes(tmp_path, content), analog=analog)
 
 
+def test_an_empty_array_of_many_dimensions_takes_no_memory(tmp_path):
+    """Nested lists of a shape that ends in nothing would be more than any memory holds."""
+    spare = {("POINT", "SPARE"): np.zeros((255, 255, 255, 255, 255, 0))}
+    check_same(read_bytes(tmp_path, make_c3d(POINTS, LABELS, ANALOG, parameters=spare)))
+
+
 @given(st.data())
 @settings(SHARED_FOLDER, max_examples=400)
 def test_one_flipped_bit_changes_nothing_is_said_or_refused(tmp_path, data):

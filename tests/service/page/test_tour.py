@@ -183,7 +183,7 @@ def discovers(visitor: Visitor, look: Look) -> None:
     visitor.follow("2. What")
     visitor.sees("1. marker swap at LLM, LMM in knee_l")
     visitor.follow("3. With and without")
-    visitor.page.locator(".cursor").wait_for(state="attached")
+    visitor.page.locator(".cursor").first.wait_for(state="attached")
     assert visitor.page.get_by_role("checkbox", name="as given").is_checked()
     visitor.follow("4. On unseen data")
     visitor.sees("Held out: markers, mm")

@@ -107,9 +107,12 @@ function estimates({ estimates: all }: DiscoveryDocument): HTMLElement {
 /** What holds of the recording as a whole has no place. */
 const WHOLE = new Set(["world", "markers", "forces"]);
 
+/** Names in a row; those with commas of their own are kept apart. */
+const listed = (names: readonly string[]): string => names.join(names.some((name) => name.includes(",")) ? "; " : ", ");
+
 /** An effect in a line: what, where, along with what, in which recording. */
 function placed({ kind, where, driver, trials, note }: PlacedEffect): string {
   const places = where.filter((name) => !WHOLE.has(name)).map(words);
-  const following = driver.length === 0 ? "" : ` with ${driver.map(words).join("; ")}`;
-  return `${kind.replaceAll("_", " ")}${places.length === 0 ? "" : ` at ${places.join("; ")}`}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
+  const following = driver.length === 0 ? "" : ` with ${listed(driver.map(words))}`;
+  return `${kind.replaceAll("_", " ")}${places.length === 0 ? "" : ` at ${listed(places)}`}${following}${trials === null ? "" : ` in ${trials.join(", ")}`}${note === "" ? "" : ` (${note})`}`;
 }

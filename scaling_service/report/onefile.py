@@ -10,7 +10,8 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from html import escape
@@ -93,10 +94,13 @@ class Report:
         return f'<script type="application/json" id="held">{text.replace("<", chr(92) + "u003c")}</script>'
 
 
-def read_files(folder: Path) -> dict[str, bytes]:
-    """All files below a folder, by their names relative to it."""
-    paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+def collect_files(write: Callable[[Path], object]) -> dict[str, bytes]:
+    """All that is written into a folder of its own, by names relative to it."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(folder)
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def _pack(content: bytes) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -236,9 +237,9 @@ def test_nothing_is_written_beside_a_folder_that_is_there(
     places: list[Path] = []
     original = writing.tempfile.mkdtemp
 
-    def mkdtemp(suffix: str | None = None, prefix: str | None = None, dir: Path | None = None) -> str:  # noqa: A002 (the library's own name)
-        places.extend([dir] if dir is not None else [])  # else the system's own place
-        return original(suffix=suffix, prefix=prefix, dir=dir)
+    def mkdtemp(*given: Any, **named: Any) -> str:
+        places.extend([named["dir"]] if "dir" in named else [])  # else the system's own place
+        return original(*given, **named)
 
     monkeypatch.setattr(writing.tempfile, "mkdtemp", mkdtemp)
     save(results, used)

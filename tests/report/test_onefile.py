@@ -12,7 +12,7 @@ import pytest
 
 from scaling_service.documents.results import TrustNote
 from scaling_service.report import onefile
-from scaling_service.report.onefile import Report, read_files
+from scaling_service.report.onefile import Report, collect_files
 from scaling_service.report.summary import Summary
 from tests.report.reading import Node, data, read
 from tests.report.test_tables import NASTY
@@ -95,7 +95,9 @@ def test_without_the_page_it_is_the_summary_and_says_so(
     assert "script-src 'none'" in str([m.attributes for m in root.all("meta")])
 
 
-def test_files_of_a_folder_by_their_names(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "b.txt").write_bytes(b"1")
-    assert read_files(tmp_path) == {"a/b.txt": b"1"}
+def test_what_is_written_is_collected_by_its_names() -> None:
+    def write(folder: Path) -> None:
+        (folder / "a").mkdir()
+        (folder / "a" / "b.txt").write_bytes(b"1")
+
+    assert collect_files(write) == {"a/b.txt": b"1"}

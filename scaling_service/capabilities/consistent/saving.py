@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -32,7 +31,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.report.onefile import Report, read_files
+from scaling_service.report.onefile import Report, collect_files
 
 FILE_NAME = "consistent.json"
 WRENCHES_FILE = f"{FOLDER}/wrenches.json"
@@ -57,9 +56,7 @@ def save_consistent(
 
 def _make_report(results: ConsistentResults, document: ConsistentDocument) -> Report:
     """``report.html``: the result's views with the ground wrench over time."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_wrenches(results, Path(folder), brief=True)
-        files = read_files(Path(folder))
+    files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
     return Report(
         kind="consistent",
         name=FILE_NAME,

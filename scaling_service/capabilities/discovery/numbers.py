@@ -78,11 +78,3 @@ def format_quantity(name: str, quantity: QuantityDocument, *, spread: bool = Fal
         return f"{stem} {quantity.value:.3g}{unit}".strip()
     digits = max(0, 1 - math.floor(math.log10(sd)))
     return f"{stem} {quantity.value:.{digits}f} ± {sd:.{digits}f}{unit}".strip()
-
-
-def format_interval(quantity: QuantityDocument) -> str:
-    """95 % interval of a number; a dash where its spread is not known."""
-    if quantity.sd is None or isinstance(quantity.value, tuple):
-        return "–"
-    half = _NORMAL_95 * quantity.sd
-    return f"{format_figures(quantity.value - half)} to {format_figures(quantity.value + half)}"

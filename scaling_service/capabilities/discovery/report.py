@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 from scaling_service.capabilities.discovery import text
 from scaling_service.capabilities.discovery.document import FILE_NAME, DiscoveryDocument, EffectDocument
 from scaling_service.capabilities.discovery.playing import write_discovery_scene
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.core.text import list_few
-from scaling_service.report.onefile import Report, read_files
+from scaling_service.report.onefile import Report, collect_files
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 
@@ -20,9 +17,7 @@ _MOST_LEFT = 12  # places with something left over (chosen); discovery.json has 
 
 def make_report(results: DiscoverResults, document: DiscoveryDocument) -> Report:
     """The search's views with the models in all recordings; ``document`` is ``discovery.json``."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_discovery_scene(results, Path(folder), INSIDE)
-        files = read_files(Path(folder))
+    files = collect_files(lambda folder: write_discovery_scene(results, folder, INSIDE))
     return Report(
         kind="discovery",
         name=FILE_NAME,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD, hold_markers
 from scaling_service.model.inertia import sum_mass
-from scaling_service.report.onefile import Report, read_files
+from scaling_service.report.onefile import Report, collect_files
 
 FILE_NAME = "dynamics.json"
 
@@ -91,9 +90,7 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
 
 def _make_report(results: DynamicsResults, document: DynamicsDocument) -> Report:
     """``report.html``: the check's views with the residuals over time."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_residuals(results, Path(folder), brief=True)
-        files = read_files(Path(folder))
+    files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
     return Report(
         kind="dynamics",
         name=FILE_NAME,

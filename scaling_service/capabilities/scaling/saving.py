@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -65,7 +64,7 @@ from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
-from scaling_service.report.onefile import Report, read_files
+from scaling_service.report.onefile import Report, collect_files
 
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
@@ -143,9 +142,7 @@ def save(
 
 def make_report(results: Results, document: ComparisonDocument) -> Report:
     """``report.html``: the comparison's views with the models in all recordings."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_results_scene(results, Path(folder), INSIDE)
-        files = read_files(Path(folder))
+    files = collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
     return Report(
         kind="scaling",
         name="comparison.json",

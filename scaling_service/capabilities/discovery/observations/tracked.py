@@ -20,8 +20,6 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Poses,
-    compute_jacobian,
-    order_by_frame,
     place_tree_markers,
     pose_links,
 )
@@ -128,15 +126,6 @@ class TrackedTrial:
     def residuals(self) -> Array:
         """Measured minus model, (n_frames, n_markers, 3), m; NaN where not seen."""
         return np.asarray(self.task.measured - self.places)
-
-    def pose_columns(self, rows: slice) -> Array:
-        """What the coordinates do to the markers in some frames, by floors, (n, n_free, 3 n_markers)."""
-        tree, free = self.task.tree, np.flatnonzero(self.task.free)
-        poses = pose_links(tree, np.ascontiguousarray(self.q[rows].T), self.task.p)
-        rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), free)
-        white = order_by_frame(rates)
-        white *= (np.repeat(self.seen[rows], 3, axis=1) / np.repeat(self.floor, 3))[:, None]
-        return white
 
     def inertial_loads(self, gravity: Array, cutoff_hz: float) -> InertialLoads:
         """What the motion needs of the ground under a gravity (3,), m/s2."""

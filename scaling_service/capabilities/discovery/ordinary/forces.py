@@ -193,7 +193,7 @@ class WrenchTable:
                 columns[:, :, k] = made[:, :, place[key.load]]
         measured = item.move_moment(item.filter(item.measured))[used]
         moved = measured.std(axis=0) if len(used) else np.zeros(6)
-        sd = np.hypot(expect_noise(item.mass), _OF_MOVEMENT * moved)
+        sd = np.hypot(NOISE * item.mass / _OF_KG, _OF_MOVEMENT * moved)
         weight = np.minimum(1.0, item.step * thin / (2.0 * _LASTING_S))
         shape = (len(used), 6)
         wide = np.broadcast_to(sd, shape), np.broadcast_to(weight, shape)
@@ -332,11 +332,6 @@ class WrenchTable:
     def explain(self, numbers: Sequence[int], size: Array) -> Array:
         """What some columns of a size make of the wrench, (n, 6)."""
         return np.asarray(self.columns[:, :, list(numbers)] @ size)
-
-
-def expect_noise(mass: float) -> Array:
-    """By what plates and motion of a person of some mass (kg) disagree, (6,), N and N m."""
-    return NOISE * mass / _OF_KG
 
 
 def measure_noise(table: WrenchTable, levels: Array) -> Array:

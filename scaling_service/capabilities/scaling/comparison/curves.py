@@ -181,15 +181,6 @@ def _list_moving(results: Results, trials: Sequence[Trial]) -> list[str]:
     return [name for name in _list_angles(results) if any(name in motion.estimated for motion in motions)]
 
 
-def _average_distance(motion: Motion) -> Array:
-    """Over the markers seen in each frame, m; NaN where none is seen."""
-    distances = motion.distances
-    seen = np.isfinite(distances)
-    counts = seen.sum(axis=1)
-    sums = np.where(seen, distances, 0.0).sum(axis=1)
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-
-
 def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:
     """Cut every method's joint angles at the strides that the markers show, and average them.
 

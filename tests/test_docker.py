@@ -112,7 +112,11 @@ def test_only_what_is_copied_is_sent_to_the_builder() -> None:
 
 
 def test_the_health_check_tells_who_answers() -> None:
-    assert health.main(f"tcp://127.0.0.1:{free_port()}") == 1
+    address = f"tcp://127.0.0.1:{free_port()}"
+    asked = subprocess.run(
+        [sys.executable, "-m", health.__name__, address], capture_output=True, text=True, check=False
+    )
+    assert (asked.returncode, asked.stderr.split()[:4]) == (1, [address, "does", "not", "answer"])
 
 
 def test_the_image_copies_what_there_is_and_ends_as_another_user() -> None:

@@ -50,7 +50,8 @@ def cluster(tmp_path: Path) -> Iterator[str]:
     with ExitStack() as stack:
         words = ("--host", "127.0.0.1", "--port", address.rpartition(":")[2], "--no-dashboard")
         stack.enter_context(dask("scheduler", *words, log=tmp_path / "scheduler.log"))
-        until(lambda: health.main(address) == 0)
+        asked = [sys.executable, "-m", health.__name__, address]
+        until(lambda: subprocess.run(asked, check=False).returncode == 0)
         for number in range(2):
             more = ("--nthreads", "6", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path))
             stack.enter_context(dask("worker", address, *more, log=tmp_path / f"worker_{number}.log"))

@@ -43,7 +43,8 @@ def test_a_method_is_as_far_off_as_the_posterior_has_it_and_its_model_says_so() 
     assert stated.angles is not None
     assert sandwich.angles is not None
     both = [np.nanmean(tracked.angles.sd["r"]["hip_internal_rotation"]) for tracked in (stated, sandwich)]
-    assert both[0] > both[1], "what is made of coordinates has the deviation, too"
+    # What is made of coordinates has the deviation, too
+    assert bool(both[0] > both[1]) is bool(departures[name] ** 2 > np.nanmedian(square))
 
 
 def test_without_a_posterior_nothing_is_added() -> None:

@@ -112,10 +112,17 @@ class Recurring:
         """A row for each effect."""
         count = len(self.document.subjects)
         rows = tuple(
-            (e.kind, ", ".join(e.where), round(e.log_odds, 1), f"{e.shown_by} of {count}", _say_sizes(e))
+            (
+                e.kind,
+                ", ".join(e.where),
+                round(e.log_odds, 1),
+                "yes" if e.named else f"no, below {USUAL.odds:g}",
+                f"{e.shown_by} of {count}",
+                _say_sizes(e),
+            )
             for e in self.document.effects
         )
-        return ResultTable("What recurs", ("kind", "where", "log_odds", "shown_by", "size"), rows)
+        return ResultTable("What recurs", ("kind", "where", "log_odds", "named", "shown_by", "size"), rows)
 
 
 def _say_sizes(entry: RecurringEntry) -> str:

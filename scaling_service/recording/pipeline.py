@@ -44,20 +44,21 @@ def process(
     in ``repairs``. Raises TrialUnusable if no marker is seen at all, or the unit cannot be told. Raises
     InputError if the cutoff does not suit the frame rate.
     """
-    chosen = settings or ProcessingSettings()
-    turned = orientation.apply(axes, trial)
-    if chosen.smoothing == "automatic" and turned.rate_hz < LEAST_RATE * chosen.cutoff_hz:
-        turned = turned.with_markers(turned.markers, _tell_not_smoothed(turned, chosen.cutoff_hz))
-    elif chosen.smoothing != "none":
-        turned = smooth(turned, chosen.cutoff_hz)
-    return fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
+    return clean(orientation.apply(axes, trial), clusters, settings or ProcessingSettings())
 
 
-def _tell_not_smoothed(trial: Trial, cutoff_hz: float) -> Repair:
-    detail = (
-        f"not smoothed: {trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
-    )
-    return Repair(what="not_smoothed", where=trial.name, detail=detail, frames=trial.n_frames)
+def clean(trial: Trial, clusters: Mapping[str, tuple[str, ...]], settings: ProcessingSettings) -> Trial:
+    """Smooth and fill a recording that is turned and in m already; see :func:`process`."""
+    cutoff_hz = settings.cutoff_hz
+    if settings.smoothing == "automatic" and trial.rate_hz < LEAST_RATE * cutoff_hz:
+        slow = f"{trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
+        told = Repair(
+            what="not_smoothed", where=trial.name, detail=f"not smoothed: {slow}", frames=trial.n_frames
+        )
+        trial = trial.with_markers(trial.markers, told)
+    elif settings.smoothing != "none":
+        trial = smooth(trial, cutoff_hz)
+    return fill(trial, clusters if settings.solidify else {}, longest_spline_s=settings.longest_spline_s)
 
 
 def smooth(trial: Trial, cutoff_hz: float) -> Trial:

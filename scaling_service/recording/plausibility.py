@@ -192,7 +192,7 @@ class MovedMarker:
     def __str__(self) -> str:
         here, there, left = (f"{1e3 * value:.0f} mm" for value in (self.here_m, self.there_m, self.left_m))
         return (
-            f"{self.trial}: {self.label} lies {here} from {self.neighbour}, and {there} in {self.other}, "
+            f"{self.label} lies {here} from {self.neighbour}, and {there} in {self.other}, "
             f"while the others on that segment keep their distances within {left}: it was knocked, stuck on "
             "again, or is another"
         )

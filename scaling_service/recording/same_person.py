@@ -75,7 +75,7 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
         size = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="another_person",
-            trial=trials[i].name,
+            place=trials[i].name,
             severity="refusal" if sure else "warning",
             problem=f"its bones are not those of {rival.name}, on the whole {size}: it is another person or "
             "another scale"

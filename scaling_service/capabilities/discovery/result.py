@@ -58,7 +58,7 @@ from scaling_service.capabilities.discovery.search.findings import (
 from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
+from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.limbs import (
     DrivenAxis,
     Skeleton,
@@ -18,7 +19,6 @@ from scaling_service.files.limbs import (
 from scaling_service.files.mjcf import write_mjcf
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.muscles import Musculature
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.wrench import GRAVITY
 

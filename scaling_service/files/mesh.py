@@ -14,8 +14,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.numerics.multibody.laws import Array
 
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""

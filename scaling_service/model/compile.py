@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -31,7 +32,6 @@ from scaling_service.numerics.multibody import surfaces
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import (
     NONE,
-    Array,
     Factor,
     Fixed,
     Link,

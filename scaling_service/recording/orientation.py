@@ -12,8 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+)
 from scaling_service.recording.plausibility import find_extremes, find_unit_factor
 
 CLEAR_SHARE = 0.75

@@ -14,10 +14,16 @@ from typing import TypeVar
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import Array, Relabelling, Repair, Trial, is_unlabelled
+from scaling_service.model.trial import (
+    Relabelling,
+    Repair,
+    Trial,
+    is_unlabelled,
+)
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import (
     LEG_PAIRS,

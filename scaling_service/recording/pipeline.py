@@ -7,9 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Array, Repair, Trial, repair_each
-from scaling_service.numerics.least_squares.problem import Mask, find_seen
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+    repair_each,
+)
+from scaling_service.numerics.least_squares.problem import (
+    find_seen,
+)
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import (
     fill_short_gaps,

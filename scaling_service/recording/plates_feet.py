@@ -13,9 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.forces import GroundForces, SegmentLoads
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import (
+    Repair,
+)
 from scaling_service.numerics.signals.filters import find_runs
 
 NOBODY = -1  # no foot
@@ -46,8 +49,6 @@ ALIKE = 0.3  # chosen: share of the largest load from which one is a foot's, and
 
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is noted (chosen: rolling at both ends)."""
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -18,6 +18,7 @@ import trimesh
 from trimesh.exchange.stl import export_stl
 
 from scaling_service.bones.whole import collect_evidence, find_landmarks
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
 from scaling_service.files.image_markers import COLUMNS
@@ -29,7 +30,6 @@ from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose, Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
 from scaling_service.virtual.bones.person import make_virtual_bones

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
 from scaling_service.model.body import BodyModel, Vector, to_vector
@@ -18,7 +19,6 @@ from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import scaling_service as ss
+from scaling_service.core.arrays import Array
 from scaling_service.model.builtin import load_builtin, lock_unmarked
-from scaling_service.numerics.multibody.laws import Array
 
 CHILDREN = ("HC030A", "HC031A", "HC032A", "HC033A", "HC036A", "HC038A")
 UPRIGHT_DEG = 10.0  # a person who walks leans less; with the freedom left, by up to 43

@@ -21,6 +21,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import ik, track
 from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.model.anatomy.secondary import list_secondary_rotations
 from scaling_service.model.body import BodyModel, Coordinate, Expectation, Joint, Law, Marker, Segment
@@ -28,7 +29,6 @@ from scaling_service.model.compile import compile_model, evaluate_law, list_para
 from scaling_service.model.document import from_document, to_document
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.capabilities.test_skin import HELD_OUT, true_rotations
 

@@ -11,10 +11,10 @@ from scaling_service.capabilities.discovery.effects.catalogue import propose_can
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_virtual_subject
 

@@ -18,12 +18,12 @@ from scaling_service.capabilities.intake.run import prove, prove_folder
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.core.arrays import Array
 from scaling_service.core.notes import LOOK
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
-from scaling_service.model.trial import Array
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 

@@ -26,7 +26,7 @@ from scaling_service.capabilities.cohort.document import (
     RankedPairEntry,
 )
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
-from scaling_service.model.results import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics.complete import (
     ComparisonImpossible,
     Panel,

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_marker, free_scale
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
 
 FRAMES = 200

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals.splines import Quadratic, Step, pack_band, solve_band
 
 STEPS = 15

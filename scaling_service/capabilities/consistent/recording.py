@@ -22,6 +22,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import DECIDES
 from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
 from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import GROUND, BodyModel, Segment
@@ -35,7 +36,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis

@@ -24,13 +24,13 @@ from scaling_service.capabilities.dynamics.saving import record_dynamics_provena
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
 from scaling_service.capabilities.playback.scene import FOLDER
+from scaling_service.core.arrays import Array
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.onefile import Report, collect_files
 
 FILE_NAME = "consistent.json"

@@ -26,11 +26,11 @@ from scaling_service.capabilities.motion.bones import (
 from scaling_service.capabilities.motion.run import TrackedTrial, track
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.secondary import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.body import BodyModel, Expectation, Law
 from scaling_service.model.compile import evaluate_law
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 
 _BEST = 0.02  # of the frames; chosen: a second of standing in a minute of movement
 _FEWEST = 3  # frames, and markers of a cluster, for which a rigid fit leaves a residual

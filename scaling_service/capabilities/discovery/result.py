@@ -59,10 +59,10 @@ from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
+from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law
-from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
 _UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}

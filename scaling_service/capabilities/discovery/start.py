@@ -26,6 +26,7 @@ from scaling_service.capabilities.kinetics.forces import (
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Mask
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
@@ -48,7 +49,6 @@ _NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded"
 _READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)
 _RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gone by then
 
-Mask = NDArray[np.bool_]
 
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 

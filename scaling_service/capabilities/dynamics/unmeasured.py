@@ -16,12 +16,12 @@ from scipy import ndimage
 from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, solve_inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.wrench import GRAVITY

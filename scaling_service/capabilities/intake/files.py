@@ -13,6 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -24,7 +25,9 @@ from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import (
+    Trial,
+)
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import compute_ground_forces

@@ -11,12 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+)
 from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import compute_ground_forces, orient_forces, synchronise

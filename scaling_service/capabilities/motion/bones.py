@@ -24,10 +24,10 @@ from scaling_service.capabilities.motion.uncertainty import (
     list_rigid_modes,
     split_frames,
 )
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Expectation
 from scaling_service.model.compile import to_piecewise
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 if TYPE_CHECKING:

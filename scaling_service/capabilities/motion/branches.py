@@ -14,7 +14,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Fixed,
+    Turn,
+)
 from scaling_service.numerics.multibody.tree import Tree
 
 Bounds = tuple[Array, Array]  # each (n_coordinates,)

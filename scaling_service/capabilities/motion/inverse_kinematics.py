@@ -29,13 +29,13 @@ from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.steady import COARSE_S, hold_steady
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss
 from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     MotionSolution,
     SweepSettings,

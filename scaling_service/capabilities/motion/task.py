@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
@@ -22,7 +23,11 @@ from scaling_service.model.compile import (
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Fixed,
+    Turn,
+)
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.sweep import is_articulated

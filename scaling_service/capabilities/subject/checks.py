@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
 from scaling_service.core.notes import LOOK, Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import (
+    Trial,
+)
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.faults import FAULTS
 

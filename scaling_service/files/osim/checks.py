@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Coordinate, Marker
 from scaling_service.model.compile import compile_constraints, compile_model
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 SAME = 1e-6

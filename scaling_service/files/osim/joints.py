@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term
 from scaling_service.model.compile import evaluate_law, evaluate_shape
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 Function = Callable[[float], float]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
 from scaling_service.files.osim.constraints import list_ends
@@ -27,7 +28,6 @@ from scaling_service.files.osim.library import (
 )
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
 from scaling_service.model.parameters import tilt_rotation
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
 _WRITTEN = "written.osim"  # in the worker's own scratch directory

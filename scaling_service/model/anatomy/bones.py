@@ -9,13 +9,13 @@ from typing import get_args
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.notes import Note
 from scaling_service.documents.subject import BoneName
 from scaling_service.model.anatomy.lengths import find_segment, list_chain
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames, pose_neutral_markers
-from scaling_service.numerics.multibody.laws import Array
 
 BONES: tuple[str, ...] = get_args(BoneName)
 """Bones of the pelvis and the legs, by the names of OpenSim's bodies."""

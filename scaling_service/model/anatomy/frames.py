@@ -18,7 +18,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 Side = Literal["r", "l"]
 SIDES: tuple[Side, ...] = ("r", "l")

@@ -12,6 +12,7 @@ from typing import get_args
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Segment, to_vector
 from scaling_service.model.inertia import (
@@ -23,7 +24,6 @@ from scaling_service.model.inertia import (
     to_matrix,
 )
 from scaling_service.model.poses import Frame, pose_neutral_frames
-from scaling_service.numerics.multibody.laws import Array
 
 ROLES = {
     "pelvis": "pelvis",

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, optimize
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     compute_jacobian,
     order_by_frame,

@@ -17,7 +17,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, follow_slopes
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    follow_slopes,
+)
 from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import (
     NONE,
-    Array,
     Factor,
     Fixed,
     Link,

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.numerics.multibody.laws import Array
 
 
 class ValueMissing(InputError):

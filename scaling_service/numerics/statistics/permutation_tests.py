@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _BATCH = 2**21
 """Numbers in the largest array of a batch (16 MB): chosen to stay near the processor's cache."""

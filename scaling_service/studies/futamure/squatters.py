@@ -9,6 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel, Marker
@@ -18,7 +19,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline

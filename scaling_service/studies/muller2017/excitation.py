@@ -14,6 +14,7 @@ import numpy as np
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
 from scaling_service.model.body import BodyModel, Marker, to_vector
@@ -23,7 +24,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers

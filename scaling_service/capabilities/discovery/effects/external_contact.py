@@ -22,7 +22,7 @@ from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
 from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
 from scaling_service.capabilities.kinetics.forces import find_feet
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 KIND = "external_contact"
 _FORCE_N_PER_KG = 5.0  # SD along an axis (chosen: half a body weight)

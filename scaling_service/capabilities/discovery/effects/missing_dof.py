@@ -21,7 +21,7 @@ from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.capabilities.discovery.ordinary.levels import weigh_level, weigh_marker
 from scaling_service.capabilities.discovery.ordinary.sums import White
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 KIND = "missing_dof"
 _EVERYDAY = {"rotation": math.radians(3.0), "translation": 0.004}

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import build_skew
 
 WANDER_M = {"foot": 0.06, "other": 0.02}

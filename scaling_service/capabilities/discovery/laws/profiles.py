@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Term
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True)

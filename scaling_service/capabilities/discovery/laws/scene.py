@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.discovery.laws.spots import find_turning_joints
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
-from scaling_service.numerics.multibody.laws import Array
 
 _SOFT = 0.2
 """Of the way from a joint to the segment's farthest marker: nearer, a marker sits on bone (chosen:

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Tree,
     compute_jacobian,

@@ -10,8 +10,8 @@ import numpy as np
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, Swinging
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull, simulate_oscillator
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

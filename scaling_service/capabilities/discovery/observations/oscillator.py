@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 

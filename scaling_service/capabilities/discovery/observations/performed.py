@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.observations.wrench import FEET, ContactAssignment, WrenchFit
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import repeat_default_pose
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth
 

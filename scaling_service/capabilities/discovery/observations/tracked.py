@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Poses,
     place_tree_markers,

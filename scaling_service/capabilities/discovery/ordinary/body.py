@@ -17,10 +17,10 @@ from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import JointSpot, MarkerSpot, SizeSpot, VolumeSpot
 from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
 from scaling_service.capabilities.discovery.ordinary.columns import Base, Spread
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Segment
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.numerics.multibody.laws import Array
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "legs": ("femur", "thigh", "tibia", "shank", "fibula", "patella", "calcn", "foot", "toes", "talus"),

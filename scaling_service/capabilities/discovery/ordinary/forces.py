@@ -32,7 +32,7 @@ from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
 from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
 """By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.

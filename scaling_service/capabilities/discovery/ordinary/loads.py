@@ -11,7 +11,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable, measure_noise
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 EVERYBODYS = ("wobbling_mass",)
 """What every living body has, so that only much more of it, or of a body that is quiet elsewhere, is named:

@@ -15,8 +15,8 @@ from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial, span
 from scaling_service.capabilities.discovery.ordinary.body import Cluster
 from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.core.arrays import Array
 from scaling_service.model.people import read_people
-from scaling_service.numerics.multibody.laws import Array
 
 _LAG_S = 0.05  # after which noise of cameras is gone and skin is not (chosen)
 NONE_ASTRAY: Mapping[str, float] = MappingProxyType({})

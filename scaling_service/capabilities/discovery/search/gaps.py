@@ -14,7 +14,7 @@ from scaling_service.capabilities.discovery.observations.wrench import COMPONENT
 from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import Disagreement, Gap, Level, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _NORMAL_95 = 1.96
 _DRAWS = 32  # of ordinary persons; chosen: over some thirty frames they tell a deviation to 3 %

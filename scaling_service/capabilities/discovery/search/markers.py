@@ -30,7 +30,7 @@ from scaling_service.capabilities.discovery.ordinary.columns import Base, Combin
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
 from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _WANDERING, _LASTING = 4, 4
 """Passes of learning levels: of what wanders, and of what lasts (chosen: they settle to some per cent)."""

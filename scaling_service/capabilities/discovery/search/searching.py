@@ -38,8 +38,8 @@ from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
 from scaling_service.capabilities.dynamics.weight import Weight
+from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
-from scaling_service.numerics.multibody.laws import Array
 
 LOAD = "carried_load"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)

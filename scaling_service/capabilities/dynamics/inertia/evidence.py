@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.wrench import compute_regressor_blocks, move_moment
 
 N_COMPONENTS = 6

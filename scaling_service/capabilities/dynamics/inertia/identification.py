@@ -35,13 +35,13 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
     describe_parameters,
     make_inertial_prior,
 )
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.inertia import compile_whole_tree, gather_inertias, to_matrix, with_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
 from scaling_service.numerics.multibody.tree import pose_links
 

@@ -36,7 +36,7 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import (
     Reference,
     difference_twice,
 )
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,

@@ -22,9 +22,9 @@ from scaling_service.capabilities.dynamics.uncertainty.linear import (
     factor_noise,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.model.forces import CONTACT_N
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import cross, pose_links
 
 UNIFORM_RANGE = np.sqrt(12.0)

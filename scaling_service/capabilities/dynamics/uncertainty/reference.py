@@ -18,12 +18,12 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     report_no_frame,
     scale_indicator,
 )
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import sum_mass, to_matrix
 from scaling_service.model.results import Motion
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,

@@ -25,9 +25,9 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import Serial
-from scaling_service.numerics.multibody.laws import Array
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of

@@ -15,9 +15,9 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.results import Array
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs

@@ -14,6 +14,7 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Points
@@ -31,7 +32,6 @@ from scaling_service.numerics.multibody.functional import (
     join_poses,
     measure_ranges_of_motion,
 )
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 
 FOREIGN_M = 0.03

@@ -21,6 +21,7 @@ from scaling_service.capabilities.scaling.methods.fitting import (
 )
 from scaling_service.capabilities.scaling.sizes.measurements import AXES, read_fitted_factor
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Segment
@@ -40,7 +41,6 @@ from scaling_service.numerics.least_squares.estimator import (
     Uncertainty,
     estimate_uncertainty,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 SELECTED_COORDINATES = {"PSIS": "xz", "ASIS": "xz", "LFE": "", "MFE": "xz", "FH": "xz", "LM": "", "MM": "x"}
 """Local coordinates that MB_lam frees, by landmark without its side (Puchaud 2019, table 1)."""

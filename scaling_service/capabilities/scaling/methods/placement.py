@@ -11,6 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task, guess_start
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
@@ -20,7 +21,6 @@ from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen, find_shown
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.multibody.tree import pose_links
 

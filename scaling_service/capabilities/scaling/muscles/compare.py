@@ -11,13 +11,16 @@ import numpy as np
 from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents.results import MuscleDifference, MuscleDocument, MuscleQuantity
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import (
+    Motion,
+)
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 MOST_FRAMES = 2000

@@ -27,9 +27,7 @@ from scaling_service.files.c3d_parameters import (
     take_first_value,
 )
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.trial import (
-    Repair,
-)
+from scaling_service.model.trial import Repair
 
 COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS")
 """Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""

@@ -18,9 +18,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto
 from scaling_service.model.forces import CONTACT_N, GroundForces, list_plate_names
-from scaling_service.model.trial import (
-    Repair,
-)
+from scaling_service.model.trial import Repair
 
 FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
 MARGIN_M = 0.1  # chosen: how far an unloaded point may leave the places where the plate was loaded

@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
-from scaling_service.model.trial import (
-    Repair,
-)
+from scaling_service.model.trial import Repair
 
 _KIND = "an OpenSim table"
 _TRUE, _FALSE = frozenset({"yes", "true", "y", "1"}), frozenset({"no", "false", "n", "0"})

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import (
-    Repair,
-)
+from scaling_service.model.trial import Repair
 
 CONTACT_N = 20.0
 """Vertical force above which a foot is on a plate and a centre of pressure means something. The centre of

@@ -16,9 +16,7 @@ from scaling_service.model.trial import (
     Trial,
     is_unlabelled,
 )
-from scaling_service.numerics.least_squares.problem import (
-    find_seen,
-)
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.plausibility import remove_strays
 

@@ -14,9 +14,7 @@ from scaling_service.model.trial import (
     Trial,
     repair_each,
 )
-from scaling_service.numerics.least_squares.problem import (
-    find_seen,
-)
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import (
     fill_short_gaps,

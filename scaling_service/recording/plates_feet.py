@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.forces import GroundForces, SegmentLoads
-from scaling_service.model.trial import (
-    Repair,
-)
+from scaling_service.model.trial import Repair
 from scaling_service.numerics.signals.filters import find_runs
 
 NOBODY = -1  # no foot

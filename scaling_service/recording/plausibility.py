@@ -16,9 +16,7 @@ from scaling_service.model.trial import (
     is_unlabelled,
     repair_each,
 )
-from scaling_service.numerics.least_squares.problem import (
-    find_seen,
-)
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)

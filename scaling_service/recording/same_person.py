@@ -8,9 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.recording.findings import BEYOND_DOUBT, Finding, list_roles
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 

@@ -10,9 +10,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.recording.findings import Finding, Stated, list_roles
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 

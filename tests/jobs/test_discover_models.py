@@ -30,9 +30,7 @@ from scaling_service.model.anatomy.lengths import straighten
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.results import (
-    Calibration,
-)
+from scaling_service.model.results import Calibration
 from scaling_service.numerics.multibody.tree import pose_markers
 from tests.jobs.hidden_case import session
 

@@ -17,9 +17,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import repeat_default_pose
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.virtual.plates import record_on_plates, write_forces
 from tests.calibration.people import movement, trial
 

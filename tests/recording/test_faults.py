@@ -9,9 +9,7 @@ import pytest
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.faults import (
     note_dead_channels,

@@ -25,9 +25,7 @@ from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import compute_ground_forces

@@ -10,9 +10,7 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import (
-    Motion,
-)
+from scaling_service.model.results import Motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

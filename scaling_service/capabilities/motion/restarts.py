@@ -35,9 +35,7 @@ from scaling_service.capabilities.motion.doubts import (
 )
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-)
+from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import Tree
 

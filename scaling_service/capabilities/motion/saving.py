@@ -29,9 +29,7 @@ from scaling_service.model.anatomy.frames import ANGLES, SIDES
 from scaling_service.model.body import BodyModel, Coupler
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.poses import pose_segments
-from scaling_service.model.results import (
-    Motion,
-)
+from scaling_service.model.results import Motion
 from scaling_service.recording.settings import ProcessingSettings
 
 CLINICAL = "_clinical.csv"

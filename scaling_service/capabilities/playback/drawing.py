@@ -13,9 +13,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
 from scaling_service.model.body import BodyModel, Segment, Vector, to_vector
 from scaling_service.model.poses import evaluate_marker, follow, list_model_values, pose_neutral_frames
-from scaling_service.model.results import (
-    Calibration,
-)
+from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
 Shape = Literal["image", "simple", "none"]

@@ -31,9 +31,7 @@ from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, WAYS, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import find_reference_folder
-from scaling_service.model.results import (
-    Motion,
-)
+from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.waveforms import NODES
 

@@ -15,9 +15,7 @@ from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
-from scaling_service.model.trial import (
-    Trial,
-)
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.faults import FAULTS
 

@@ -16,9 +16,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import (
-    Motion,
-)
+from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import Curves as CohortCurves

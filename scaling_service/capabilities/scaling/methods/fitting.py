@@ -85,6 +85,7 @@ def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
 
 
 Progress = Callable[[int, float], None]
+"""Called with the number of a step and what it left, m2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -18,9 +18,7 @@ from scaling_service.documents.results import MuscleDifference, MuscleDocument, 
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import (
-    Motion,
-)
+from scaling_service.model.results import Motion
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 MOST_FRAMES = 2000

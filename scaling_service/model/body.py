@@ -205,8 +205,6 @@ class Marker:
     weight: float = 1.0  # its weight in inverse kinematics
     anatomical: bool = True  # on a bony landmark (True) or a tracking marker on soft tissue (False)
     follows_size: bool = True  # whether its local coordinates follow the segment's scale factors
-    # standard deviation of its skin's displacement over the bone along an axis, m, where recordings showed it
-    skin_sd: float | None = None
 
     @classmethod
     def at(

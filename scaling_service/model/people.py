@@ -93,6 +93,7 @@ class People:
     landmark_axes: Mapping[str, float]  # rad
     reach_mediolateral: float  # rad
     reach_other: float  # rad
+    recorded_share: float
     loose_share: float
     loose_s: float
     noise: float  # m
@@ -168,6 +169,7 @@ def read_people() -> People:
         landmark_axes={n: float(np.radians(a)) for n, a in table["landmarks"]["axes_deg"].items()},
         reach_mediolateral=float(np.radians(skin["reach_deg"]["mediolateral"])),
         reach_other=float(np.radians(skin["reach_deg"]["other"])),
+        recorded_share=float(skin["recorded_share"]),
         loose_share=float(skin["loose_share"]),
         loose_s=float(skin["loose_s"]),
         noise=1e-3 * float(skin["noise_mm"]),

@@ -22,7 +22,7 @@ _BONY = (
 
 _SLIDES = (0.008, 0.03, 0.1)
 """SD of such a distance's change between recordings of one placement, m; of a marker that was put on anew,
-and its share (chosen: 3 to 13 mm in recordings of twelve persons; skin on bones, ``skin_motion.yaml``)."""
+and its share (chosen: 3 to 13 mm in recordings of twelve persons; skin on bones, ``people.yaml``)."""
 
 _OTHERS = (0.07, 0.05)
 """SD of the logarithm of another person's size and of each of its lengths (ANSUR II: stature 4 %, both sexes

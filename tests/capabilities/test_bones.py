@@ -1,36 +1,30 @@
-"""Bones from markers, skin and what is published of joints, beside closed forms and bones of known pose."""
+"""Bones from markers, skin and what is published of joints, beside closed forms."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.bones import BoneKnowledge, learn_bones, without_undetermined
+from scaling_service.capabilities.discovery.bones import BoneKnowledge, without_undetermined
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
-from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.discovery.start import prepare
-from scaling_service.capabilities.motion.bones import Posed, estimate_bones, learn_skin_sizes
 from scaling_service.capabilities.motion.inverse_kinematics import Task
-from scaling_service.capabilities.motion.run import ik, track
-from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
-from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.capabilities.motion.run import track
 from scaling_service.core.arrays import Array
-from scaling_service.core.progress import show_nothing
-from scaling_service.model.anatomy.secondary import list_secondary_rotations
+from scaling_service.model.anatomy.knees import list_knees, list_secondary_rotations
+from scaling_service.model.anatomy.skin import slide_skin
 from scaling_service.model.body import BodyModel, Coordinate, Expectation, Joint, Law, Marker, Segment
+from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
 from scaling_service.model.document import from_document, to_document
-from scaling_service.model.poses import pose_segments
+from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import pose_markers
-from tests.capabilities.test_skin import HELD_OUT, true_rotations
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -85,27 +79,6 @@ def _recorded(model: BodyModel, skin: Array | None = None, frames: int = 300) ->
     ), q
 
 
-def _field(task: Task, sd: float, names: str = "") -> SkinField:
-    rows = np.array([k for k, name in enumerate(task.markers) if name.startswith(names)])
-    return SkinField(rows, sd**2 * np.eye(len(rows)))
-
-
-def test_markers_that_err_alike_and_nothing_expected_give_the_plain_motion() -> None:
-    model = _leg(pins=False)
-    noise = np.random.default_rng(2).normal(0.0, 5e-3, (300, len(model.markers), 3))
-    task, _ = _recorded(model, noise)
-    plain = track(
-        model,
-        Trial(
-            name="t", times=np.arange(300) / 100.0, labels=task.markers, markers=task.measured, rate_hz=100.0
-        ),
-        skin=False,
-    )
-    held = np.zeros(plain.motion.q.shape, dtype=bool)
-    found = estimate_bones(Posed(task, plain.motion.q + 0.01, held), [_field(task, 0.01)])
-    assert np.abs(found.q - plain.motion.q).max() < 1e-4
-
-
 def test_an_expectation_counts_by_the_inverse_of_its_variance() -> None:
     """One angle, measured with one deviation and expected with another: the posterior of two Gaussians."""
     joint = Joint("rotation", AXES["z"], Law.of("angle"))
@@ -116,29 +89,33 @@ def test_an_expectation_counts_by_the_inverse_of_its_variance() -> None:
         markers=(Marker.at("tip", "arm", (1.0, 0.0, 0.0)),),
         expectations=(Expectation("angle", Law.constant(0.03), 0.02),),
     )
-    at, sd = 0.01, float(np.hypot(0.01, 1e-3))  # 1 mm: what cameras add
+    at = 0.01
     tip = np.array([[[np.cos(at), np.sin(at), 0.0]]])
-    task = Task.of(body, Trial(name="t", times=np.zeros(1), labels=("tip",), markers=tip, rate_hz=100.0))
-    found = estimate_bones(Posed(task, np.zeros((1, 1)), np.zeros((1, 1), dtype=bool)), [_field(task, 0.01)])
+    found = track(body, Trial(name="t", times=np.zeros(1), labels=("tip",), markers=tip, rate_hz=100.0))
+    people = read_people()
+    # The one marker of a segment: its turn about itself moves nothing
+    sd = np.sqrt(people.skin("arm").shift ** 2 + people.skin("arm").single ** 2 + people.noise**2)
     weights = np.array([sd**-2, 0.02**-2])
-    assert found.q[0, 0] == pytest.approx(weights @ [at, 0.03] / weights.sum(), abs=1e-5)
-    assert found.sd[0, 0] == pytest.approx(weights.sum() ** -0.5, rel=1e-3)
+    assert found.motion.q[0, 0] == pytest.approx(weights @ [at, 0.03] / weights.sum(), abs=1e-5)
+    assert found.uncertainty.sd[0, 0] == pytest.approx(weights.sum() ** -0.5, rel=1e-3)
 
 
-def test_sizes_of_skin_between_pinned_bones_are_those_put_in_and_without_pins_none_are_learnt() -> None:
-    rng = np.random.default_rng(3)
-    for pins in (True, False):
-        model = _leg(pins=pins)
-        names = [m.name for m in model.markers]
-        true = {n: 2e-3 * (1 + k) for k, n in enumerate(n for n in names if n.startswith("skin"))}
-        sd = np.array([true.get(n, 0.0) for n in names])
-        task, q = _recorded(model, rng.normal(size=(300, len(names), 3)) * sd[:, None])
-        held = np.zeros(q.shape, dtype=bool)
-        fields = [_field(task, 8e-3, "skin")] if pins else list(list_skin_fields(task))
-        learnt = learn_skin_sizes([Posed(task, q, held)], [fields])
-        assert set(learnt) == (set(true) if pins else set())
-        for name, size in learnt.items():
-            assert size == pytest.approx(true[name], rel=0.15), name
+def test_what_an_expectation_follows_moves_with_it() -> None:
+    """Two angles of one bone, of which one leads the other by a law: at the law's place nothing pulls."""
+    model = _leg(pins=False)
+    rotation = next(r for r in list_secondary_rotations(model) if r.law.terms)
+    expected = Expectation(rotation.coordinate, rotation.law, np.radians(0.5))
+    kept = replace(model, expectations=(expected,))
+    task, q = _recorded(model, frames=60)
+    names = list(model.coordinate_names)
+    flexion, turn = names.index("knee_z"), names.index(rotation.coordinate)
+    q[:, flexion] = -np.abs(q[:, flexion])
+    q[:, turn] = evaluate_law(rotation.law, {rotation.flexion: q[:, flexion]})
+    markers = pose_markers(compile_model(model, model.marker_names), q, list_parameter_values(model))
+    trial = Trial(name="t", times=np.arange(60) / 100.0, labels=task.markers, markers=markers, rate_hz=100.0)
+    assert np.abs(track(kept, trial).motion.q - q)[:, [flexion, turn]].max() < np.radians(0.02)
+    free, held = (track(m, trial).uncertainty.sd[:, turn] for m in (model, kept))
+    assert (held < free).all()
 
 
 @pytest.mark.parametrize("side", ["r", "l"])
@@ -153,14 +130,73 @@ def test_a_tibia_turns_inwards_as_its_knee_flexes(side: str) -> None:
     assert inwards == pytest.approx([0.0, 13.18 if side == "r" else -13.18], abs=0.02)
 
 
+@pytest.mark.parametrize(("side", "sense"), [("r", 1), ("l", -1)])
+def test_the_side_of_a_leg_without_a_name_is_told_by_its_shank(side: str, sense: int) -> None:
+    model = load_builtin("lower_limb_14dof")
+    bare = {f"femur_{side}": "femur", f"tibia_{side}": "tibia"}
+    segments = [s for s in model.segments if s.name in ("pelvis", *bare)]
+    markers = [m for m in model.markers if m.segment in ("pelvis", *bare)]
+    used = {c for s in segments for j in s.joints for c in j.law.coordinates}
+    leg = replace(
+        model,
+        segments=tuple(
+            replace(s, name=bare.get(s.name, s.name), parent=bare.get(s.parent, s.parent)) for s in segments
+        ),
+        markers=tuple(
+            replace(m, name=f"m{k}", segment=bare.get(m.segment, m.segment)) for k, m in enumerate(markers)
+        ),
+        coordinates=tuple(c for c in model.coordinates if c.name in used),
+    )
+    (knee,) = list_knees(leg)
+    assert knee.side == sense
+    thigh_only = leg.with_markers(tuple(m for m in leg.markers if m.segment != "tibia"))
+    assert [k.side for k in list_knees(thigh_only)] == [0]
+
+
+def test_where_the_side_is_not_known_neither_is_the_sense_of_turning() -> None:
+    model = _leg("r")
+    names = {"femur_r": "femur", "tibia_r": "tibia"}
+    bare = replace(
+        model,
+        segments=tuple(
+            replace(s, name=names.get(s.name, s.name), parent=names.get(s.parent, s.parent))
+            for s in model.segments
+        ),
+        markers=tuple(replace(m, segment=names.get(m.segment, m.segment)) for m in model.markers),
+    )
+    known, unknown = (
+        next(r for r in list_secondary_rotations(m) if r.coordinate == "knee_y") for m in (model, bare)
+    )
+    assert unknown.law == Law()
+    assert unknown.sd > 2.0 * known.sd
+
+
+def test_skin_slides_as_a_mirror_image_on_the_other_side_and_pins_stay() -> None:
+    right, left = (slide_skin(_mirror(_leg(side, pins=False), side)) for side in ("r", "l"))
+    assert right
+    for name, laws in right.items():
+        gains = [law.terms[0].gain for law in laws]
+        assert [law.terms[0].gain for law in left[name]] == pytest.approx([gains[0], gains[1], -gains[2]])
+    assert set(slide_skin(_leg())) == {m.name for m in _leg().markers if m.name.startswith("skin")}
+
+
+def _mirror(model: BodyModel, side: str) -> BodyModel:
+    """Markers of the other side where it is the left."""
+    if side == "r":
+        return model
+    markers = [
+        Marker.at(m.name, m.segment, (m.nominal[0], m.nominal[1], -m.nominal[2])) for m in model.markers
+    ]
+    return model.with_markers(tuple(replace(m, name=m.name.replace("_l_", "_r_")) for m in markers))
+
+
 def test_a_model_keeps_what_is_known_of_its_bones_on_paper() -> None:
     model = _leg()
     rotation = next(r for r in list_secondary_rotations(model) if r.law.terms)
-    known = BoneKnowledge({"skin_0": 0.004}, (Expectation(rotation.coordinate, rotation.law, 0.07),))
-    kept = known.add_to(model)
+    expectation = Expectation(rotation.coordinate, rotation.law, 0.07)
+    kept = BoneKnowledge(slide_skin(model), (expectation,)).add_to(model)
     assert from_document(to_document(kept)) == kept != model
-    assert known.add_to(kept) == kept
-    assert BoneKnowledge().add_to(kept) == model
+    assert slide_skin(kept) == {}, "skin that slides already does not slide twice"
 
 
 def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
@@ -185,57 +221,3 @@ def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
         lasting, left_out = without_undetermined(fit, found)
         assert (len(lasting.effects) == 1) is kept
         assert left_out == (() if kept else (offset.name,))
-
-
-@pytest.fixture(scope="module")
-def living(shared_data: Path) -> dict[str, tuple[float, float]]:
-    """Set to the error of the bones (deg) before and after, held out; sizes learnt without a search."""
-    root, found = shared_data / "living_bone", {}
-    if not root.is_dir():
-        pytest.skip("recordings over bones of known pose are not here")
-    for name, trial in HELD_OUT.items():
-        loaded = open_subject(root / name / "subject.yaml", AS_MEASURED)
-        made = prepare(loaded, DiscoverSettings(start="none"), AS_MEASURED, 0.5, show_nothing)
-        model = made.model
-        known = learn_bones(model, fit_recordings(SearchContext(model=model, recordings=made.recordings)))
-        before = ik(root / name / "model.osim", [root / name / f"{trial}.trc"])
-        measured = before.loaded.session.evaluation[0]
-        true = true_rotations(root / name / f"{trial}_bones.csv")
-        after = track(known.add_to(replace(before.loaded.session.model)), measured)
-        found[name] = (
-            _bone_error(before.loaded.session.model, before.trials[trial].motion.q, true),
-            _bone_error(model, after.motion.q, true),
-        )
-    return found
-
-
-def test_bones_come_nearer_to_where_pins_and_fluoroscopy_saw_them(
-    living: dict[str, tuple[float, float]],
-) -> None:
-    ratios = {name: after / before for name, (before, after) in living.items()}
-    assert np.exp(np.mean(np.log(list(ratios.values())))) <= 0.75, ratios
-    assert max(ratios.values()) <= 1.03, ratios
-
-
-def _bone_error(model: BodyModel, q: Array, true: dict[str, Array]) -> float:
-    """RMS angle between found and true turn of every bone against its parent, deg."""
-    poses, names = pose_segments(model, q), list(model.segment_names)
-    squares = []
-    for parent, child in zip(true, list(true)[1:], strict=False):
-        found = [_matrices(poses[:, names.index(bone), 3:]) for bone in (parent, child)]
-        n = min(len(q), len(true[child]))
-        turns = [np.einsum("nji,njk->nik", a[:n], b[:n]) for a, b in (found, (true[parent], true[child]))]
-        cosine = (np.einsum("nij,nij->n", *turns) - 1.0) / 2.0
-        squares.append(np.arccos(np.clip(cosine, -1.0, 1.0)) ** 2)
-    return float(np.degrees(np.sqrt(np.nanmean(squares))))
-
-
-def _matrices(quaternions: Array) -> Array:
-    """Rotation matrices (n, 3, 3) of quaternions x y z w."""
-    x, y, z, w = quaternions.T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), -1, 0)

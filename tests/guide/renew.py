@@ -10,7 +10,7 @@ import json
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 
 from scaling_service.guide.pages import FIGURES
-from tests.guide.bones import angle_error_deg, read_bones, read_poses, share_covered
+from tests.living_bone.errors import Way, judge_sets
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
 
@@ -35,56 +35,57 @@ SAMPLES = 40
 PERSONS = 40
 """Virtual persons of the oracle: a length's coverage is known to 4 % then, minutes."""
 
-SETS = {
-    "cadaver_hip": "hip circles of a cadaver, pins",
-    "knee_fluoroscopy": "step up, fluoroscopy",
-    "knee_pins": "walking, pins",
-    "shoulder_pins": "eating, pins",
+MOVED = {
+    "cadaver_hip": "cadaver, hip circles; pins",
+    "knee_fluoroscopy_step": "step down; fluoroscopy",
+    "knee_implant_sit": "sitting down, knee implant; fluoroscopy",
+    "knee_implant_steps": "step up and knee extension, knee implant; fluoroscopy",
+    "knee_pins_hop": "hopping; pins",
+    "shoulder_pins": "arm raised, eating; pins",
+    "shoulder_pins_reach": "hand behind the back; pins",
 }
-"""Recordings over bones of known pose, and what was held out."""
+"""Recordings over bones of known pose."""
 
 
 def measure_pins() -> dict[str, Any]:
-    """Bones' errors before and after ``discover``, on recordings that it did not fit, and coverage."""
-    rows, ratios, coverage = [], [], []
-    for name, what in SETS.items():
-        with tempfile.TemporaryDirectory() as scratch:
-            box, out = _data("living_bone") / name, Path(scratch)
-            _run("discover", box / "subject.yaml", "--start", "none", "--no-report", "--out", out / "found")
-            verdict = json.loads((out / "found" / "discovery.json").read_text(encoding="utf-8"))
-            kinds = sorted({effect["kind"].replace("_", " ") for effect in verdict["effects"]})
-            subject = yaml.safe_load((box / "subject.yaml").read_text(encoding="utf-8"))
-            trial = Path(subject["trials"]["evaluation"][0]).stem
-            true = read_bones(box / f"{trial}_bones.csv")
-            errors = []
-            for model, folder in ((box / "model.osim", "before"), (out / "found" / "model.json", "after")):
-                _run("ik", model, box / f"{trial}.trc", "--poses", "--out", out / folder)
-                poses = read_poses(out / folder / f"{trial}_poses.sto", list(true))
-                errors.append(angle_error_deg(poses, true))
-            covered = share_covered(out / "before", trial, true)
-        ratios.append(errors[1] / errors[0])
-        coverage.append(covered)
-        named = ", ".join(kinds) or verdict["verdict"]
-        rows.append(
-            [what, named, f"{errors[0]:.1f}", f"{errors[1]:.1f}", f"{ratios[-1]:.2f}", f"{covered:.0%}"]
-        )
+    """Bones' errors before and after what ``discover`` knows of bones, both ways, and coverage."""
+    root = _data("living_bone")
+    given, left_out = (list(judge_sets(root, leave_out=out)) for out in (False, True))
+    rows = [
+        [
+            MOVED[one.measured.name] + (", exchanged" if one.exchanged else ""),
+            f"{one.before:.1f}",
+            f"{one.after:.1f}",
+            f"{one.ratio:.2f}",
+            f"{other.ratio:.2f}",
+            f"{one.covered:.0%}",
+            f"{one.covered_after:.0%}",
+        ]
+        for one, other in zip(given, left_out, strict=True)
+    ]
+    columns = [
+        "held-out recording",
+        "error before, deg",
+        "after, deg",
+        "after / before",
+        "its laboratory left out",
+        "95 % intervals before hold",
+        "after",
+    ]
     return {
-        "ratio": float(np.exp(np.mean(np.log(ratios)))),
-        "worst": max(ratios),
-        "least_covered": min(coverage),
-        "most_covered": max(coverage),
-        "table": {
-            "columns": [
-                "held-out recording",
-                "named",
-                "error before, deg",
-                "after, deg",
-                "after / before",
-                "95 % intervals hold",
-            ],
-            "rows": rows,
-        },
+        "ratio": _average_ratio(given),
+        "worst": max(one.ratio for one in given),
+        "left_out_ratio": _average_ratio(left_out),
+        "left_out_worst": max(one.ratio for one in left_out),
+        "covered": float(np.mean([one.covered for one in given])),
+        "least_covered": min(one.covered for one in given),
+        "most_covered": max(one.covered for one in given),
+        "table": {"columns": columns, "rows": rows},
     }
+
+
+def _average_ratio(ways: Sequence[Way]) -> float:
+    return float(np.exp(np.mean(np.log([one.ratio for one in ways]))))
 
 
 def measure_persons() -> dict[str, Any]:

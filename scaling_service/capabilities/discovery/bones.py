@@ -1,8 +1,8 @@
-"""What recordings say of the bones beside the effects: how far skin moves, and where joints are expected.
+"""What is known of bones beside the effects: how skin slides over a knee, and where joints are expected.
 
-Markers alone do not show what skin does as a whole over a bone. Three things say something of it: pins, the
-published smaller rotations of joints, and the posture in which the markers were placed, which is where the
-model fits them best. What none of them shows is reported as undetermined, and the bones are left as they are.
+Markers alone do not show what skin does as a whole over a bone. Two things say something of it: what skin did
+over other people's bones, and the published smaller rotations of joints, about the posture in which the
+markers were placed, which is where the model fits them best.
 """
 
 from __future__ import annotations
@@ -17,21 +17,14 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
-from scaling_service.capabilities.motion.bones import (
-    Posed,
-    compute_revealed_share,
-    is_revealed,
-    learn_skin_sizes,
-)
 from scaling_service.capabilities.motion.run import TrackedTrial, track
-from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import SkinField, list_skin_fields
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.secondary import SecondaryRotation, list_secondary_rotations
+from scaling_service.model.anatomy.knees import SecondaryRotation, list_secondary_rotations
+from scaling_service.model.anatomy.skin import slide_skin
 from scaling_service.model.body import BodyModel, Expectation, Law
 from scaling_service.model.compile import evaluate_law
-from scaling_service.model.trial import Trial
 
+_FLEXED = np.radians(60.0)  # in walking (Winter 2009)
 _BEST = 0.02  # of the frames; chosen: a second of standing in a minute of movement
 _FEWEST = 3  # frames, and markers of a cluster, for which a rigid fit leaves a residual
 _LEFT_OVER = 1.2  # chosen: times the noise floor, which itself is known to some 15 %
@@ -42,15 +35,19 @@ _IMPLAUSIBLE = 3.0  # chosen: deviations off, on average, beyond which the publi
 class BoneKnowledge:
     """What is added to the model beside the effects."""
 
-    skin: dict[str, float] = field(default_factory=dict)  # marker to sd along one axis, m
+    # Marker to what its skin slides along the axes of the segment with flexion, m, beside its place
+    skin: dict[str, tuple[Law, Law, Law]] = field(default_factory=dict)
     expectations: tuple[Expectation, ...] = ()
-    undetermined: tuple[str, ...] = ()  # segments of which nothing shows what their skin does as a whole
     notes: tuple[str, ...] = ()
 
     def add_to(self, model: BodyModel) -> BodyModel:
-        """A model with it, and without what it held of the kind before."""
-        markers = tuple(replace(m, skin_sd=self.skin.get(m.name)) for m in model.markers)
-        return replace(model, markers=markers, expectations=self.expectations)
+        """A model with it."""
+        markers = []
+        for marker in model.markers:
+            pairs = zip(marker.laws, self.skin.get(marker.name, (Law(), Law(), Law())), strict=True)
+            x, y, z = (law + more for law, more in pairs)
+            markers.append(replace(marker, laws=(x, y, z)))
+        return replace(model, markers=tuple(markers), expectations=self.expectations)
 
 
 def without_undetermined(fit: Fit, findings: Findings) -> tuple[Fit, tuple[str, ...]]:
@@ -99,46 +96,30 @@ def _measure_left_over(segments: set[str], model: BodyModel, findings: Findings)
     return float(np.sqrt(after / floor)) if floor > 0.0 else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Followed:
-    """A recording that was fitted, as the corrected model follows it."""
-
-    tracked: TrackedTrial
-    posed: Posed
-    fields: tuple[SkinField, ...]
-
-
 def learn_bones(model: BodyModel, fit: Fit) -> BoneKnowledge:
-    """What the recordings to fit say; ``model``: with what was named in them."""
-    model = BoneKnowledge().add_to(model)
-    followed = [_follow(model, item.trial) for item in fit.tracked if item.role == "fit"]
-    if not followed:
+    """What people's skin and joints and the recordings to fit say; ``model``: with what was named there."""
+    rotations = list(list_secondary_rotations(model))
+    trials = [item.trial for item in fit.tracked if item.role == "fit"]
+    if not rotations or not trials:
         return BoneKnowledge()
-    posed, fields = [f.posed.thin() for f in followed], [f.fields for f in followed]
-    expectations, notes = [], []
-    for rotation in list_secondary_rotations(model):
-        found = _expect(rotation, model, followed)
-        if isinstance(found, str):
-            notes.append(found)
-        elif found is not None:
-            expectations.append(found)
-    hidden: dict[str, None] = {}
-    for item, own in zip(posed, fields, strict=True):
-        for one, share in zip(own, compute_revealed_share(item, own), strict=True):
-            if not is_revealed(share):
-                hidden[model.marker(item.task.markers[one.markers[0]]).segment] = None
-    return BoneKnowledge(learn_skin_sizes(posed, fields), tuple(expectations), tuple(hidden), tuple(notes))
+    sliding = BoneKnowledge(skin=slide_skin(model)).add_to(model)
+    followed = [track(sliding, trial) for trial in trials]
+    found = [_expect(rotation, sliding, followed) for rotation in rotations]
+    return BoneKnowledge(
+        slide_skin(model),
+        tuple(one for one in found if isinstance(one, Expectation)),
+        tuple(one for one in found if isinstance(one, str)),
+    )
 
 
-def _follow(model: BodyModel, trial: Trial) -> _Followed:
-    tracked, task = track(model, trial), Task.of(model, trial)
-    known = np.isfinite(tracked.motion.q) & np.isin(tracked.motion.coordinates, tracked.motion.estimated)
-    posed = Posed(task, np.nan_to_num(tracked.motion.q), ~known)
-    return _Followed(tracked, posed, tuple(list_skin_fields(task)))
+def measure_slide(laws: tuple[Law, Law, Law]) -> float:
+    """How far skin slides where the knee flexes by 60 deg, m."""
+    slopes = [sum(term.gain for term in law.terms) for law in laws]
+    return float(_FLEXED * np.linalg.norm(slopes))
 
 
 def _expect(
-    rotation: SecondaryRotation, model: BodyModel, followed: Sequence[_Followed]
+    rotation: SecondaryRotation, model: BodyModel, followed: Sequence[TrackedTrial]
 ) -> Expectation | str | None:
     """The rotation about the posture in which markers were placed; a sentence where it cannot hold here."""
     names = model.coordinate_names
@@ -146,8 +127,8 @@ def _expect(
     gaps, turns, flexed, sds = [], [], [], []
     for item in followed:
         gap = _measure_gaps(item, model, (rotation.parent, rotation.child))
-        sd = item.tracked.uncertainty.sd[:, column]
-        q = item.tracked.motion.q
+        sd = item.uncertainty.sd[:, column]
+        q = item.motion.q
         known = np.isfinite(gap) & np.isfinite(sd) & np.isfinite(q[:, flexion]) & (sd > 0.0)
         gaps.append(gap[known])
         turns.append(q[known, column])
@@ -173,9 +154,9 @@ def _expect(
     return Expectation(rotation.coordinate, law, spread, rotation.source)
 
 
-def _measure_gaps(item: _Followed, model: BodyModel, segments: tuple[str, str]) -> Array:
+def _measure_gaps(item: TrackedTrial, model: BodyModel, segments: tuple[str, str]) -> Array:
     """Mean squared residual of two segments' markers in each frame, (n,), m2; NaN where not all are seen."""
-    motion = item.tracked.motion
+    motion = item.motion
     owners = np.array([model.marker(name).segment for name in motion.markers])
     own: NDArray[np.bool_] = np.isin(owners, segments)
     if any(np.sum(owners == segment) < _FEWEST for segment in segments):

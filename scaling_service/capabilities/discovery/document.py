@@ -196,14 +196,10 @@ class BonesDocument(Part):
     """What `model.json` holds of the bones beside the effects; `ik` takes all of it."""
 
     skin_mm: dict[str, Number] = Field(
-        description="Marker to the standard deviation of its displacement over the bone along an axis, where "
-        "pins, through joints, showed it."
+        description="Marker to how far its skin is expected to slide over the bone where the knee flexes by "
+        "60 deg, from other people's bones."
     )
     expectations: list[ExpectationDocument]
-    undetermined: list[str] = Field(
-        description="Segments of which nothing shows what their skin does as a whole over the bone: its size "
-        "is the published one, and no law of it is named."
-    )
     left_out: list[str] = Field(
         description="Named movements that are not in `model.json`: more than these moves the same markers, "
         "so the recordings do not show where they take the bones."

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery import text
-from scaling_service.capabilities.discovery.bones import BoneKnowledge
+from scaling_service.capabilities.discovery.bones import BoneKnowledge, measure_slide
 from scaling_service.capabilities.discovery.document import (
     BeliefDocument,
     BonesDocument,
@@ -208,7 +208,7 @@ def _list_estimates(leanings: Sequence[Leaning]) -> Iterator[EstimateDocument]:
 def _make_bones(results: DiscoverResults) -> BonesDocument:
     known = results.bones
     return BonesDocument(
-        skin_mm={name: _MM * sd for name, sd in known.skin.items()},
+        skin_mm={name: _MM * measure_slide(laws) for name, laws in known.skin.items()},
         expectations=[
             ExpectationDocument(
                 coordinate=e.coordinate,
@@ -219,7 +219,6 @@ def _make_bones(results: DiscoverResults) -> BonesDocument:
             )
             for e in known.expectations
         ],
-        undetermined=list(known.undetermined),
         left_out=list(results.left_out),
     )
 

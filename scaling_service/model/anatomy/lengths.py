@@ -127,7 +127,7 @@ def find_joint_ends(model: BodyModel, joint: str, side: str) -> dict[str, Array]
         for child, parent in ((second, first), (first, second)):
             chain = list_chain(model, parent, child)
             if chain:
-                return _find_centre(model, chain)
+                return find_centre(model, chain)
     return _find_ankle_landmark(model, first, side) if joint == "ankle" and first is not None else {}
 
 
@@ -149,7 +149,7 @@ def list_chain(model: BodyModel, parent: str, child: str) -> list[Segment]:
     return chain if name == parent else []
 
 
-def _find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
+def find_centre(model: BodyModel, chain: list[Segment]) -> dict[str, Array]:
     """Where the joint at the end of a chain turns, in the frames of its first parent and of every segment."""
     values = straighten(model)
     joints = [joint for segment in chain for joint in segment.joints]

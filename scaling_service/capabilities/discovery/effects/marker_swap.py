@@ -109,7 +109,9 @@ def _gain(
         R[np.ix_(here, at, at)] = np.linalg.inv(covariance[np.ix_(at, at)])
     shown = np.matmul(pose, R)
     bend = np.matmul(shown, pose.transpose(0, 2, 1))
-    bend += _RIDGE * np.trace(bend, axis1=1, axis2=2)[:, None, None] * np.eye(pose.shape[1])
+    whole = np.trace(bend, axis1=1, axis2=2)
+    loose = np.where(whole > 0.0, _RIDGE * whole, 1.0)  # a frame without markers says nothing
+    bend += loose[:, None, None] * np.eye(pose.shape[1])
     R -= np.matmul(shown.transpose(0, 2, 1), np.linalg.solve(bend, shown))
     pull = np.matmul(R, gap[:, :, None]).reshape(n, count, 3)
     blocks = R.reshape(n, count, 3, count, 3)

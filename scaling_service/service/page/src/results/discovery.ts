@@ -76,11 +76,10 @@ function bones({ bones: known }: DiscoveryDocument): HTMLElement {
   const lines = known === null ? [] : [
     ...known.expectations.map(({ coordinate, sd_deg, source }) =>
       `${words(coordinate)} is expected about the posture in which the markers were placed, ± ${figures(sd_deg, 2)} deg (${source})`),
-    sizes.length > 0 && `Skin over the bone, by bone pins and joints: ${figures(Math.min(...sizes), 2)} to ${figures(Math.max(...sizes), 2)} mm along an axis at ${few(Object.keys(known.skin_mm))}`,
-    known.undetermined.length > 0 && `Not determined by these recordings: what the skin of ${few(known.undetermined.map(words))} does as a whole over the bone; its published size counts`,
+    sizes.length > 0 && `Skin slides over the knee's bones as other people's does: ${few(Object.keys(known.skin_mm))} by ${figures(Math.min(...sizes), 2)} to ${figures(Math.max(...sizes), 2)} mm where the knee flexes by 60 deg`,
     known.left_out.length > 0 && `Named, but not put into the model: ${few(known.left_out)}; the recordings do not show where it takes the bones`,
   ].filter((line) => line !== false);
-  return lines.length > 0 ? folded("What bone pins say", bullets(lines)) : h("span");
+  return lines.length > 0 ? folded("What is known of the bones", bullets(lines)) : h("span");
 }
 
 function subtitle({ start, fitted_trials, held_out_trials }: DiscoveryDocument): string {

@@ -14,7 +14,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
@@ -241,7 +240,20 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
         cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))]
         if not len(cloud):
             continue
-        gain = _compare_with_mirror(cloud, np.array([m.nominal for m in own]))
+        # Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
+        # The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
+        places = np.array([m.nominal for m in own])
+        away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
+        cross = np.einsum("nmi,mj->nij", away, local)
+        singular = np.linalg.svd(cross, compute_uv=False)
+        sign = np.sign(np.linalg.det(cross))
+        whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
+        floor = len(places) * _NOISE_FLOOR_M**2
+        plain, mirrored = (
+            whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
+            for side in (1.0, -1.0)
+        )
+        gain = float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
         turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
         seen.append(segment.name)
     log_odds = turned + np.log(MIRRORED)
@@ -255,24 +267,6 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
             remedy="Mend the export; or say in the subject file along which axis it is mirrored, under "
             "`mirrored:`",
         )
-
-
-def _compare_with_mirror(cloud: Array, places: Array) -> float:
-    """Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
-
-    The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
-    """
-    away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
-    cross = np.einsum("nmi,mj->nij", away, local)
-    singular = np.linalg.svd(cross, compute_uv=False)
-    sign = np.sign(np.linalg.det(cross))
-    whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
-    floor = len(places) * _NOISE_FLOOR_M**2
-    plain, mirrored = (
-        whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
-        for side in (1.0, -1.0)
-    )
-    return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
 
 
 def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:

@@ -183,7 +183,22 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     misfit[:, k] = np.nan
     squares = (misfit**2).sum(axis=-1)
     rms = float(np.sqrt(squares[np.isfinite(squares)].mean())) if np.isfinite(squares).any() else float("nan")
-    predicted = predicted + _bridge_mismatch(cloud[:, k] - predicted, possible)
+    # Correction inside each wanted run, linear between the mismatch at its two borders. `mismatch` (n_frames,
+    # 3), m: measured minus carried, NaN where either is missing. `wanted`: (n_frames,) bool.
+    mismatch = cloud[:, k] - predicted
+    correction = np.zeros_like(mismatch)
+    n = len(mismatch)
+    for start, stop in find_runs(possible).tolist():
+        before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
+        after = mismatch[stop] if stop < n else np.full(3, np.nan)
+        if not np.isfinite(before).all():
+            before = after
+        if not np.isfinite(after).all():
+            after = before
+        if np.isfinite(before).all():
+            share = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
+            correction[start:stop] = (1 - share) * before + share * after
+    predicted = predicted + correction
     return possible, predicted, rms
 
 
@@ -219,24 +234,3 @@ def average_shape(cloud: Array) -> Array:
         if settled:
             break
     return shape
-
-
-def _bridge_mismatch(mismatch: Array, wanted: Mask) -> Array:
-    """Correction inside each wanted run, linear between the mismatch at its two borders.
-
-    ``mismatch`` (n_frames, 3), m: measured minus carried, NaN where either is missing. ``wanted``:
-    (n_frames,) bool.
-    """
-    correction = np.zeros_like(mismatch)
-    n = len(mismatch)
-    for start, stop in find_runs(wanted).tolist():
-        before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
-        after = mismatch[stop] if stop < n else np.full(3, np.nan)
-        if not np.isfinite(before).all():
-            before = after
-        if not np.isfinite(after).all():
-            after = before
-        if np.isfinite(before).all():
-            share = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
-            correction[start:stop] = (1 - share) * before + share * after
-    return correction

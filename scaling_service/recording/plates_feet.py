@@ -84,7 +84,9 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     for k, rows in spells:
         foot[rows, k] = _choose_foot(away[:, rows, k])
     for k, rows in spells:
-        if foot[rows.start, k] == NOBODY and _is_heavy(forces.pressing, rows, k):
+        if foot[rows.start, k] == NOBODY and bool(
+            np.median(forces.pressing[rows, k]) > ALIKE * np.nanmax(forces.pressing)
+        ):
             foot[rows, k] = _choose_idle_foot(away[:, rows, k], on_floor[rows], foot[rows])
         notes += _describe_contact(
             forces.plates[k],
@@ -195,10 +197,6 @@ def _choose_foot(away: Array) -> int:
     typical = [_take_median(distances) for distances in away]
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY
-
-
-def _is_heavy(pressing: Array, rows: slice, plate: int) -> bool:
-    return bool(np.median(pressing[rows, plate]) > ALIKE * np.nanmax(pressing))
 
 
 def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:

@@ -95,18 +95,14 @@ def expect_artefacts(model: BodyModel) -> dict[str, float]:
     still = {segment.name for segment in rooted if not any(j.law.coordinates for j in segment.joints)}
     found = {}
     for marker in model.markers:
-        row = _OF_MARKERS.get(_mirror_to_right(marker.name))
+        # The landmark's name on the right-hand side.
+        known = find_canonical(marker.name) or marker.name
+        mirrored = f"R{known[1:]}"
+        row = _OF_MARKERS.get(mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known)
         if row is None or (row == "toe" and marker.segment not in still):
             row = next((r for r, starts in _OF_SEGMENTS.items() if marker.segment.startswith(starts)), _ELSE)
         found[marker.name] = ARTEFACT_M[row]
     return found
-
-
-def _mirror_to_right(name: str) -> str:
-    """The landmark's name on the right-hand side."""
-    known = find_canonical(name) or name
-    mirrored = f"R{known[1:]}"
-    return mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known
 
 
 def make_artefact_shifts(

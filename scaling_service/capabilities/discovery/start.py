@@ -83,18 +83,17 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
     """Forces with the frames in which they are all that touches the body."""
     usable = find_usable_frames(forces.ground, forces.contacts)
-    return ContactAssignment(forces.ground, usable, cutoff_hz, _find_unloaded(forces.ground, forces.contacts))
-
-
-def _find_unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
-    """Where a plate is read with nobody on it, and long before and after, (n, n_plates).
-
-    A load that was given to nobody, for its fault moves the pressure off the foot, is more than any bias.
-    """
-    least = np.linalg.norm(ground.force, axis=2) < MOST_BIAS_N
-    free = (ground.readings > _READ) & (contacts.foot == NOBODY) & least
-    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(ground.times))))) if len(free) > 1 else 1
-    return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
+    # Where a plate is read with nobody on it, and long before and after, (n, n_plates). A load that was given
+    # to nobody, for its fault moves the pressure off the foot, is more than any bias.
+    least = np.linalg.norm(forces.ground.force, axis=2) < MOST_BIAS_N
+    free = (forces.ground.readings > _READ) & (forces.contacts.foot == NOBODY) & least
+    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(forces.ground.times))))) if len(free) > 1 else 1
+    return ContactAssignment(
+        forces.ground,
+        usable,
+        cutoff_hz,
+        np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1)))),
+    )
 
 
 def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:

@@ -239,19 +239,17 @@ def _read_xml(file: Path) -> InputFile:
                     name=file.name, kind="other", why="a set-up of OpenSim that is not used here"
                 )
             if place == "scale_setup":
-                return _read_setup(file)
+                guess = InputFile(
+                    name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup"
+                )
+                try:
+                    setup = read_scale_setup(file)
+                except InputError as error:
+                    return replace(guess, problem=make_problem(error, file=file.name))
+                pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
+                return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
             return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
-
-
-def _read_setup(file: Path) -> InputFile:
-    guess = InputFile(name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup")
-    try:
-        setup = read_scale_setup(file)
-    except InputError as error:
-        return replace(guess, problem=make_problem(error, file=file.name))
-    pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
-    return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
 
 
 def _read_osim(file: Path) -> InputFile:

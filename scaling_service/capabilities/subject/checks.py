@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core.arrays import Array
 from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
 from scaling_service.core.notes import LOOK, Note
 from scaling_service.core.text import list_few
@@ -104,7 +103,10 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
         if marker.name in trial.labels and marker.weight > 0.0:
             carried.setdefault(marker.segment, []).append(marker)
     for one, other in (pair for markers in carried.values() for pair in combinations(markers, 2)):
-        apart = _measure_median_distance(trial.position(one.name), trial.position(other.name))
+        # Median over the frames that show both (m); infinite where none does.
+        distance = np.linalg.norm(trial.position(one.name) - trial.position(other.name), axis=1)
+        known = distance[np.isfinite(distance)]
+        apart = float(np.median(known)) if len(known) else float("inf")
         if apart < ONE_SPOT_M < float(np.linalg.norm(np.subtract(one.nominal, other.nominal))):
             raise TrialUnusable(
                 f"markers '{one.name}' and '{other.name}' lie on one spot in trial '{trial.name}'",
@@ -112,13 +114,6 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
                 field=f"{one.name}, {other.name}",
                 remedy="Correct the labels in the recording, or leave one of them out of it",
             )
-
-
-def _measure_median_distance(one: Array, other: Array) -> float:
-    """Median over the frames that show both (m); infinite where none does."""
-    distance = np.linalg.norm(one - other, axis=1)
-    known = distance[np.isfinite(distance)]
-    return float(np.median(known)) if len(known) else float("inf")
 
 
 def require_landmarks(session: Session) -> None:
@@ -221,7 +216,24 @@ def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Tr
         )
     yield from _tell_unseen(model, subject, trials)
     for trial in trials:
-        yield from _tell_repairs(trial)
+        for repair in trial.repairs:
+            if repair.what == "header" and repair.where in _FRAME_COUNTS:
+                yield Note(
+                    code="part",
+                    place=trial.name,
+                    problem=f"{repair.detail} frames: it may be a part of a recording",
+                    remedy="Export the recording again if frames are missing",
+                )
+            elif repair.what in _TOLD:
+                count = (
+                    f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
+                )
+                yield Note(
+                    code=repair.what,
+                    place=trial.name,
+                    problem=f"{repair.where}: {repair.detail}{count}",
+                    remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else LOOK),
+                )
 
 
 def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[Note]:
@@ -279,22 +291,3 @@ def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) ->
 def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
     others = _STANDS_IN.get(find_canonical(name) or "", ())
     return next((other for other in others if other in landmarks), None)
-
-
-def _tell_repairs(trial: Trial) -> Iterator[Note]:
-    for repair in trial.repairs:
-        if repair.what == "header" and repair.where in _FRAME_COUNTS:
-            yield Note(
-                code="part",
-                place=trial.name,
-                problem=f"{repair.detail} frames: it may be a part of a recording",
-                remedy="Export the recording again if frames are missing",
-            )
-        elif repair.what in _TOLD:
-            count = f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
-            yield Note(
-                code=repair.what,
-                place=trial.name,
-                problem=f"{repair.where}: {repair.detail}{count}",
-                remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else LOOK),
-            )

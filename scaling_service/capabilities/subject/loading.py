@@ -304,28 +304,26 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blame_file(Path(name_or_path)):
-            return _free_root(read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set)))
+            # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
+            # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
+            # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
+            # arm does, keeps its ranges.
+            model = read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            free: set[str] = set()
+            for segment in model.children(GROUND):
+                driven = {
+                    t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None
+                }
+                free |= driven if len(driven) >= 6 else set()  # all six directions
+            coordinates = tuple(
+                replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in free else c
+                for c in model.coordinates
+            )
+            return replace(model, coordinates=coordinates)
     if str(name_or_path).lower().endswith(SUFFIX):
         with blame_file(Path(name_or_path)):
             return read_model_json(name_or_path)
     return load_builtin(str(name_or_path))
-
-
-def _free_root(model: BodyModel) -> BodyModel:
-    """The model with the whole body's place and turns unbounded: a person may walk a laboratory either way.
-
-    Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could
-    not be followed. What hangs on the ground by a joint of fewer freedoms, as an arm does, keeps its ranges.
-    """
-    free: set[str] = set()
-    for segment in model.children(GROUND):
-        driven = {t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None}
-        free |= driven if len(driven) >= 6 else set()  # all six directions
-    coordinates = tuple(
-        replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in free else c
-        for c in model.coordinates
-    )
-    return replace(model, coordinates=coordinates)
 
 
 def _scale_setup(

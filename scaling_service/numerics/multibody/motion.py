@@ -192,7 +192,14 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     """
     n, coordinates = motion.n, mechanism.coordinates
     poses = pose_links(mechanism.tree, motion.q, p)
-    screws = _compute_screws(mechanism, poses)
+    # Twists of all entries for unit rates, (n_entries, 6, n).
+    entries, turns = mechanism.entries, mechanism.n_turns
+    directions = poses.directions(entries)
+    screws = np.zeros((len(entries), 6, directions.shape[-1]))
+    screws[:turns, 3:] = directions[:turns]
+    origins = poses.frames[[e.node for e in entries[:turns]], 3]
+    screws[:turns, :3] = cross(origins, directions[:turns])
+    screws[turns:, :3] = directions[turns:]
     slopes = np.empty((len(mechanism.entries), n))
     for row, entry in enumerate(mechanism.entries):
         slopes[row] = poses.values.by_coordinate(entry.term, entry.number)
@@ -222,18 +229,6 @@ def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> 
             scale = p[entry.term.parameter] if entry.term.parameter != NONE else 1.0
             result[:, row] = scale * np.array(rates[entry.number])
     return result
-
-
-def _compute_screws(mechanism: Mechanism, poses: Poses) -> Array:
-    """Twists of all entries for unit rates, (n_entries, 6, n)."""
-    entries, turns = mechanism.entries, mechanism.n_turns
-    directions = poses.directions(entries)
-    screws = np.zeros((len(entries), 6, directions.shape[-1]))
-    screws[:turns, 3:] = directions[:turns]
-    origins = poses.frames[[e.node for e in entries[:turns]], 3]
-    screws[:turns, :3] = cross(origins, directions[:turns])
-    screws[turns:, :3] = directions[turns:]
-    return screws
 
 
 def point_velocity(twist: Array, at: Array) -> Array:

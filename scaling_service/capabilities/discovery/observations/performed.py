@@ -124,7 +124,13 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     of pressure lies between them. None where the body has no two feet, or the plates no foot.
     """
     item = perform_movement(like.tracked, movement)
-    feet = _find_foot_markers(like.tracked)
+    # Columns of the markers of the right and of the left foot.
+    found = []
+    for side in _SIDES:
+        segments = [like.tracked.task.model.marker(m).segment for m in like.tracked.markers]
+        on = [k for k, name in enumerate(segments) if name.startswith(FEET) and name.endswith(side)]
+        found.append(np.array(on, dtype=np.intp))
+    feet = (found[0], found[1]) if len(found[0]) and len(found[1]) else None
     if item is None or feet is None:
         return None
     sides = _assign_sides(like, feet)
@@ -147,16 +153,6 @@ def _move_trial(like: TrackedTrial, q: Array, movement: str) -> TrackedTrial:
     places = pose_markers(like.task.tree, q, like.task.p)
     trial = Trial(name=movement, times=times, labels=like.markers, markers=places, rate_hz=RATE_HZ)
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
-
-
-def _find_foot_markers(item: TrackedTrial) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Columns of the markers of the right and of the left foot."""
-    found = []
-    for side in _SIDES:
-        segments = [item.task.model.marker(m).segment for m in item.markers]
-        on = [k for k, name in enumerate(segments) if name.startswith(FEET) and name.endswith(side)]
-        found.append(np.array(on, dtype=np.intp))
-    return (found[0], found[1]) if len(found[0]) and len(found[1]) else None
 
 
 def _locate_feet(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:

@@ -75,7 +75,16 @@ def make_inertial_prior(
     Symmetric: segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
     """
     inertias = gather_inertias(model)
-    sd = _list_deviations(inertias, spread)
+    # Standard deviations of `PARTS`, (n, 10).
+    mass, tensor = inertias.mass, inertias.tensor
+    squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
+    sizes = np.sqrt(np.clip(squares, 0.0, None))  # length times root of mass
+    lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
+    # The square of a length has twice its relative deviation; a product of two has root two of it.
+    second = [
+        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
+    ]
+    sd = np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
     scale = np.zeros((sd.size, sd.size))
     for k, slopes in enumerate(_differentiate_parameters(inertias)):
         rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
@@ -86,19 +95,6 @@ def make_inertial_prior(
     return InertialPrior(
         segments=model.segment_names, mean=inertias.parameters(), sd=sd, scale=scale, basis=basis
     )
-
-
-def _list_deviations(inertias: Inertias, spread: PriorSpread) -> Array:
-    """Standard deviations of ``PARTS``, (n, 10)."""
-    mass, tensor = inertias.mass, inertias.tensor
-    squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
-    sizes = np.sqrt(np.clip(squares, 0.0, None))  # length times root of mass
-    lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
-    # The square of a length has twice its relative deviation; a product of two has root two of it.
-    second = [
-        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
-    ]
-    return np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
 
 
 def _differentiate_parameters(inertias: Inertias) -> Array:

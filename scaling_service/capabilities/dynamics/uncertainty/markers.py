@@ -271,7 +271,14 @@ def _gather_information(
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
     blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.body.p)
     regressor = np.concatenate([block.ground for block in blocks])
-    scale = _list_table_sd(recording)
+    # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
+    inertias = gather_inertias(recording.model)
+    result = np.empty((len(inertias.mass), N_PARAMETERS))
+    mass = inertias.mass
+    result[:, 0] = MASS_SHARE * mass
+    result[:, 1:4] = PLACE_M * mass[:, None]
+    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
+    scale = result.ravel()
     root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
     whitened = root @ (regressor * scale)
     pieces = {}
@@ -279,17 +286,6 @@ def _gather_information(
         own = whitened[place == number].reshape(-1, len(scale))
         pieces[number] = own.T @ own
     return pieces
-
-
-def _list_table_sd(recording: Recording) -> Array:
-    """Standard deviation of all inertial parameters before the recording, shape (10 n_segments,)."""
-    inertias = gather_inertias(recording.model)
-    result = np.empty((len(inertias.mass), N_PARAMETERS))
-    mass = inertias.mass
-    result[:, 0] = MASS_SHARE * mass
-    result[:, 1:4] = PLACE_M * mass[:, None]
-    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
-    return result.ravel()
 
 
 def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:

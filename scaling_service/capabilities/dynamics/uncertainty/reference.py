@@ -246,13 +246,19 @@ class Reference:
             raise report_no_frame(motion.trial)
         measured, seen = _list_measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
+        names = set(motion.estimated)
+        chosen = [
+            k
+            for k, coordinate in enumerate(model.coordinates)
+            if coordinate.name in names and (noise_on == "all" or coordinate.kind == "rotation")
+        ]
         return cls(
             trial=motion.trial,
             body=PointBody.of(model, motion.markers),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),
-            varied=_list_varied(model, motion, noise_on),
+            varied=np.array(chosen, dtype=np.intp),
             spans=spans,
             measured=measured,
             seen=seen,
@@ -310,16 +316,6 @@ class Reference:
             for start, stop in self.spans
             for at in range(start, stop - 2 * HALO, BLOCK)
         ]
-
-
-def _list_varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.intp]:
-    names = set(motion.estimated)
-    chosen = [
-        k
-        for k, coordinate in enumerate(model.coordinates)
-        if coordinate.name in names and (noise_on == "all" or coordinate.kind == "rotation")
-    ]
-    return np.array(chosen, dtype=np.intp)
 
 
 def _list_measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:

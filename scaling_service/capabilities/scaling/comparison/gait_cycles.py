@@ -92,7 +92,12 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     """
     marker = ""
     try:
-        pelvis = _follow_pelvis(trial)
+        # Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden.
+        found = [_find_middle(trial, names) for names in _PELVIS]
+        best = _find_seen_longest([where for where in found if where is not None])
+        if best is None:
+            raise _NoWalking("no marker of the pelvis is seen")
+        pelvis = best
         marker, foot = _follow_foot(trial, side)
         direction, travels = _find_direction(trial, pelvis)
         ahead = (foot - pelvis) @ direction
@@ -123,15 +128,6 @@ def _explain_too_few(contacts: int, side: Side) -> str:
     if contacts < 2:
         return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
     return f"between the {contacts} contacts of the {foot} markers are hidden"
-
-
-def _follow_pelvis(trial: Trial) -> Array:
-    """Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden."""
-    found = [_find_middle(trial, names) for names in _PELVIS]
-    best = _find_seen_longest([where for where in found if where is not None])
-    if best is None:
-        raise _NoWalking("no marker of the pelvis is seen")
-    return best
 
 
 def _find_middle(trial: Trial, names: Sequence[str]) -> Array | None:

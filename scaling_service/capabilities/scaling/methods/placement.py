@@ -136,7 +136,19 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
 
     OpenSim 4 documentation, "How Scaling Works"; compared with its ScaleTool in the tests.
     """
-    pose = _average(trial, placement.time_range)
+    # One frame: the mean position of each marker over the frames of the range that show it.
+    rows = select_frames(trial, placement.time_range)
+    chosen = trial.markers[rows]
+    shown = find_shown(chosen)
+    mean = np.full(chosen.shape[1:], np.nan)
+    mean[shown] = np.nanmean(chosen[:, shown], axis=0)
+    pose = Trial(
+        name=trial.name,
+        times=trial.times[rows][:1],
+        labels=trial.labels,
+        markers=mean[None],
+        rate_hz=trial.rate_hz,
+    )
     q = _solve_static_pose(model, pose, placement)
     free = [m.name for m in model.markers if m.name not in placement.fixed]
     found = _average_local_places(model, pose, q, {name: model.marker(name).segment for name in free})
@@ -184,22 +196,6 @@ def select_frames(trial: Trial, time_range: tuple[float, float] | None) -> slice
     first = max(int(np.searchsorted(times, start + _SAME_TIME)) - 1, 0)
     last = int(np.searchsorted(times, max(end, times[first]) - _SAME_TIME))
     return slice(first, min(last, len(times) - 1) + 1)
-
-
-def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
-    """One frame: the mean position of each marker over the frames of the range that show it."""
-    rows = select_frames(trial, time_range)
-    chosen = trial.markers[rows]
-    shown = find_shown(chosen)
-    mean = np.full(chosen.shape[1:], np.nan)
-    mean[shown] = np.nanmean(chosen[:, shown], axis=0)
-    return Trial(
-        name=trial.name,
-        times=trial.times[rows][:1],
-        labels=trial.labels,
-        markers=mean[None],
-        rate_hz=trial.rate_hz,
-    )
 
 
 def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:

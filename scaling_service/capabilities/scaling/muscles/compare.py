@@ -83,7 +83,14 @@ def compare_muscles(
     ``trials``: those that are looked at.
     Raises SubjectInvalid: the model is none of OpenSim, or has no muscles, or no movement was recorded.
     """
-    _check(loaded, trials)
+    if not loaded.session.subject.model.lower().endswith(".osim"):
+        raise _report_no_muscles("is no .osim model")
+    if not trials:
+        raise SubjectInvalid(
+            "muscles are compared over movements, and none was recorded",
+            field="trials",
+            remedy="Name evaluation trials",
+        )
     forces, notes = _gather_forces(loaded, trials)
     found: dict[str, dict[str, MuscleCourses]] = {}
     for k, (method, (model, text)) in enumerate(models.items()):
@@ -103,17 +110,6 @@ def compare_muscles(
         for peak in _list_largest(_list_peaks(found[reference], found[method], quantity, (reference, method)))
     ]
     return MuscleComparison(reference, found, tuple(differences), notes)
-
-
-def _check(loaded: Loaded, trials: Sequence[str]) -> None:
-    if not loaded.session.subject.model.lower().endswith(".osim"):
-        raise _report_no_muscles("is no .osim model")
-    if not trials:
-        raise SubjectInvalid(
-            "muscles are compared over movements, and none was recorded",
-            field="trials",
-            remedy="Name evaluation trials",
-        )
 
 
 def _report_no_muscles(what: str) -> SubjectInvalid:

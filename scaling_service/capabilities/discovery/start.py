@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
 from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
@@ -160,7 +160,7 @@ class Prepared:
     start: str  # the method that scaled the model, or ``none``
     model: BodyModel  # of the person's size, without parameters
     # calibration trials fit, evaluation trials are held out; all fit where there are only one kind
-    recordings: tuple[Recording, ...]
+    recordings: tuple[SearchTrial, ...]
     forces: Mapping[str, TrialForces] = field(default_factory=dict)  # of the recordings that have some
     calibration: Calibration | None = None  # None for the given model
     notes: tuple[str, ...] = ()  # what could not be tried or decided, and why
@@ -199,7 +199,7 @@ def prepare(
     forces, notes = read_ground_forces(loaded, massive.model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}
     used = tuple(
-        Recording(
+        SearchTrial(
             trial,
             "fit" if trial.name in fitting else "held_out",
             assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
@@ -207,7 +207,7 @@ def prepare(
         for trial in session.dynamic
     )
     if session.static is not None and session.static.n_frames >= MIN_SAMPLES:
-        used = (Recording(session.static, "fit"), *used)  # a witness
+        used = (SearchTrial(session.static, "fit"), *used)  # a witness
     unmeasured = [
         said
         for trial in session.dynamic

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
@@ -207,7 +207,7 @@ class Performance:
     times: Array  # (n,), s
     q: Array  # (n, n_coordinates), rad and m: true
     loads: SegmentLoads  # true, not filtered
-    recording: Recording  # as a laboratory has it: fitted motion, measured loads
+    recording: LoadedMotion  # as a laboratory has it: fitted motion, measured loads
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -316,7 +316,7 @@ def _perform(
         times=times,
         q=q,
         loads=loads,
-        recording=Recording(model=model, motion=motion, loads=measured, height_m=height, frames=inner),
+        recording=LoadedMotion(model=model, motion=motion, loads=measured, height_m=height, frames=inner),
     )
 
 

@@ -30,7 +30,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Reweighed,
     Swinging,
 )
-from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared
@@ -203,7 +203,7 @@ class Search(Naming):
 
     # Forces
 
-    def search_forces(self) -> tuple[WrenchTable, Evidence] | None:
+    def search_forces(self) -> tuple[WrenchTable, ForceEvidence] | None:
         """What stands out of the forces; the last table."""
         if not self.fit.wrenches or not self.fit.scene.plates:
             return None

@@ -18,8 +18,8 @@ from scipy import sparse
 
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
-    Evidence,
     ForceRecording,
+    WrenchEquations,
     estimate_noise,
     gather,
     gather_evidence,
@@ -30,7 +30,7 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
     InertialPrior,
     PriorSpread,
     Solution,
-    WrenchFit,
+    WrenchError,
     describe_combinations,
     describe_parameters,
     make_inertial_prior,
@@ -279,7 +279,7 @@ def identify_inertia(
         parameters=describe_parameters(model, changed, prior, solution),
         combinations=describe_combinations(prior, solution),
         fits=tuple(
-            WrenchFit(
+            WrenchError(
                 trial=e.trial,
                 held_out=out,
                 frames=e.frames,
@@ -328,7 +328,7 @@ def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
 def _solve(
     model: BodyModel,
     prior: InertialPrior,
-    evidence: Sequence[Evidence],
+    evidence: Sequence[WrenchEquations],
     components: NDArray[np.bool_],
     noise_known: Array | None,
 ) -> Solution:

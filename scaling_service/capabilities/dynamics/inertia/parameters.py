@@ -190,7 +190,7 @@ class Combination:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class WrenchFit:
+class WrenchError:
     """How well the ground wrench of one recording is explained."""
 
     trial: str
@@ -209,7 +209,7 @@ class InertialIdentification:
     model: BodyModel  # with the identified inertia
     parameters: tuple[InertialParameter, ...]  # ten for each segment with mass
     combinations: tuple[Combination, ...]  # those that were free to move, best determined first
-    fits: tuple[WrenchFit, ...]  # fitted and held-out recordings
+    fits: tuple[WrenchError, ...]  # fitted and held-out recordings
     components: tuple[bool, ...]  # which components of the wrench were used
     # (6,), N and N m: standard deviation of the wrench's error that was assumed or found; NaN for components
     # not used

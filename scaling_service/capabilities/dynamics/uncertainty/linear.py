@@ -30,9 +30,9 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
     STENCIL,
+    LoadedMotion,
     NoiseOn,
     PointBody,
-    Recording,
     Reference,
     difference_twice,
 )
@@ -164,7 +164,7 @@ class LinearUncertainty:
 
 
 def propagate_linearly(
-    recording: Recording,
+    recording: LoadedMotion,
     levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0),
     noise_on: NoiseOn = "rotations",
 ) -> LinearUncertainty:

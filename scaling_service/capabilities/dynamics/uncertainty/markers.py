@@ -21,7 +21,7 @@ from scaling_service.capabilities.dynamics.uncertainty.linear import (
     compute_wrench_jacobians,
     factor_noise,
 )
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
@@ -75,7 +75,7 @@ class MarkerUncertainty:
 
 
 def propagate_marker_errors(
-    recording: Recording, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
+    recording: LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
 
@@ -224,7 +224,7 @@ class FrameChoice:
 
 
 def choose_frames(
-    recording: Recording, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
+    recording: LoadedMotion, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
 ) -> FrameChoice:
     """The windows that tell most of the inertial parameters, given how uncertain each frame is.
 
@@ -259,7 +259,7 @@ def choose_frames(
 
 
 def _gather_information(
-    recording: Recording,
+    recording: LoadedMotion,
     reference: Reference,
     uncertainty: MarkerUncertainty,
     picked: NDArray[np.intp],

@@ -186,7 +186,7 @@ makes it here."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Recording:
+class LoadedMotion:
     """One recording with its external loads."""
 
     model: BodyModel  # with mass, as inverse kinematics used it
@@ -220,7 +220,7 @@ class Reference:
     scale: Array  # (6,), N and N m: body weight, and body weight times stature
 
     @classmethod
-    def of(cls, recording: Recording, noise_on: NoiseOn = "rotations") -> Reference:
+    def of(cls, recording: LoadedMotion, noise_on: NoiseOn = "rotations") -> Reference:
         """Filter and arrange a recording; noise goes on those coordinates that the markers determine.
 
         Refuses a cutoff or stature that does not suit, loads on another clock, and a recording without a

@@ -22,8 +22,8 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     draw_plate_dispersion,
     fit_slopes_through_zero,
 )
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion as LoadedMotion
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
@@ -103,7 +103,7 @@ class WrenchUncertainty:
 
 
 def propagate(
-    recording: Recording,
+    recording: LoadedMotion,
     settings: UncertaintySettings = UncertaintySettings(),
     *,
     executor: Executor | None = None,

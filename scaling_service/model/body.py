@@ -298,6 +298,8 @@ class BodyModel:
     expectations: tuple[Expectation, ...] = ()
     # bone (``femur_r`` …) and the segment that it belongs to, where the segment's name does not say so
     bones: tuple[tuple[str, str], ...] = ()
+    # coordinates and how far off they are in this model, RMS in rad or m, where a posterior told
+    departures: tuple[tuple[str, float], ...] = ()
     notes: tuple[str, ...] = ()  # what the file that it was read from holds beside, or means otherwise
     posterior: ParameterPosterior | None = (
         None  # how well its numbers are known, where they were estimated so

@@ -151,6 +151,8 @@ def _check_names(model: BodyModel, file: str | Path | None) -> None:
     for constraint in model.constraints:
         for law in (constraint.law, *(law for end in constraint.ends for law in end.laws)):
             check(law, constraint.name)
+    for name, _ in model.departures:
+        _must_exist(name, coordinates, "coordinate", "departures", file)
     for expected in model.expectations:
         _must_exist(expected.coordinate, coordinates, "coordinate", "expectations", file)
         check(expected.law, expected.coordinate)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.motion.run import track
-from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.scaling.run import run
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Calibration
@@ -80,10 +81,11 @@ def measure(
     """Method to quantity, both sides alike, to errors: lengths, and angles of a walk that was not fitted."""
     found: dict[tuple[str, str], list[tuple[np.ndarray, np.ndarray]]] = {}
     for seed in seeds:
-        person, done = draw_person(seed, world), dict[str, Calibration]()
+        person = draw_person(seed, world)
         session = record(person)
-        for method in methods:
-            scaled = calibrate(session, method, known=done)
+        results = run(Loaded(session=session), methods)
+        for method, scaling in results.scalings.items():
+            scaled = scaling.calibration
             for name, error, sd in (*_lengths(scaled, person), *_angles(scaled, session, person)):
                 found.setdefault((method, name), []).append((error, sd))
     return {

@@ -26,6 +26,7 @@ from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import (
     CoordinateSd,
+    count_departures,
     estimate_coordinate_sd,
     list_skin_fields,
 )
@@ -224,6 +225,10 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
         return _gather(model, motion, uncertainty, names)
     fields = tuple(list_skin_fields(task)) if skin else ()
     uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
+    if skin and model.departures:
+        departures = dict(model.departures)
+        own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
+        uncertainty = count_departures(uncertainty, own, solution.q, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     return _gather(model, motion, uncertainty, names)
 

@@ -15,7 +15,7 @@ processing filled counts as seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -179,6 +179,29 @@ def estimate_coordinate_sd(
     noise = np.where(shown, np.sqrt(variance), np.nan)
     joined = np.concatenate(combined) if combined else None
     return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=joined)
+
+
+def count_departures(
+    found: CoordinateSd,
+    departures: Array,
+    q: Array,
+    rates: Callable[[Array], Array] | None = None,
+) -> CoordinateSd:
+    """Deviations of a model of which is known how far its coordinates are off in all.
+
+    ``departures`` (n_coordinates,), rad or m; NaN where not known. They hold what markers leave open in an
+    ordinary frame; by how much more a frame leaves open than the median one comes on top.
+    """
+    square = np.square(found.sd)
+    usual = np.nanmedian(np.where(square > 0.0, square, np.nan), axis=0)
+    in_all = np.square(departures) + np.maximum(square - usual, 0.0)
+    restated = np.where(np.isfinite(in_all), in_all, square)
+    combined = found.combined
+    if combined is not None and rates is not None:
+        more = np.nan_to_num(restated - square)
+        changes = (np.square(rates(q[rows])) @ more[rows, :, None] for rows in split_frames(len(q)))
+        combined = np.sqrt(np.maximum(np.square(combined) + np.concatenate(list(changes))[:, :, 0], 0.0))
+    return replace(found, sd=np.sqrt(restated), combined=combined)
 
 
 def find_lost(change: Array, unknown: Mask) -> Mask:

@@ -32,6 +32,7 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.subject import Session
+from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
 
@@ -51,7 +52,9 @@ class Scaling:
     geometry : Geometry
         Segment lengths, joint centres and marker shifts in m, knee axes in rad.
     angle_sds : mapping of str to mapping
-        Of a method with a posterior: trial to joint angle to its standard deviation, RMS over frames, rad.
+        By the joint posterior: trial to joint angle to its standard deviation, RMS over frames, rad.
+    deviations : mapping of str to array
+        Of a method with a posterior: trial to each coordinate's deviation, (n_frames, n_coordinates).
     inverse_kinematics_s : float
         Wall time of all motions, s.
     osim : str, optional
@@ -74,6 +77,7 @@ class Scaling:
     errors: Mapping[str, KinematicError]
     geometry: Geometry
     angle_sds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    deviations: Mapping[str, Array] = field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
     attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)

@@ -22,6 +22,7 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
     list_joint_angles,
     measure_geometry,
 )
+from scaling_service.capabilities.scaling.departures import state_departures
 from scaling_service.capabilities.scaling.methods.table import (
     METHODS,
     calibrate,
@@ -46,6 +47,7 @@ from scaling_service.model.freed import hold_markers
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
+from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.subject import VirtualSubject
 
@@ -184,6 +186,7 @@ def run(
                 scalings[method] = _put_on_surfaces(scalings[method], session)
             if options.muscle_parameters == "range":
                 scalings[method] = _keep_ranges(scalings[method], session)
+    scalings = state_departures(scalings)
     results = Results(
         loaded=loaded, settings=settings, scalings=scalings, subject_file=loaded.file, options=options
     )
@@ -293,6 +296,7 @@ def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Sca
     clock = time.perf_counter()
     motions: dict[str, Motion] = {}
     angle_sds: dict[str, dict[str, float]] = {}
+    deviations: dict[str, Array] = {}
     trials = session.dynamic
     for k, trial in enumerate(trials):
         part(f"{calibration.method}: following {trial.name}", _FITTING + (1.0 - _FITTING) * k / len(trials))
@@ -302,12 +306,14 @@ def _evaluate(calibration: Calibration, session: Session, part: Progress) -> Sca
         tracked = track(calibration.model, trial)
         motions[trial.name] = tracked.motion
         angle_sds[trial.name] = _average_frames(calibration.model, tracked)
+        deviations[trial.name] = tracked.uncertainty.sd
     return Scaling(
         calibration=calibration,
         motions=motions,
         errors={name: kinematic_error(motion, calibration.model) for name, motion in motions.items()},
         geometry=measure_geometry(calibration),
         angle_sds=angle_sds,
+        deviations=deviations,
         inverse_kinematics_s=time.perf_counter() - clock,
     )
 

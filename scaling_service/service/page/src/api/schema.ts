@@ -115,7 +115,6 @@ export interface Bones {
 export interface BonesDocument {
   skin_mm: Record<string, number>;
   expectations: Array<ExpectationDocument>;
-  undetermined: Array<string>;
   left_out: Array<string>;
 }
 

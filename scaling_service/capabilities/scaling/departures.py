@@ -1,0 +1,49 @@
+"""How far off each method's coordinates are, as the joint posterior has it.
+
+Only the posterior counts all that is not known of a person. Whatever another method answers, the expected
+square of its error is ``(answer - mean)² + variance``, of the posterior: what the method holds fixed or gets
+wrong by construction is in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
+from scaling_service.capabilities.scaling.result import Scaling
+
+
+def state_departures(scalings: Mapping[str, Scaling]) -> dict[str, Scaling]:
+    """Scalings whose models and joint angles have deviations from the posterior, where there is one."""
+    posterior = next((s for s in scalings.values() if s.deviations), None)
+    if posterior is None:
+        return dict(scalings)
+    return {
+        name: scaling if scaling.deviations else _state(scaling, posterior)
+        for name, scaling in scalings.items()
+    }
+
+
+def _state(scaling: Scaling, posterior: Scaling) -> Scaling:
+    pooled: dict[str, list[float]] = {}
+    angle_sds: dict[str, dict[str, float]] = {}
+    model = scaling.calibration.model
+    angles = set(list_joint_angles(model))
+    for trial, motion in scaling.motions.items():
+        mean, sd = posterior.motions[trial], posterior.deviations[trial]
+        for k, name in enumerate(motion.coordinates):
+            if name not in mean.coordinates:
+                continue
+            column = mean.coordinates.index(name)
+            square = (motion.q[:, k] - mean.q[:, column]) ** 2 + sd[:, column] ** 2
+            known = square[np.isfinite(square) & (square > 0.0)]
+            if len(known):
+                pooled.setdefault(name, []).append(float(np.mean(known)))
+                if name in angles:
+                    angle_sds.setdefault(trial, {})[name] = float(np.sqrt(np.mean(known)))
+    departures = tuple((name, float(np.sqrt(np.mean(squares)))) for name, squares in pooled.items())
+    calibration = replace(scaling.calibration, model=replace(model, departures=departures))
+    return replace(scaling, calibration=calibration, angle_sds=angle_sds)

@@ -34,6 +34,10 @@ def test_a_method_is_as_far_off_as_the_posterior_has_it_and_its_model_says_so() 
     assert departures[name] == pytest.approx(np.sqrt(np.mean(squares)))
     assert plain.angle_sds["walk"][name] == pytest.approx(np.sqrt(squares[list(plain.motions).index("walk")]))
 
+    size, known = (s.calibration.sizes["femur_r"] for s in (plain, posterior))
+    length, mean = (s.geometry.lengths["femur_r"] for s in (plain, posterior))
+    assert size.sd * length == pytest.approx(np.hypot(length - mean, known.sd * mean))
+
     trial = session.evaluation[0]
     without = replace(model, departures=())
     stated, sandwich = (track(m, trial, angles=True) for m in (model, without))

@@ -1,4 +1,4 @@
-"""How far off each method's coordinates are, as the joint posterior has it.
+"""How far off each method's coordinates and lengths are, as the joint posterior has it.
 
 Only the posterior counts all that is not known of a person. Whatever another method answers, the expected
 square of its error is ``(answer - mean)² + variance``, of the posterior: what the method holds fixed or gets
@@ -14,10 +14,14 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Scaling
+from scaling_service.model.results import SegmentSize
 
 
 def state_departures(scalings: Mapping[str, Scaling]) -> dict[str, Scaling]:
-    """Scalings whose models and joint angles have deviations from the posterior, where there is one."""
+    """Scalings whose models, lengths and joint angles have deviations from the posterior, where there is one.
+
+    A length of which a method states no deviation stays without.
+    """
     posterior = next((s for s in scalings.values() if s.deviations), None)
     if posterior is None:
         return dict(scalings)
@@ -45,5 +49,20 @@ def _state(scaling: Scaling, posterior: Scaling) -> Scaling:
                 if name in angles:
                     angle_sds.setdefault(trial, {})[name] = float(np.sqrt(np.mean(known)))
     departures = tuple((name, float(np.sqrt(np.mean(squares)))) for name, squares in pooled.items())
-    calibration = replace(scaling.calibration, model=replace(model, departures=departures))
+    calibration = replace(
+        scaling.calibration,
+        model=replace(model, departures=departures),
+        sizes=_state_sizes(scaling, posterior),
+    )
     return replace(scaling, calibration=calibration, angle_sds=angle_sds)
+
+
+def _state_sizes(scaling: Scaling, posterior: Scaling) -> dict[str, SegmentSize]:
+    sizes = dict(scaling.calibration.sizes)
+    known = {size.dimension: size for size in posterior.calibration.sizes.values()}
+    for segment, size in sizes.items():
+        own, mean = (s.geometry.lengths.get(size.dimension) for s in (scaling, posterior))
+        if own is not None and mean is not None and size.dimension in known:
+            sd = float(np.hypot(own - mean, known[size.dimension].sd * mean)) / own
+            sizes[segment] = replace(size, sd=sd)
+    return sizes

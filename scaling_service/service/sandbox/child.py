@@ -48,31 +48,8 @@ class Child:
         os.setsid()
         pipe, parent = messages.fileno(), parent_process()
         assert parent is not None
-        # Have the kernel kill this process group when the writing end of a pipe closes. No thread of ours has
-        # to run for that, so it also ends a process that is stuck in a library: SIGKILL is sent in place of
-        # SIGIO (fcntl(2), "Signal-driven I/O").
-        lifeline = parent.sentinel
-        fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
-        fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
-        fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
-        watch = select.poll()
-        watch.register(lifeline, select.POLLHUP)
-        if watch.poll(0):  # it was closed before the kernel was asked
-            os.killpg(os.getpgrp(), signal.SIGKILL)
-        # Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder.
-        pipes = {pipe, parent.sentinel}
-        nowhere = os.open(os.devnull, os.O_RDWR)
-        for descriptor in range(3):
-            os.dup2(nowhere, descriptor)
-        ends = [2, *sorted(pipes), os.sysconf("SC_OPEN_MAX")]
-        for before, after in pairwise(ends):
-            os.closerange(before + 1, after)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-        for name in [name for name in os.environ if name.startswith(SECRETS)]:
-            del os.environ[name]
-        os.environ["TMPDIR"] = tempfile.tempdir = str(self.folder / "tmp")
-        os.chdir(self.folder / "tmp")
+        _die_with_parent(parent.sentinel)
+        _isolate(self.folder, {pipe, parent.sentinel})
         self.limits.apply()
         _send(pipe, self._answer(lambda what, share: _send(pipe, {"progress": [what[:200], share]})))
         os.killpg(os.getpgrp(), signal.SIGKILL)
@@ -83,24 +60,27 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            for cause in _list_causes(error):
-                number = cause.errno if isinstance(cause, OSError) else None
-                if number in _HINDRANCES:
-                    return {"hindered": os.strerror(number or 0)}
-                if number == errno.EFBIG:
-                    return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
-                out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
-                if number == errno.ENOMEM or out_of_memory:
-                    return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
-            if isinstance(error, InputError):
-                return self._failure_message(error)
-            unexpected = Failure(
-                kind="ProgramError",
-                problem=f"the program failed on this job ({type(error).__name__})",
-                remedy="Report it with the number of the job; the service's log says where it happened",
-            )
-            return {"failure": unexpected.model_dump(), "trace": code_places(error)}
+            return self._explain(error)
         return {"finished": True}
+
+    def _explain(self, error: BaseException) -> dict[str, Any]:
+        for cause in _list_causes(error):
+            number = cause.errno if isinstance(cause, OSError) else None
+            if number in _HINDRANCES:
+                return {"hindered": os.strerror(number or 0)}
+            if number == errno.EFBIG:
+                return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
+            out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
+            if number == errno.ENOMEM or out_of_memory:
+                return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
+        if isinstance(error, InputError):
+            return self._failure_message(error)
+        unexpected = Failure(
+            kind="ProgramError",
+            problem=f"the program failed on this job ({type(error).__name__})",
+            remedy="Report it with the number of the job; the service's log says where it happened",
+        )
+        return {"failure": unexpected.model_dump(), "trace": code_places(error)}
 
     def _failure_message(self, error: InputError) -> dict[str, Any]:
         """The failure without the places on this machine, which mean nothing to a client."""
@@ -124,6 +104,37 @@ def _list_causes(error: BaseException) -> Iterator[BaseException]:
     while seen is not None:
         yield seen
         seen = seen.__cause__ or seen.__context__
+
+
+def _die_with_parent(lifeline: int) -> None:
+    """Have the kernel kill this process group when the writing end of a pipe closes.
+
+    No thread of ours has to run for that, so it also ends a process that is stuck in a library: SIGKILL is
+    sent in place of SIGIO (fcntl(2), "Signal-driven I/O").
+    """
+    fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
+    fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
+    watch = select.poll()
+    watch.register(lifeline, select.POLLHUP)
+    if watch.poll(0):  # it was closed before the kernel was asked
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+
+
+def _isolate(folder: Path, pipes: set[int]) -> None:
+    """Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for descriptor in range(3):
+        os.dup2(nowhere, descriptor)
+    ends = [2, *sorted(pipes), os.sysconf("SC_OPEN_MAX")]
+    for before, after in pairwise(ends):
+        os.closerange(before + 1, after)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for name in [name for name in os.environ if name.startswith(SECRETS)]:
+        del os.environ[name]
+    os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
+    os.chdir(folder / "tmp")
 
 
 def _send(pipe: int, message: dict[str, Any]) -> None:

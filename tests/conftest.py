@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from scaling_service.core.threads import use_one_thread
+from tests.finished import Demo, make_once
 
 use_one_thread()  # numpy is not imported yet
 
@@ -30,6 +31,20 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}; set SCALING_SERVICE_DATA")
     return folder
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
+    """All methods on a virtual person of ``demo``, of another seed than the usual one; once in a run."""
+    from scaling_service.capabilities.scaling.run import run_demo
+    from scaling_service.capabilities.shared.settings import Settings
+
+    def make() -> Demo:
+        shares: list[tuple[str, float]] = []
+        results, truth = run_demo(Settings(seed=3), progress=lambda what, share: shares.append((what, share)))
+        return Demo(results, truth, shares)
+
+    return make_once(tmp_path_factory, "demo", make)
 
 
 @pytest.fixture(scope="session")

@@ -130,6 +130,7 @@ def test_the_image_copies_what_there_is_and_ends_as_another_user() -> None:
     assert not re.search("latest", "\n".join(lines))
 
 
+@pytest.mark.costly
 def test_what_compose_runs_computes_together(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
     dask = shutil.which("dask", path=str(Path(sys.executable).parent))

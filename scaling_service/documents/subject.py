@@ -242,17 +242,6 @@ class SubjectDocument(_Strict):
                     "Remove it, or give the path of an .osim file under `model:`",
                     field,
                 )
-        self._check_labels()
-        self._check_trials()
-        self._check_sizes()
-        return self
-
-    @property
-    def sizes_m(self) -> dict[str, float]:
-        """The sizes in m, by name without unit."""
-        return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
-
-    def _check_labels(self) -> None:
         meaning: dict[str, str] = {}
         for marker, label in self.markers.items():
             if label in meaning:
@@ -269,8 +258,7 @@ class SubjectDocument(_Strict):
                     "Keep it there if it is one of the model's markers, else here",
                     f"extra_markers.{label}",
                 )
-
-    def _check_sizes(self) -> None:
+        self._check_trials()
         for name, value in self.sizes.items():
             limits = RANGES_M.get(name.removesuffix(SIZE_UNIT)) if name.endswith(SIZE_UNIT) else None
             if limits is None:
@@ -285,6 +273,12 @@ class SubjectDocument(_Strict):
                 raise _make_error(
                     f"{value:g} mm is not between {low:g} and {high:g} mm", "Give it in mm", f"sizes.{name}"
                 )
+        return self
+
+    @property
+    def sizes_m(self) -> dict[str, float]:
+        """The sizes in m, by name without unit."""
+        return {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in self.sizes.items()}
 
     def _check_trials(self) -> None:
         names = [PurePath(path).name for path in self.trials.files]

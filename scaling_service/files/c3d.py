@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.documents.subject import RANGES_M
 from scaling_service.files.c3d_file import C3dFile, read_c3d_file
@@ -16,7 +17,12 @@ from scaling_service.files.c3d_parameters import report_no_frame, take_first_val
 from scaling_service.files.recording import NOT_STATED, Recording
 from scaling_service.files.tables import METRES, clean_positions, separate_duplicates
 from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, list_plate_names
-from scaling_service.model.trial import Array, MeasuredSizes, Repair, Trial, is_unlabelled
+from scaling_service.model.trial import (
+    MeasuredSizes,
+    Repair,
+    Trial,
+    is_unlabelled,
+)
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Number of channels of the plate types that are supported (C3D user guide, "Force plate types")."""

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.c3d_layout import SAME, Layout, find_layout, find_rate
 from scaling_service.files.c3d_parameters import (
@@ -26,7 +27,7 @@ from scaling_service.files.c3d_parameters import (
     take_first_value,
 )
 from scaling_service.files.tables import read_bytes
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Repair
 
 COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MODELED_MARKERS")
 """Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""

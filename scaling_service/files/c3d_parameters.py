@@ -101,7 +101,25 @@ def read_facts(content: bytes, file: Path) -> Facts:
         )
     stated = content[begin + 3]
     for processor in sorted(_PROCESSORS, key=lambda p: p.code != stated):
-        facts = _read_as(content, begin, processor)
+        words = [0, *processor.read_words(content, 0, 12).tolist()]
+        blocks = content[begin + 2]
+        end = min(len(content), begin + BLOCK * blocks) if blocks else len(content)
+        parameters, broken = _read_parameters(content, begin + 4, end, processor)
+        notes = [Repair(what="header", where="parameters", detail=detail) for detail in broken]
+        facts = Facts(
+            processor=processor,
+            points=words[2],
+            analogs=words[3],
+            first=words[4],
+            last=words[5],
+            scale=processor.read_real(content, 12),
+            start=words[9],
+            per_frame=words[10],
+            rate=processor.read_real(content, 20),
+            parameters=parameters,
+            behind=content[0] + blocks if blocks else 0,
+            repairs=tuple(notes),
+        )
         rates = [facts.rate, facts.number("POINT", "RATE")]
         if "POINT" in facts.parameters and any(RATES_HZ[0] <= rate <= RATES_HZ[1] for rate in rates):
             break
@@ -117,28 +135,6 @@ def read_facts(content: bytes, file: Path) -> Facts:
     said = f"type {stated} is stated; its numbers are those of {processor.name} ({processor.code})"
     note = Repair(what="header", where="processor type", detail=said)
     return replace(facts, repairs=(*facts.repairs, note))
-
-
-def _read_as(content: bytes, begin: int, processor: Processor) -> Facts:
-    words = [0, *processor.read_words(content, 0, 12).tolist()]
-    blocks = content[begin + 2]
-    end = min(len(content), begin + BLOCK * blocks) if blocks else len(content)
-    parameters, broken = _read_parameters(content, begin + 4, end, processor)
-    notes = [Repair(what="header", where="parameters", detail=detail) for detail in broken]
-    return Facts(
-        processor=processor,
-        points=words[2],
-        analogs=words[3],
-        first=words[4],
-        last=words[5],
-        scale=processor.read_real(content, 12),
-        start=words[9],
-        per_frame=words[10],
-        rate=processor.read_real(content, 20),
-        parameters=parameters,
-        behind=content[0] + blocks if blocks else 0,
-        repairs=tuple(notes),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +165,7 @@ def _read_parameters(
             at = entry.after
             if _read_entry(content, at, end, processor) is not None:
                 broken.append(f"what follows '{entry.name}' was found behind it, not where it is said to be")
-    if not entries or (at < end and content[at] and not _is_end(content, at, end)):
+    if not entries or (at < end and content[at] and any(content[at + 2 : min(end, at + 8)])):
         broken.append("the list of parameters breaks off in what cannot be read")
     groups = {-entry.group: entry.name for entry in entries if entry.group < 0}
     found: dict[str, dict[str, Any]] = {name: {} for name in groups.values()}
@@ -177,11 +173,6 @@ def _read_parameters(
         if entry.group > 0:
             found.setdefault(groups.get(entry.group, ""), {}).setdefault(entry.name, entry.value)
     return found, broken
-
-
-def _is_end(content: bytes, at: int, end: int) -> bool:
-    """Whether an entry without a name, or what some writers leave behind the last one, stands here."""
-    return not any(content[at + 2 : min(end, at + 8)])
 
 
 def _read_entry(content: bytes, at: int, end: int, processor: Processor) -> _Entry | None:

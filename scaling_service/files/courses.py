@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Segment, Vector
 from scaling_service.model.muscles import Muscle, WrapSurface
 from scaling_service.model.poses import pose_segments
-from scaling_service.model.trial import Array
 
 
 @dataclass(frozen=True, slots=True)

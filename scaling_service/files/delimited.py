@@ -17,12 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
 from scaling_service.files.recording import Recording
 from scaling_service.files.trc import restore_clock
 from scaling_service.model.anatomy.markers import is_computed
-from scaling_service.model.trial import Array, Repair, is_unlabelled
+from scaling_service.model.trial import (
+    Repair,
+    is_unlabelled,
+)
 
 FIELD = "columns"
 """Field of the error which means that a table holds no markers at all."""

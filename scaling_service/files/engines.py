@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.limbs import (
     DrivenAxis,
     Skeleton,
@@ -18,7 +19,6 @@ from scaling_service.files.limbs import (
 from scaling_service.files.mjcf import write_mjcf
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.muscles import Musculature
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.wrench import GRAVITY
 
@@ -36,7 +36,14 @@ def write_biomod(model: BodyModel, _muscles: Musculature | None = None) -> Skele
     for limb in list_limbs(model):
         parent, back = "root" if limb.segment.parent == GROUND else limb.segment.parent, np.asarray(np.eye(4))
         for axis in limb.axes:
-            along = _orient_along_z(axis.axis)
+            # The frame, (4, 4), whose z lies along an axis.
+            frame, cross = np.eye(4), np.cross((0.0, 0.0, 1.0), axis.axis)
+            sine = float(np.linalg.norm(cross))
+            if sine > 0.0:
+                frame[:3, :3] = convert_vector_to_rotation(cross / sine * np.arctan2(sine, axis.axis[2]))
+            elif axis.axis[2] < 0.0:
+                frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
+            along = frame
             lines += _write_segment(axis.name, parent, back @ axis.before @ along, _write_motion(axis))
             parent, back = axis.name, np.asarray(np.linalg.inv(along), dtype=float)
         lines += _write_segment(limb.segment.name, parent, back @ limb.last, _write_mass(limb.segment))
@@ -72,17 +79,6 @@ def _write_mass(segment: Segment) -> Iterator[str]:
     yield "    inertia"
     for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)):
         yield f"        {format_numbers(row)}"
-
-
-def _orient_along_z(axis: Array) -> Array:
-    """The frame, (4, 4), whose z lies along an axis."""
-    frame, cross = np.eye(4), np.cross((0.0, 0.0, 1.0), axis)
-    sine = float(np.linalg.norm(cross))
-    if sine > 0.0:
-        frame[:3, :3] = convert_vector_to_rotation(cross / sine * np.arctan2(sine, axis[2]))
-    elif axis[2] < 0.0:
-        frame[:3, :3] = np.diag([1.0, -1.0, -1.0])
-    return frame
 
 
 ENGINES: Mapping[str, tuple[str, Callable[[BodyModel, Musculature | None], Skeleton]]] = MappingProxyType(

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto
 from scaling_service.model.forces import CONTACT_N, GroundForces, list_plate_names
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Repair
 
 FARTHEST_M = 20.0  # chosen: a loaded point beyond this is in mm; walkways are shorter
 MARGIN_M = 0.1  # chosen: how far an unloaded point may leave the places where the plate was loaded
@@ -130,15 +130,7 @@ def _read_plate(
             )
         )
     loaded = np.asarray(force[:, 1] > CONTACT_N)
-    point = _correct_points(point, force, loaded, name, file, repairs)
-    surface = np.nanmedian(point[loaded], axis=0) if loaded.any() else np.zeros(3)
-    return force, moment + np.cross(point, force), surface
-
-
-def _correct_points(
-    point: Array, force: Array, loaded: NDArray[np.bool_], name: str, file: str, repairs: list[Repair]
-) -> Array:
-    """Points that stay near the places where the plate is loaded; any point will do for no force."""
+    # Points that stay near the places where the plate is loaded; any point will do for no force.
     seen = point[loaded]
     seen = seen[np.isfinite(seen).all(axis=1)]
     if len(seen) and np.median(np.linalg.norm(seen, axis=1)) > FARTHEST_M:
@@ -161,4 +153,6 @@ def _correct_points(
             "the point of application of a force below the threshold was far off; drawn back to the plate"
         )
         repairs.append(Repair(what="point_astray", where=name, detail=detail, frames=counted))
-    return result
+    point = result
+    surface = np.nanmedian(point[loaded], axis=0) if loaded.any() else np.zeros(3)
+    return force, moment + np.cross(point, force), surface

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Term
 from scaling_service.model.compile import evaluate_law
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 

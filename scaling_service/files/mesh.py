@@ -14,8 +14,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.numerics.multibody.laws import Array
 
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
@@ -63,24 +63,6 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     if reader is None:
         said = f"'{file.suffix}' is not a format of surfaces" if file.suffix else "the name has no suffix"
         raise FileUnreadable(said, file=file, remedy=f"Supported are {', '.join(READERS)}")
-    _check_size(file)
-    vertices, faces = reader(file)
-    if len(faces) == 0 or len(vertices) == 0:
-        raise FileUnreadable("there are no faces in it", file=file, remedy=_REMEDY)
-    if len(faces) > MAX_FACES:
-        raise FileUnreadable(
-            f"it has {len(faces)} faces, more than {MAX_FACES}",
-            file=file,
-            remedy="Reduce the surface; 60,000 faces are enough for a bone",
-        )
-    if not np.isfinite(vertices).all():
-        raise FileUnreadable("some vertices are not finite numbers", file=file, remedy=_REMEDY)
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise FileUnreadable("some faces name vertices that do not exist", file=file, remedy=_REMEDY)
-    return Mesh(vertices, faces)
-
-
-def _check_size(file: Path) -> None:
     if not file.is_file():
         raise FileUnreadable("there is no such file", file=file, remedy="Check the path")
     try:
@@ -95,6 +77,20 @@ def _check_size(file: Path) -> None:
             file=file,
             remedy="Reduce the surface; 60,000 faces are enough for a bone",
         )
+    vertices, faces = reader(file)
+    if len(faces) == 0 or len(vertices) == 0:
+        raise FileUnreadable("there are no faces in it", file=file, remedy=_REMEDY)
+    if len(faces) > MAX_FACES:
+        raise FileUnreadable(
+            f"it has {len(faces)} faces, more than {MAX_FACES}",
+            file=file,
+            remedy="Reduce the surface; 60,000 faces are enough for a bone",
+        )
+    if not np.isfinite(vertices).all():
+        raise FileUnreadable("some vertices are not finite numbers", file=file, remedy=_REMEDY)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise FileUnreadable("some faces name vertices that do not exist", file=file, remedy=_REMEDY)
+    return Mesh(vertices, faces)
 
 
 def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
@@ -114,8 +110,8 @@ def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
     return np.asarray(loaded.vertices, dtype=float), np.asarray(loaded.faces, dtype=np.intp)
 
 
-def _refuse_counts(file: Path) -> None:
-    """Refuse what a VTP file claims to hold: VTK ends the program when it gets no memory for it."""
+def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
+    # Refuse what a VTP file claims to hold: VTK ends the program when it gets no memory for it.
     for count in _COUNTS.findall(file.read_bytes()):
         if int(count[:20]) > 3 * MAX_FACES:  # each face with corners of its own
             raise FileUnreadable(
@@ -123,10 +119,6 @@ def _refuse_counts(file: Path) -> None:
                 file=file,
                 remedy="Reduce the surface; 60,000 faces are enough for a bone",
             )
-
-
-def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
-    _refuse_counts(file)
     # Imported here: VTK takes a second and 100 MB, and few bones come as VTP.
     import pyvista
     from vtkmodules.vtkCommonCore import vtkObject

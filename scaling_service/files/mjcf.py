@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.limbs import (
     DrivenAxis,
     Limb,
@@ -24,7 +25,6 @@ from scaling_service.files.polynomials import QUARTIC, Followed, ease_laws, find
 from scaling_service.files.tendons import plan_tendons
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Segment
 from scaling_service.model.muscles import Musculature
-from scaling_service.model.trial import Array
 from scaling_service.numerics.wrench import GRAVITY
 
 _WORTH_SAYING = 1e-9  # rad or m; chosen: below it a fit is exact

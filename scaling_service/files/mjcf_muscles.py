@@ -9,10 +9,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.courses import Bend, Site, Tendons
 from scaling_service.files.limbs import format_numbers
 from scaling_service.model.muscles import Muscle
-from scaling_service.model.trial import Array
 
 _RANGE = (0.5, 1.5)
 """Optimal lengths between which MuJoCo is told the muscle's length. Any two say the same."""

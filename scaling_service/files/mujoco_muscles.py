@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.model.trial import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Coordinate, Law, Shape, Term
 from scaling_service.model.compile import differentiate_law_at, evaluate_law
-from scaling_service.model.trial import Array
 
 QUARTIC = 4  # the degree of MuJoCo's joint equality
 _APART = 0.5  # a above; chosen: any but 0 spans the same

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects, gaussian_filter
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.files.mesh import READERS, Mesh, read_mesh
-from scaling_service.numerics.multibody.laws import Array
 
 MAX_VOXELS = 700_000_000  # chosen: a whole body of 512 x 512 x 2600; one byte each
 MAP_SUFFIXES = (".nii", ".nii.gz")

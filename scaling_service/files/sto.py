@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Repair
 
 _KIND = "an OpenSim table"
 _TRUE, _FALSE = frozenset({"yes", "true", "y", "1"}), frozenset({"no", "false", "n", "0"})
@@ -82,7 +83,14 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
             f"this is not {_KIND}: there is no line 'endheader'", file=file, remedy="Export it as STO or MOT"
         )
     header = _read_header([line for _, line in lines[:end]])
-    _refuse_other_types(header, file)
+    kind = _look_up(header, "datatype")
+    if kind is not None and kind.lower() not in ("double", "float"):
+        raise FileUnreadable(
+            f"cells of type {kind[:20]} are not supported, only plain numbers",
+            file=file,
+            field="DataType",
+            remedy="Flatten the table to DataType=double",
+        )
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
     columns = _read_columns(rows, file)
     body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
@@ -118,17 +126,6 @@ def _read_header(lines: Sequence[str]) -> dict[str, str]:
 
 def _look_up(header: Mapping[str, str], key: str) -> str | None:
     return next((value for name, value in header.items() if name.lower() == key), None)
-
-
-def _refuse_other_types(header: Mapping[str, str], file: Path) -> None:
-    kind = _look_up(header, "datatype")
-    if kind is not None and kind.lower() not in ("double", "float"):
-        raise FileUnreadable(
-            f"cells of type {kind[:20]} are not supported, only plain numbers",
-            file=file,
-            field="DataType",
-            remedy="Flatten the table to DataType=double",
-        )
 
 
 def _read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry, Overview, PlateEntry
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Array
 
 MOST_FRAMES = 2000
 """Of a first look. Chosen: more than a screen has columns, and a megabyte for a whole body's markers."""

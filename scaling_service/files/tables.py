@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
-from scaling_service.model.trial import Array, Repair, repair_each
+from scaling_service.model.trial import (
+    Repair,
+    repair_each,
+)
 
 METRES = {
     spelling: metres

@@ -19,12 +19,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.courses import Bend, Poses, Site, Tendon, Tendons, find_nearest, pose_model
 from scaling_service.files.polynomials import QUARTIC
 from scaling_service.files.via_points import make_via
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term, Vector, to_vector
 from scaling_service.model.muscles import Contact, Muscle, Musculature, WrapSurface
-from scaling_service.model.trial import Array
 
 _AWAY = 2.0
 """Side sites stand at this multiple of a surface's radius from its middle: MuJoCo takes a site within the

@@ -11,10 +11,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, TrialUnusable
 from scaling_service.files import tables
 from scaling_service.files.recording import NOT_STATED, Recording
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+)
 
 TIME_ROUNDING_S = 0.5e-3
 """Times are often written with three decimals; half of the last is the largest error of rounding."""

@@ -11,12 +11,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.courses import Bend, Site, find_nearest, pose_model
 from scaling_service.files.polynomials import QUARTIC
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term, to_vector
 from scaling_service.model.muscles import Muscle, PathPoint, WrapSurface
 from scaling_service.model.poses import sweep_coordinates
-from scaling_service.model.trial import Array
 
 _VIA_M = 1e-6  # radius of a sphere that stands for a point; chosen: a thousandth of what is asked of lengths
 _AWAY_M = 0.05  # how far a moving side site goes; chosen: far beyond the sphere, and light to move

@@ -23,6 +23,7 @@ from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
 import scaling_service
+from scaling_service import plugins
 from scaling_service.core.errors import InputError
 from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, render_notebook
 
@@ -59,7 +60,7 @@ PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "notebook-cohort",
             "notebook-effect",
         ),
-        "Look up": ("files", "python", "python-names", "http"),
+        "Look up": ("files", "python", "python-names", "plugins", "http"),
     }
 )
 """Headings of the table of contents, and the pages under each: file names without suffix."""
@@ -73,6 +74,26 @@ def describe_interface() -> str:
     names = scaling_service.__all__
     contents = ", ".join(f"[{name}](#{name.lower()})" for name in names)
     return "\n\n".join([contents, *(_describe(name) for name in names)])
+
+
+@lru_cache(maxsize=1)
+def describe_plugins() -> str:
+    """Name in a table what other distributions may import, with the first sentence of each docstring."""
+    rows = [
+        f"| `{name}` | {_format_inline(_summarise(f'scaling_service.{home}', name))} |"
+        for name, home in plugins.HOMES.items()
+    ]
+    return "\n".join(["| name | what |", "|---|---|", *rows])
+
+
+def _summarise(module: str, name: str) -> str:
+    """The first line of a definition's docstring, which for an alias stands below it."""
+    for node, after in pairwise([*_parse(module).body, ast.Pass()]):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name:
+            return str(ast.literal_eval(after.value)) if isinstance(after, ast.Expr) else ""
+    raise LookupError(name)
 
 
 def _describe(name: str) -> str:
@@ -221,7 +242,8 @@ def read_page(name: str) -> str:
         raise NoSuchPage(f"the guide has no page '{name}'", remedy=f"Choose one of {', '.join(list_pages())}")
     if name.startswith(NOTEBOOK):
         return render_notebook(name)
-    text = (FOLDER / f"{name}.md").read_text(encoding="utf-8").replace("{{interface}}", describe_interface())
+    text = (FOLDER / f"{name}.md").read_text(encoding="utf-8")
+    text = text.replace("{{interface}}", describe_interface()).replace("{{plugins}}", describe_plugins())
     return fill(text, read_figures())
 
 

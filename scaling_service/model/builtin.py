@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from scaling_service.core.errors import InputError
+from scaling_service.core.notes import Note
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -68,7 +69,7 @@ def load_generic_person(name: str) -> GenericPerson:
     return _load(name)[1]
 
 
-def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyModel, tuple[str, ...]]:
+def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyModel, tuple[Note, ...]]:
     """A built-in model without the freedoms that only a marker on some segment would show.
 
     What then moves as one with its parent is less rigid than a segment: its markers count less.
@@ -82,7 +83,8 @@ def lock_unmarked(model: BodyModel, placed: Mapping[str, str]) -> tuple[BodyMode
     coordinates = tuple(replace(c, locked=c.locked or c.name in locked) for c in model.coordinates)
     markers = tuple(replace(m, weight=_STIFF * m.weight) if m.segment in stiff else m for m in model.markers)
     notes = (
-        f"{name} is locked: no recording shows a marker on the {need.marked}" for name, need in locked.items()
+        Note(code="locked", problem=f"{name} is locked: no recording shows a marker on the {need.marked}")
+        for name, need in locked.items()
     )
     return replace(model, coordinates=coordinates, markers=markers), tuple(notes)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import (
     GROUND,
     BodyModel,
@@ -31,7 +32,6 @@ from scaling_service.numerics.multibody import surfaces
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import (
     NONE,
-    Array,
     Factor,
     Fixed,
     Link,
@@ -154,7 +154,7 @@ def compile_model(model: BodyModel, markers: Sequence[str] | None = None) -> Tre
 
     Raises KeyError: a marker that the model does not have.
     """
-    return _compile_cached(_Same(model), None if markers is None else tuple(markers))
+    return _compile_cached(_Same(model), tuple(model.marker_names if markers is None else markers))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,9 +171,9 @@ class _Same:
 
 
 @lru_cache(maxsize=_KEPT)
-def _compile_cached(same: _Same, markers: tuple[str, ...] | None) -> Tree:
+def _compile_cached(same: _Same, markers: tuple[str, ...]) -> Tree:
     model = same.model
-    chosen = [model.marker(name) for name in (model.marker_names if markers is None else markers)]
+    chosen = [model.marker(name) for name in markers]
     index = _Index(model)
     kept = _list_carriers(model, {m.segment for m in chosen})
     number = {segment.name: k for k, segment in enumerate(kept)}

@@ -67,13 +67,6 @@ def from_document(document: Mapping[str, Any], *, file: str | Path | None = None
             field="schema_version",
             remedy="Write the model again with the present program",
         )
-    model = _validate_model(content, file)
-    _check_names(model, file)
-    return model
-
-
-def _validate_model(content: Mapping[str, Any], file: str | Path | None) -> BodyModel:
-    # Imported here: the processes that read OpenSim's models write documents only.
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
     # In a tuple, so that the configuration holds for the standard library's dataclasses within.
@@ -82,6 +75,7 @@ def _validate_model(content: Mapping[str, Any], file: str | Path | None) -> Body
         (model,) = models.validate_json(json.dumps([_convert_numbers(content)]))
     except ValidationError as error:
         raise _explain_wrong_value(error, file) from None
+    _check_names(model, file)
     return model
 
 
@@ -120,17 +114,13 @@ def _encode(value: object) -> Any:
     if isinstance(value, tuple):
         return [_encode(item) for item in value]
     if isinstance(value, float | int) and not isinstance(value, bool):
-        return _encode_number(value)
+        if math.isnan(value):
+            raise ValueError("a body model holds no NaN")
+        number = float(value)
+        return ("inf" if number > 0 else "-inf") if math.isinf(number) else number
     if value is None or isinstance(value, str | bool):
         return value
     raise TypeError(f"a body model holds no {type(value).__name__}")
-
-
-def _encode_number(value: float) -> float | str:
-    if math.isnan(value):
-        raise ValueError("a body model holds no NaN")
-    number = float(value)
-    return ("inf" if number > 0 else "-inf") if math.isinf(number) else number
 
 
 def _is_default(item: Field[Any], value: object) -> bool:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Repair
 
 CONTACT_N = 20.0
 """Vertical force above which a foot is on a plate and a centre of pressure means something. The centre of

@@ -13,12 +13,12 @@ from typing import Literal
 import numpy as np
 from pydantic import TypeAdapter
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, ModelRefused
 from scaling_service.model.body import BodyModel, Marker, Tensor, to_vector
 from scaling_service.model.body import to_tensor as as_tensor
 from scaling_service.model.compile import compile_model
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import TENSOR, Inertias, Mechanism
 from scaling_service.numerics.multibody.tree import Tree
 

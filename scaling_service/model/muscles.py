@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Segment, Vector
-from scaling_service.model.trial import Array
 
 SurfaceKind = Literal["cylinder", "sphere", "ellipsoid", "torus"]
 

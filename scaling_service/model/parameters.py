@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.body import (
     BodyModel,
@@ -25,7 +26,6 @@ from scaling_service.model.body import (
     Term,
     Vector,
 )
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)

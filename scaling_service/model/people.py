@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Vector, to_vector
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.bones import find_rightward
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
 from scaling_service.model.anatomy.markers import SACRUM, find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_neutral_frames, pose_neutral_markers
-from scaling_service.numerics.multibody.laws import Array
 
 _AT: Mapping[str, tuple[str, str, tuple[float, float, float]]] = {
     "ASIS": ("pelvis", "hip", (0.177, 0.222, 0.098)),

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel, Joint, Marker, Vector
 from scaling_service.model.compile import compile_model, evaluate_law, list_parameter_values
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers
 

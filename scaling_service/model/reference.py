@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, where it is: ten times as fast
+
 
 def find_reference_folder() -> Traversable:
     """The folder ``reference_models``: inside the installed package, or beside it in a working copy."""
@@ -19,7 +21,7 @@ def find_reference_folder() -> Traversable:
 
 def read_reference(file: Traversable) -> Any:
     """What a YAML file of the reference folder holds."""
-    return yaml.safe_load(file.read_text(encoding="utf-8"))
+    return yaml.load(file.read_text(encoding="utf-8"), Loader=_LOADER)
 
 
 def list_marker_set_files() -> Iterator[tuple[str, Traversable]]:

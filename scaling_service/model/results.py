@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array as Array
 from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.trial import ImagePose
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)

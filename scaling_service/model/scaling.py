@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import (
     BodyModel,
     Constraint,
@@ -20,7 +21,6 @@ from scaling_service.model.body import (
     to_tensor,
     to_vector,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 _MASSLESS = 2.0**-52
 """kg; OpenSim's Body::scaleInertialProperties takes lighter bodies as massless (SimTK::Eps)."""

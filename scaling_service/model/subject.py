@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
+from scaling_service.core.notes import Note
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import ImageEvidence, Relabelling, Trial
 
@@ -146,8 +147,13 @@ class Session:
     calibration: tuple[Trial, ...]
     evaluation: tuple[Trial, ...]
     scale_setup: ScaleSetup | None = None
-    warnings: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     images: ImageEvidence | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The notes as sentences."""
+        return tuple(map(str, self.notes))
 
     @property
     def dynamic(self) -> tuple[Trial, ...]:

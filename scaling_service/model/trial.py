@@ -10,11 +10,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array as Array
 from scaling_service.core.errors import MarkerMissing, TrialUnusable
 from scaling_service.model.body import Vector
 from scaling_service.numerics.least_squares.problem import find_shown
-
-Array = NDArray[np.float64]
 
 _AGREE = 0.005
 """Chosen: heights, masses and sizes of two files that differ by less are one measurement, rounded."""

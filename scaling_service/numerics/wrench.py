@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.motion import (
     N_PARAMETERS,
     TENSOR,
@@ -230,7 +230,10 @@ def differentiate_wrench(
     inertia = compute_spatial_inertias(mechanism, state)
     momentum = np.einsum("kabn,kbn->kan", inertia, state.twists)
     forces = link_wrenches(mechanism, state, gravity)
-    turning = _differentiate_inertias(inertia, state.twists)
+    # `V x* I - I V x` of every link, (k, 6, 6, n).
+    columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
+    half = np.moveaxis(cross_wrench(state.twists[:, None], columns), 1, 2)
+    turning = half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
     below = mechanism.carriers[screws.entries]
     composite, composite_rate, h, f = (
         (below @ part.reshape(len(part), -1)).reshape(len(below), *part.shape[1:])
@@ -259,7 +262,8 @@ def compute_spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
     at = np.einsum("kjan,kj->kan", axes, inertias.com) + state.poses.origins
     own = np.einsum("kian,kij,kjbn->kabn", axes, inertias.tensor, axes, optimize=True)
     mass = inertias.mass[:, None, None, None]
-    arm = _build_skew(at)
+    # Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n).
+    arm = np.stack([cross(at, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
     result = np.zeros((len(axes), 6, 6, axes.shape[-1]))
     for i in range(3):
         result[:, i, i] = inertias.mass[:, None]
@@ -267,18 +271,6 @@ def compute_spatial_inertias(mechanism: Mechanism, state: LinkMotion) -> Array:
     result[:, 3:, :3] = mass * arm
     result[:, 3:, 3:] = own - mass * np.einsum("kabn,kbcn->kacn", arm, arm)
     return result
-
-
-def _build_skew(vector: Array) -> Array:
-    """Cross-product matrices of vectors (k, 3, n), (k, 3, 3, n)."""
-    return np.stack([cross(vector, np.eye(3)[:, [i]]) for i in range(3)], axis=2)
-
-
-def _differentiate_inertias(inertia: Array, twists: Array) -> Array:
-    """``V x* I - I V x`` of every link, (k, 6, 6, n)."""
-    columns = np.moveaxis(inertia, 2, 1)  # (k, column, row, n); the matrix is symmetric
-    half = np.moveaxis(cross_wrench(twists[:, None], columns), 1, 2)
-    return half + np.swapaxes(half, 1, 2)  # -(I V x) is the transpose of (V x* I)
 
 
 def _multiply(matrix: Array, vector: Array) -> Array:

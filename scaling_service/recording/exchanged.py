@@ -13,7 +13,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.model.trial import Array, Relabelling, Repair, Trial
+from scaling_service.core.arrays import Array
+from scaling_service.model.trial import (
+    Relabelling,
+    Repair,
+    Trial,
+)
 from scaling_service.numerics.signals.filters import find_runs
 
 LEG_PAIRS = (("LFE", "MFE"), ("LM", "MM"))
@@ -227,7 +232,8 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
         measured = np.stack([_measure_distance(trial, *pair) for pair in pairs], axis=1)
         away = np.abs(measured - [usual[pair] for pair in pairs])
         changed = np.nan_to_num(away).max(axis=1) > CHANGED_M
-        yield from _join_blocks(
+        # Blocks in a row with the same labels wrong as one.
+        found = (
             Exchange(
                 labels=tuple(a for a, b in zip(names, found[0], strict=True) if a != b),
                 true=tuple(b for a, b in zip(names, found[0], strict=True) if a != b),
@@ -240,6 +246,22 @@ def find_exchanges(trial: Trial, clusters: Clusters, usual: Shape) -> Iterator[E
             if stop - start >= SHORTEST_S * trial.rate_hz
             if (found := _find_better_order(names, pairs, measured[start:stop], usual)) is not None
         )
+        last: Exchange | None = None
+        for item in found:
+            alike = last is not None and (last.labels, last.true) == (item.labels, item.true)
+            if last is not None and alike and item.start_s - last.end_s < SHORTEST_S:
+                last = replace(
+                    last,
+                    end_s=item.end_s,
+                    difference_m=max(last.difference_m, item.difference_m),
+                    left_m=max(last.left_m, item.left_m),
+                )
+                continue
+            if last is not None:
+                yield last
+            last = item
+        if last is not None:
+            yield last
 
 
 def without_exchanges(
@@ -296,26 +318,6 @@ def _split_blocks(changed: NDArray[np.bool_], measured: Array) -> Iterator[tuple
     for start, stop in find_runs(changed):
         cuts = [int(start), *(int(j) for j in jumps if start < j < stop), int(stop)]
         yield from pairwise(cuts)
-
-
-def _join_blocks(found: Iterable[Exchange]) -> Iterator[Exchange]:
-    """Blocks in a row with the same labels wrong as one."""
-    last: Exchange | None = None
-    for item in found:
-        alike = last is not None and (last.labels, last.true) == (item.labels, item.true)
-        if last is not None and alike and item.start_s - last.end_s < SHORTEST_S:
-            last = replace(
-                last,
-                end_s=item.end_s,
-                difference_m=max(last.difference_m, item.difference_m),
-                left_m=max(last.left_m, item.left_m),
-            )
-            continue
-        if last is not None:
-            yield last
-        last = item
-    if last is not None:
-        yield last
 
 
 def _find_better_order(

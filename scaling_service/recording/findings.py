@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.notes import Note
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import Sex
@@ -18,25 +18,18 @@ BEYOND_DOUBT = 1e3
 
 TOLD = 0.1  # odds from which on it is told (chosen: a look at the recording costs little)
 
-Severity = Literal["refusal", "warning"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One thing about a recording that a sound one does not show."""
+class Finding(Note):
+    """One thing about a recording, its ``place``, that a sound one does not show."""
 
-    code: str
-    trial: str  # the recording's name
-    problem: str
-    remedy: str
-    severity: Severity = "warning"
     labels: tuple[str, ...] = ()  # that it concerns
     exchanges: tuple[Exchange, ...] = ()  # labels that, put right, solve it
     rivals: Mapping[str, tuple[Exchange, ...]] = field(default_factory=dict)
     """Other recordings in which the same, put right instead, would solve it."""
 
     def __str__(self) -> str:
-        return f"{self.trial}: {self.problem}: {self.remedy[0].lower()}{self.remedy[1:]}"
+        return f"{self.told}: {self.remedy[0].lower()}{self.remedy[1:]}"
 
 
 class NotAPerson(TrialUnusable):
@@ -45,7 +38,7 @@ class NotAPerson(TrialUnusable):
     def __init__(self, findings: Sequence[Finding]) -> None:
         first = next(one for one in findings if one.severity == "refusal")
         super().__init__(
-            first.problem, file=first.trial, field=", ".join(first.labels[:4]) or None, remedy=first.remedy
+            first.problem, file=first.place, field=", ".join(first.labels[:4]) or None, remedy=first.remedy
         )
         self.findings = tuple(findings)
 
@@ -77,16 +70,17 @@ def sort_findings(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """Those that refuse first; labels that several questions found exchanged once for each recording."""
     kept: list[Finding] = []
     for one in found:
-        same = (other for other in kept if other.trial == one.trial and {*one.labels} <= {*other.labels})
+        same = (other for other in kept if other.place == one.place and {*one.labels} <= {*other.labels})
         if not one.exchanges or not any(other.exchanges for other in same):
             kept.append(one)
     return tuple(sorted(kept, key=lambda one: one.severity != "refusal"))
 
 
-def refuse(findings: Sequence[Finding]) -> None:
-    """Raises NotAPerson if one of the findings is beyond doubt."""
+def refuse(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """The findings; raises NotAPerson if one of them is beyond doubt."""
     if any(one.severity == "refusal" for one in findings):
         raise NotAPerson(findings)
+    return findings
 
 
 def list_roles(trial: Trial) -> dict[str, str]:

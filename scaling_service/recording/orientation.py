@@ -12,8 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+)
 from scaling_service.recording.plausibility import find_extremes, find_unit_factor
 
 CLEAR_SHARE = 0.75
@@ -212,23 +216,6 @@ def _find_up(
             share = np.abs(rise) / np.linalg.norm(rise)
             if allowed[np.argmax(share)] and share.max() >= CLEAR_SHARE:
                 return _snap_to_axis(rise), f"pelvis, knees and ankles lie {_describe_off_axis(rise)} off it"
-    return _find_up_by_shape(positions, allowed)
-
-
-def _find_square(corners: Array, positions: Array) -> Array | None:
-    """The direction in which all plates face, to the side of the markers; None where they do not agree."""
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
-    if not len(corners) or not np.isfinite(normals).all() or not (sizes > 0.0).all():
-        return None
-    normals = normals / sizes
-    axis = int(np.argmax(np.abs(normals).sum(axis=0)))
-    middle = np.nanmedian(positions.reshape(-1, 3), axis=0)[axis] - corners[:, :, axis].mean()
-    agree = np.abs(normals[:, axis]).min() >= PLATE_SHARE
-    return _make_axis(axis, 1.0 if middle > 0.0 else -1.0) if agree else None
-
-
-def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Array, str]:
     low, high = find_extremes(positions)
     seen = np.isfinite(low).all(axis=1)
     low, high = low[seen], high[seen]
@@ -243,6 +230,19 @@ def _find_up_by_shape(positions: Array, allowed: NDArray[np.bool_]) -> tuple[Arr
         else "a long extent of the body, standing on a floor"
     )
     return _make_axis(axis, sign), reason
+
+
+def _find_square(corners: Array, positions: Array) -> Array | None:
+    """The direction in which all plates face, to the side of the markers; None where they do not agree."""
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    if not len(corners) or not np.isfinite(normals).all() or not (sizes > 0.0).all():
+        return None
+    normals = normals / sizes
+    axis = int(np.argmax(np.abs(normals).sum(axis=0)))
+    middle = np.nanmedian(positions.reshape(-1, 3), axis=0)[axis] - corners[:, :, axis].mean()
+    agree = np.abs(normals[:, axis]).min() >= PLATE_SHARE
+    return _make_axis(axis, 1.0 if middle > 0.0 else -1.0) if agree else None
 
 
 def _measure_floor_misfit(lowest: Array) -> Array:

@@ -17,7 +17,12 @@ import numpy as np
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical, is_computed, make_plain_key
 from scaling_service.model.body import BodyModel
-from scaling_service.model.trial import Array, Relabelling, Repair, Trial, is_unlabelled
+from scaling_service.model.trial import (
+    Relabelling,
+    Repair,
+    Trial,
+    is_unlabelled,
+)
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import (
     LEG_PAIRS,
@@ -110,7 +115,7 @@ def ask_one_person(trial: Trial) -> Iterator[Finding]:
         names = list_few([f"{one} and {other}" for one, other in found])
         yield Finding(
             code="two_persons",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal",
             labels=tuple(label for pair in found for label in pair),
             problem=f"two persons stand in it: {len(found)} landmarks are labelled twice, more than "
@@ -197,7 +202,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
             remedy = "Correct the labels under `corrections:`, or in the recording"
         yield Finding(
             code="mirrored" if found.whole else "sides_exchanged",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal" if sure else "warning",
             labels=labels,
             exchanges=(exchange,),
@@ -209,7 +214,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
         what = "bends backwards" if witness.name.endswith("knee") else "faces backwards"
         yield Finding(
             code="backwards",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal" if sure else "warning",
             labels=witness.labels,
             problem=f"{witness.name} {what}, as {list_few(list(witness.labels))} lie"
@@ -235,38 +240,33 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
         cloud = cloud[np.isfinite(cloud).all(axis=(1, 2))]
         if not len(cloud):
             continue
-        gain = _compare_with_mirror(cloud, np.array([m.nominal for m in own]))
+        # Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
+        # The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
+        places = np.array([m.nominal for m in own])
+        away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
+        cross = np.einsum("nmi,mj->nij", away, local)
+        singular = np.linalg.svd(cross, compute_uv=False)
+        sign = np.sign(np.linalg.det(cross))
+        whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
+        floor = len(places) * _NOISE_FLOOR_M**2
+        plain, mirrored = (
+            whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
+            for side in (1.0, -1.0)
+        )
+        gain = float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
         turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
         seen.append(segment.name)
     log_odds = turned + np.log(MIRRORED)
     if log_odds > np.log(TOLD):
         yield Finding(
             code="mirrored",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal" if log_odds > np.log(BEYOND_DOUBT) else "warning",
             problem=f"the markers of {list_few(seen)} are the mirror image of the model's: an axis was "
             "mirrored, or labels are exchanged",
             remedy="Mend the export; or say in the subject file along which axis it is mirrored, under "
             "`mirrored:`",
         )
-
-
-def _compare_with_mirror(cloud: Array, places: Array) -> float:
-    """Logarithm of how much better a cloud (n, m, 3) fits the mirror image of places (m, 3), at any size.
-
-    The marginal likelihood of Gaussian noise of unknown size is a power of the squares that are left.
-    """
-    away, local = cloud - cloud.mean(axis=1, keepdims=True), places - places.mean(axis=0)
-    cross = np.einsum("nmi,mj->nij", away, local)
-    singular = np.linalg.svd(cross, compute_uv=False)
-    sign = np.sign(np.linalg.det(cross))
-    whole, size = np.square(away).sum(axis=(1, 2)), np.square(local).sum()
-    floor = len(places) * _NOISE_FLOOR_M**2
-    plain, mirrored = (
-        whole - np.square(singular[:, 0] + singular[:, 1] + side * sign * singular[:, 2]) / size + floor
-        for side in (1.0, -1.0)
-    )
-    return float(np.median(0.5 * (3 * len(places) - 7) * np.log(plain / mirrored)))
 
 
 def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:
@@ -285,7 +285,7 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding
         if cosine.max() < _HANGS:
             yield Finding(
                 code="upside_down",
-                trial=trial.name,
+                place=trial.name,
                 severity="refusal" if trial.name == static else "warning",
                 problem="the feet are above the pelvis in every frame",
                 remedy="Correct which axis points up, or leave it out, so that it is found from the markers",
@@ -301,7 +301,7 @@ def ask_exchanged(trial: Trial) -> Iterator[Finding]:
         span = "throughout" if throughout else f"from {exchange.start_s:.2f} s to {exchange.end_s:.2f} s{end}"
         yield Finding(
             code="exchanged",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal" if sure else "warning",
             labels=exchange.labels,
             exchanges=(exchange,),
@@ -331,7 +331,7 @@ def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Findin
             where = f", or in {list_few(rivals)}" if rivals else ""
             yield Finding(
                 code="exchanged",
-                trial=name,
+                place=name,
                 labels=item.labels,
                 exchanges=tuple(o for o in found if o.labels == item.labels),
                 rivals={rival: tuple(o for o in wrong[rival] if o.labels == item.labels) for rival in rivals},
@@ -349,8 +349,8 @@ def ask_moved(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
     for one in find_moved_markers(trials, clusters):
         yield Finding(
             code="moved",
-            trial=one.trial,
+            place=one.trial,
             labels=(one.label,),
-            problem=str(one).removeprefix(f"{one.trial}: "),
+            problem=str(one),
             remedy="Look at the recordings; leave the marker out, or use recordings of one placement",
         )

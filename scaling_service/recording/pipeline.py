@@ -7,9 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import InputError
-from scaling_service.model.trial import Array, Repair, Trial, repair_each
-from scaling_service.numerics.least_squares.problem import Mask, find_seen
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+    repair_each,
+)
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 from scaling_service.numerics.signals.filters import (
     fill_short_gaps,
@@ -44,20 +49,21 @@ def process(
     in ``repairs``. Raises TrialUnusable if no marker is seen at all, or the unit cannot be told. Raises
     InputError if the cutoff does not suit the frame rate.
     """
-    chosen = settings or ProcessingSettings()
-    turned = orientation.apply(axes, trial)
-    if chosen.smoothing == "automatic" and turned.rate_hz < LEAST_RATE * chosen.cutoff_hz:
-        turned = turned.with_markers(turned.markers, _tell_not_smoothed(turned, chosen.cutoff_hz))
-    elif chosen.smoothing != "none":
-        turned = smooth(turned, chosen.cutoff_hz)
-    return fill(turned, clusters if chosen.solidify else {}, longest_spline_s=chosen.longest_spline_s)
+    return clean(orientation.apply(axes, trial), clusters, settings or ProcessingSettings())
 
 
-def _tell_not_smoothed(trial: Trial, cutoff_hz: float) -> Repair:
-    detail = (
-        f"not smoothed: {trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
-    )
-    return Repair(what="not_smoothed", where=trial.name, detail=detail, frames=trial.n_frames)
+def clean(trial: Trial, clusters: Mapping[str, tuple[str, ...]], settings: ProcessingSettings) -> Trial:
+    """Smooth and fill a recording that is turned and in m already; see :func:`process`."""
+    cutoff_hz = settings.cutoff_hz
+    if settings.smoothing == "automatic" and trial.rate_hz < LEAST_RATE * cutoff_hz:
+        slow = f"{trial.rate_hz:.4g} frames per second are too few for a low pass of {cutoff_hz:g} Hz"
+        told = Repair(
+            what="not_smoothed", where=trial.name, detail=f"not smoothed: {slow}", frames=trial.n_frames
+        )
+        trial = trial.with_markers(trial.markers, told)
+    elif settings.smoothing != "none":
+        trial = smooth(trial, cutoff_hz)
+    return fill(trial, clusters if settings.solidify else {}, longest_spline_s=settings.longest_spline_s)
 
 
 def smooth(trial: Trial, cutoff_hz: float) -> Trial:
@@ -177,7 +183,22 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     misfit[:, k] = np.nan
     squares = (misfit**2).sum(axis=-1)
     rms = float(np.sqrt(squares[np.isfinite(squares)].mean())) if np.isfinite(squares).any() else float("nan")
-    predicted = predicted + _bridge_mismatch(cloud[:, k] - predicted, possible)
+    # Correction inside each wanted run, linear between the mismatch at its two borders. `mismatch` (n_frames,
+    # 3), m: measured minus carried, NaN where either is missing. `wanted`: (n_frames,) bool.
+    mismatch = cloud[:, k] - predicted
+    correction = np.zeros_like(mismatch)
+    n = len(mismatch)
+    for start, stop in find_runs(possible).tolist():
+        before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
+        after = mismatch[stop] if stop < n else np.full(3, np.nan)
+        if not np.isfinite(before).all():
+            before = after
+        if not np.isfinite(after).all():
+            after = before
+        if np.isfinite(before).all():
+            share = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
+            correction[start:stop] = (1 - share) * before + share * after
+    predicted = predicted + correction
     return possible, predicted, rms
 
 
@@ -213,24 +234,3 @@ def average_shape(cloud: Array) -> Array:
         if settled:
             break
     return shape
-
-
-def _bridge_mismatch(mismatch: Array, wanted: Mask) -> Array:
-    """Correction inside each wanted run, linear between the mismatch at its two borders.
-
-    ``mismatch`` (n_frames, 3), m: measured minus carried, NaN where either is missing. ``wanted``:
-    (n_frames,) bool.
-    """
-    correction = np.zeros_like(mismatch)
-    n = len(mismatch)
-    for start, stop in find_runs(wanted).tolist():
-        before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
-        after = mismatch[stop] if stop < n else np.full(3, np.nan)
-        if not np.isfinite(before).all():
-            before = after
-        if not np.isfinite(after).all():
-            after = before
-        if np.isfinite(before).all():
-            share = np.arange(1, stop - start + 1)[:, None] / (stop - start + 1)
-            correction[start:stop] = (1 - share) * before + share * after
-    return correction

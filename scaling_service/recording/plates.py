@@ -14,9 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import CONTACT_N, GroundForces, PlateRecording, RawPlate, list_plate_names
-from scaling_service.model.trial import Array, Repair, repair_each
+from scaling_service.model.trial import (
+    Repair,
+    repair_each,
+)
 from scaling_service.numerics.signals.filters import filter_butterworth, find_runs
 from scaling_service.recording.orientation import Orientation
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.forces import GroundForces, SegmentLoads
-from scaling_service.model.trial import Array, Repair
+from scaling_service.model.trial import Repair
 from scaling_service.numerics.signals.filters import find_runs
 
 NOBODY = -1  # no foot
@@ -46,8 +47,6 @@ ALIKE = 0.3  # chosen: share of the largest load from which one is a foot's, and
 
 TOLERATED = 0.2
 """Share of a contact in which the markers may disagree before it is noted (chosen: rolling at both ends)."""
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -85,7 +84,9 @@ def assign_plates(forces: GroundForces, feet: Mapping[str, Array]) -> FootContac
     for k, rows in spells:
         foot[rows, k] = _choose_foot(away[:, rows, k])
     for k, rows in spells:
-        if foot[rows.start, k] == NOBODY and _is_heavy(forces.pressing, rows, k):
+        if foot[rows.start, k] == NOBODY and bool(
+            np.median(forces.pressing[rows, k]) > ALIKE * np.nanmax(forces.pressing)
+        ):
             foot[rows, k] = _choose_idle_foot(away[:, rows, k], on_floor[rows], foot[rows])
         notes += _describe_contact(
             forces.plates[k],
@@ -196,10 +197,6 @@ def _choose_foot(away: Array) -> int:
     typical = [_take_median(distances) for distances in away]
     nearest = int(np.argmin(typical))
     return nearest if typical[nearest] < REACH_M else NOBODY
-
-
-def _is_heavy(pressing: Array, rows: slice, plate: int) -> bool:
-    return bool(np.median(pressing[rows, plate]) > ALIKE * np.nanmax(pressing))
 
 
 def _choose_idle_foot(away: Array, on_floor: Mask, foot: NDArray[np.intp]) -> int:

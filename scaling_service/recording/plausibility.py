@@ -8,9 +8,15 @@ from typing import TypeVar
 
 import numpy as np
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.model.trial import Array, Repair, Trial, is_unlabelled, repair_each
-from scaling_service.numerics.least_squares.problem import Mask, find_seen
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+    is_unlabelled,
+    repair_each,
+)
+from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.exchanged import EXPLAINED, Clusters, Shape, find_exchanges, measure_shape
 
 _AnyTrial = TypeVar("_AnyTrial", bound=Trial)
@@ -103,7 +109,11 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     if not len(rows):
         return trial
     known = np.where(shown[rows, :, None], trial.markers[rows], np.nan)
-    distance = np.linalg.norm(known - _take_median(known), axis=2)
+    # Median over the markers (n, m, 3) that are known, (n, 1, 3); numpy's own takes ten times as long.
+    ordered = np.sort(known, axis=1)  # NaN last
+    count = np.isfinite(known[..., 0]).sum(axis=1)[:, None, None]
+    low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
+    distance = np.linalg.norm(known - (0.5 * (low + high)), axis=2)
     flags = np.zeros_like(shown)
     flags[rows] = distance > FARTHEST * np.median(distance[shown[rows]])
     if not flags.any():
@@ -112,14 +122,6 @@ def remove_strays(trial: _AnyTrial) -> _AnyTrial:
     repairs = repair_each(flags, trial.labels, "stray", detail)
     markers = np.where(flags[..., None], np.nan, trial.markers)
     return replace(trial, markers=markers, repairs=(*trial.repairs, *repairs))
-
-
-def _take_median(positions: Array) -> Array:
-    """Median over the markers (n, m, 3) that are known, (n, 1, 3); numpy's own takes ten times as long."""
-    ordered = np.sort(positions, axis=1)  # NaN last
-    count = np.isfinite(positions[..., 0]).sum(axis=1)[:, None, None]
-    low, high = (np.take_along_axis(ordered, half, axis=1) for half in ((count - 1) // 2, count // 2))
-    return 0.5 * (low + high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +194,7 @@ class MovedMarker:
     def __str__(self) -> str:
         here, there, left = (f"{1e3 * value:.0f} mm" for value in (self.here_m, self.there_m, self.left_m))
         return (
-            f"{self.trial}: {self.label} lies {here} from {self.neighbour}, and {there} in {self.other}, "
+            f"{self.label} lies {here} from {self.neighbour}, and {there} in {self.other}, "
             f"while the others on that segment keep their distances within {left}: it was knocked, stuck on "
             "again, or is another"
         )

@@ -54,7 +54,7 @@ def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Itera
             shows = f"only {list_few(seen)} show it" if seen else "no marker shows it"
             yield Finding(
                 code="no_root",
-                trial=trial.name,
+                place=trial.name,
                 severity="refusal",
                 labels=tuple(own),
                 problem=f"the {root.name} is not shown, which carries "

@@ -7,7 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
-from scaling_service.model.trial import Array, Trial
+from scaling_service.core.arrays import Array
+from scaling_service.model.trial import Trial
 from scaling_service.recording.findings import BEYOND_DOUBT, Finding, list_roles
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
@@ -75,7 +76,7 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
         size = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="another_person",
-            trial=trials[i].name,
+            place=trials[i].name,
             severity="refusal" if sure else "warning",
             problem=f"its bones are not those of {rival.name}, on the whole {size}: it is another person or "
             "another scale"

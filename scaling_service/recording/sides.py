@@ -18,7 +18,8 @@ from itertools import combinations
 
 import numpy as np
 
-from scaling_service.model.trial import Array, Trial
+from scaling_service.core.arrays import Array
+from scaling_service.model.trial import Trial
 from scaling_service.recording.witnesses import WRONG, Body, SidePair, Witness, normalise, take_median
 
 MIRRORED, BLOCK, PAIR = 1e-3, 1e-3, 1e-3

@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.recording.findings import Finding, Stated, list_roles
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
@@ -108,7 +109,7 @@ def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
     part = segment.replace(" R", " on the right").replace(" L", " on the left")
     yield Finding(
         code="length",
-        trial=trial.name,
+        place=trial.name,
         severity="refusal",
         labels=(worst, other),
         problem=f"{worst} and {other} are {1e3 * size:.0f} mm apart, both by their names on the {part}, "
@@ -209,7 +210,7 @@ def _ask_sizes_of(
         bound = "at most " if found[worst].at_most else ""
         yield Finding(
             code="length",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal",
             labels=found[worst].labels,
             problem=f"{names} are {1e3 * size[worst]:.0f} mm apart, and those of a person {prior} {bound}"
@@ -219,7 +220,7 @@ def _ask_sizes_of(
     elif wrong or abs(scale) > DEVIATIONS * doubt:
         yield Finding(
             code="scale",
-            trial=trial.name,
+            place=trial.name,
             severity="refusal",
             problem=f"on the whole its lengths are {np.exp(scale):.3g} times those of a person {prior}, "
             f"{abs(scale) / doubt:.1f} standard deviations off",
@@ -230,7 +231,7 @@ def _ask_sizes_of(
         change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
         yield Finding(
             code="scale",
-            trial=trial.name,
+            place=trial.name,
             problem=f"on the whole its lengths are {change} than those of a person {prior}, "
             f"{abs(scale) / sd:.1f} standard deviations off",
             remedy="Check the person's height and the calibration of the volume",

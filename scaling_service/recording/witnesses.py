@@ -9,8 +9,12 @@ from itertools import combinations
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
-from scaling_service.model.trial import Array, Trial, is_unlabelled
+from scaling_service.model.trial import (
+    Trial,
+    is_unlabelled,
+)
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import MOST_COMPARED
 from scaling_service.recording.repeated import list_repeated

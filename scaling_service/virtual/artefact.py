@@ -13,9 +13,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.body import BodyModel, Law, Marker, Vector, to_vector
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.motion import draw_wandering
 
 _PER_DEG = 1e-3 * 180.0 / np.pi  # mm per degree in m per radian

@@ -18,6 +18,7 @@ import trimesh
 from trimesh.exchange.stl import export_stl
 
 from scaling_service.bones.whole import collect_evidence, find_landmarks
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
 from scaling_service.files.image_markers import COLUMNS
@@ -29,7 +30,6 @@ from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Bone, ImageEvidence, ImagePose, Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.artefact import glide_marker
 from scaling_service.virtual.bones.person import make_virtual_bones
@@ -187,21 +187,14 @@ def _place_markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> di
 def _reconstruct_surface(person: VirtualSubject, bone: str, pose: ImagePose, vertices: Array) -> Array:
     """A bone's surface in the image, as reconstructed."""
     spread = 1e-3 * person.settings.image * SURFACE_MM / _MEAN_OF_NORMAL
-    return _place_points(
-        pose, vertices + spread * _draw_waves(stream(person.seed, "image", "surface", bone), vertices)
-    )
-
-
-def _draw_waves(rng: np.random.Generator, points: Array) -> Array:
-    """A smooth random field of vectors at points (n, 3), each component of SD 1.
-
-    A sum of plane waves whose wave vectors are normal, so that the field's correlation falls with distance
-    as a Gaussian does (random Fourier features; Rahimi and Recht 2007).
-    """
+    # A smooth random field of vectors at points (n, 3), each component of SD 1. A sum of plane waves whose
+    # wave vectors are normal, so that the field's correlation falls with distance as a Gaussian does (random
+    # Fourier features; Rahimi and Recht 2007).
+    rng = stream(person.seed, "image", "surface", bone)
     waves = rng.normal(size=(3, 3, _WAVES)) / SURFACE_LENGTH_M
     phases = rng.uniform(0.0, 2.0 * np.pi, (3, _WAVES))
-    field = [np.cos(points @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
-    return np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field))
+    field = [np.cos(vertices @ k + phase).sum(axis=1) for k, phase in zip(waves, phases, strict=True)]
+    return _place_points(pose, vertices + spread * np.asarray(np.sqrt(2.0 / _WAVES) * np.column_stack(field)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,8 +311,10 @@ def write_example(
     ``imaged``: whether there are bones. ``strides``: of each walk. Returns the document.
     """
     session, person, _hidden = make_hidden_session(seed, replace(RECORDED, strides=strides))
-    for trial in _list_trials(session):
-        _write_recording(folder / f"{trial.name}.trc", trial)
+    for trial in ((session.static,) if session.static is not None else ()) + session.dynamic:
+        file = folder / f"{trial.name}.trc"
+        named = trial.relabel(dict(LABELS))
+        write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
     document = _make_document(name, session)
     if imaged:
         image = make_virtual_image(person)
@@ -330,15 +325,6 @@ def write_example(
         document["image_markers"] = IMAGE_MARKERS
     (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
     return document
-
-
-def _list_trials(session: Session) -> tuple[Trial, ...]:
-    return ((session.static,) if session.static is not None else ()) + session.dynamic
-
-
-def _write_recording(file: Path, trial: Trial) -> None:
-    named = trial.relabel(dict(LABELS))
-    write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
 
 
 def _write_stl(bone: Bone) -> bytes:

@@ -14,10 +14,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 Side = Literal["r", "l"]
@@ -154,7 +154,10 @@ def simulate_hip_movement(
     for k, (name, (low, high)) in enumerate(HIP_RANGE_DEG.items()):
         cycle = np.clip(3.0 * share - k, 0.0, 1.0)
         gain = rng.normal(1.0, _GAIN_SD)
-        angles[f"{name}_{side}"] = angles[f"{name}_{side}"] + gain * _to_and_fro(cycle, low, high)
+        # From zero up to `high`, back, down to `low` and back (rad) as `cycle` goes from 0 to 1.
+        swing = np.sin(2.0 * np.pi * cycle) ** 2
+        angle: Array = np.radians(np.where(cycle < 0.5, high, low) * swing)
+        angles[f"{name}_{side}"] = angles[f"{name}_{side}"] + gain * angle
     _tremble(angles, side, times, rng)
     _carry_pelvis(angles, style, side)
     return _keep_on_foot(model, angles, OTHER[side], stature_m)
@@ -201,7 +204,17 @@ def simulate_walking(
         angles[coordinate] = np.radians(sign * degrees + draw_wandering(rng, times, _WALK_DEG, _SWAY_HZ))
     _forbid_backward_knee(angles)
     _keep_apart(model, angles)
-    return _carry_forward(model, angles, times, phase, stature_m)
+    q = _simulate_coordinates(model, angles)
+    ankles = _find_ankles(model, q)
+    planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
+    slopes = [_measure_foot_velocity(times, ankles[s][:, 0], planted[s]) for s in OTHER]
+    rise = -_RISE_M * np.cos(4.0 * np.pi * (phase - _LOWEST))
+    heights = np.concatenate([(ankles[s][:, 1] + rise)[planted[s]] for s in OTHER])
+    x, y, z = _find_position_columns(model)
+    q[:, x] = -np.mean(slopes) * (times - times.mean())
+    q[:, y] = ANKLE_HEIGHT * stature_m + rise - heights.mean()
+    q[:, z] = _SWAY_M * np.sin(2.0 * np.pi * (phase - _LOWEST))  # over the right foot in its single support
+    return q
 
 
 def _keep_apart(model: BodyModel, angles: dict[str, Array]) -> None:
@@ -221,13 +234,6 @@ def _forbid_backward_knee(angles: dict[str, Array]) -> None:
 
 def _rest(style: Style, times: Array) -> dict[str, Array]:
     return {name: np.full(len(times), value) for name, value in style.stance.items()}
-
-
-def _to_and_fro(cycle: Array, low_deg: float, high_deg: float) -> Array:
-    """From zero up to ``high``, back, down to ``low`` and back (rad) as ``cycle`` goes from 0 to 1."""
-    swing = np.sin(2.0 * np.pi * cycle) ** 2
-    angle: Array = np.radians(np.where(cycle < 0.5, high_deg, low_deg) * swing)
-    return angle
 
 
 def _tremble(angles: dict[str, Array], side: Side, times: Array, rng: np.random.Generator) -> None:
@@ -275,22 +281,6 @@ def _keep_on_foot(model: BodyModel, angles: Mapping[str, Array], side: Side, sta
 
 def _find_position_columns(model: BodyModel) -> list[int]:
     return [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
-
-
-def _carry_forward(
-    model: BodyModel, angles: Mapping[str, Array], times: Array, phase: Array, stature_m: float
-) -> Array:
-    q = _simulate_coordinates(model, angles)
-    ankles = _find_ankles(model, q)
-    planted = {"r": _find_planted(phase), "l": _find_planted(phase + 0.5)}
-    slopes = [_measure_foot_velocity(times, ankles[s][:, 0], planted[s]) for s in OTHER]
-    rise = -_RISE_M * np.cos(4.0 * np.pi * (phase - _LOWEST))
-    heights = np.concatenate([(ankles[s][:, 1] + rise)[planted[s]] for s in OTHER])
-    x, y, z = _find_position_columns(model)
-    q[:, x] = -np.mean(slopes) * (times - times.mean())
-    q[:, y] = ANKLE_HEIGHT * stature_m + rise - heights.mean()
-    q[:, z] = _SWAY_M * np.sin(2.0 * np.pi * (phase - _LOWEST))  # over the right foot in its single support
-    return q
 
 
 def _find_planted(phase: Array) -> NDArray[np.bool_]:

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.trc import write_trc
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.inertia import compile_mechanism, sum_mass
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.numerics.wrench import compute_root_wrench

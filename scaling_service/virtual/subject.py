@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
 from scaling_service.model.body import BodyModel, Vector, to_vector
@@ -18,7 +18,6 @@ from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.pipeline import process
@@ -179,7 +178,11 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     sex, height, mass = draw_person(seed)
     factors = draw_factors(seed, generic, height)
     tilts = {f"knee_{side}": draw_knee_tilt(seed, side) for side in KNEE_AXIS_DEG}
-    offsets = _draw_placement(seed, generic, settings.placement)
+    offsets = {}
+    for marker in generic.markers:
+        if marker.weight > 0.0:
+            spread = settings.placement * np.array(look_up_landmark_sd(marker.name))
+            offsets[marker.name] = to_vector(spread * stream(seed, "placement", marker.name).normal(size=3))
     model = _draw_truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
     motions = _simulate_motions(seed, model, style, height, settings)
@@ -226,15 +229,6 @@ def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettin
     return process(trial, Orientation(np.eye(3)), clusters, settings)
 
 
-def _draw_placement(seed: int, generic: BodyModel, size: float) -> dict[str, Vector]:
-    offsets = {}
-    for marker in generic.markers:
-        if marker.weight > 0.0:
-            spread = size * np.array(look_up_landmark_sd(marker.name))
-            offsets[marker.name] = to_vector(spread * stream(seed, "placement", marker.name).normal(size=3))
-    return offsets
-
-
 def _draw_truth(
     seed: int,
     generic: BodyModel,
@@ -260,7 +254,7 @@ def _simulate_motions(
     seed: int, model: BodyModel, style: motion.Style, height: float, settings: VirtualSettings
 ) -> dict[str, Array]:
     def clock(duration: float) -> Array:
-        return _list_times(duration, settings.rate_hz)
+        return np.arange(max(2, round(duration * settings.rate_hz))) / settings.rate_hz
 
     found = {
         "static": motion.simulate_standing(
@@ -279,10 +273,6 @@ def _simulate_motions(
     return found
 
 
-def _list_times(duration: float, rate_hz: float) -> Array:
-    return np.arange(max(2, round(duration * rate_hz))) / rate_hz
-
-
 def _record_trial(
     seed: int, name: str, model: BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
 ) -> Trial:
@@ -296,15 +286,12 @@ def _record_trial(
     if not still:
         for k, label in enumerate(labels):
             markers[:, k] += draw_residual(skin, stream(seed, "artefact", name, label), times)
-            markers[_choose_hidden(stream(seed, "gaps", name, label), times, settings.gaps), k] = np.nan
+            # Whether a marker is hidden in each frame, never in the first or last.
+            rng = stream(seed, "gaps", name, label)
+            hidden = np.zeros(len(times), dtype=bool)
+            for _ in range(rng.poisson(settings.gaps * GAPS_PER_S * times[-1])):
+                start = rng.uniform(0.0, times[-1])
+                hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
+            hidden[[0, -1]] = False
+            markers[hidden, k] = np.nan
     return Trial(name=name, times=times, labels=labels, markers=markers, rate_hz=settings.rate_hz)
-
-
-def _choose_hidden(rng: np.random.Generator, times: Array, size: float) -> NDArray[np.bool_]:
-    """Whether a marker is hidden in each frame, never in the first or last."""
-    hidden = np.zeros(len(times), dtype=bool)
-    for _ in range(rng.poisson(size * GAPS_PER_S * times[-1])):
-        start = rng.uniform(0.0, times[-1])
-        hidden |= (times >= start) & (times < start + rng.exponential(GAP_S))
-    hidden[[0, -1]] = False
-    return hidden

@@ -7,11 +7,11 @@ import numpy as np
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread, make_inertial_prior
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, compute_dynamics
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, with_inertias
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.wrench import compute_root_wrench

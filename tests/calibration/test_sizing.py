@@ -23,6 +23,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.virtual.example import make_demo_session
 from tests.calibration.conventional import patient
 from tests.calibration.people import person
+from tests.finished import make_once
 
 SETTINGS = CalibrationSettings()
 PERSONS = 200
@@ -31,13 +32,19 @@ LEGS = ("inter_hip", "femur_r", "femur_l", "shank_r", "shank_l")
 
 
 @pytest.fixture(scope="module")
-def clinic() -> list[tuple[Sizing, Mapping[str, float], dict[str, np.ndarray]]]:
+def clinic(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> list[tuple[Sizing, Mapping[str, float], dict[str, np.ndarray]]]:
     """200 virtual persons with the conventional markers, sized; their true lengths and centres."""
-    people = [patient(seed) for seed in range(PERSONS)]
-    return [
-        (size_segments(who.session, SETTINGS), measure_segment_lengths(who.truth), who.centres)
-        for who in people
-    ]
+
+    def size() -> list[tuple[Sizing, Mapping[str, float], dict[str, np.ndarray]]]:
+        people = (patient(seed) for seed in range(PERSONS))
+        return [
+            (size_segments(who.session, SETTINGS), measure_segment_lengths(who.truth), who.centres)
+            for who in people
+        ]
+
+    return make_once(tmp_path_factory, "sized", size)
 
 
 def by_length(sizing: Sizing) -> dict[str, SegmentSize]:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 

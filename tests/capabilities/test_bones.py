@@ -11,10 +11,11 @@ import pytest
 
 from scaling_service.capabilities.discovery.bones import BoneKnowledge, without_undetermined
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
-from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, SearchTrial, fit_recordings
 from scaling_service.capabilities.discovery.laws.candidates import Estimate
 from scaling_service.capabilities.motion.inverse_kinematics import Task
 from scaling_service.capabilities.motion.run import track
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.knees import list_knees, list_secondary_rotations
 from scaling_service.model.anatomy.skin import slide_skin
 from scaling_service.model.body import BodyModel, Coordinate, Expectation, Joint, Law, Marker, Segment
@@ -23,7 +24,6 @@ from scaling_service.model.compile import compile_model, evaluate_law, list_para
 from scaling_service.model.document import from_document, to_document
 from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -206,7 +206,7 @@ def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
     trial = Trial(
         name="t", times=np.arange(300) / 100.0, labels=task.markers, markers=task.measured, rate_hz=100.0
     )
-    fit = fit_recordings(SearchContext(model=model, recordings=[Recording(trial, "fit")]))
+    fit = fit_recordings(SearchContext(model=model, recordings=[SearchTrial(trial, "fit")]))
     kinds = ("marker_offset", "soft_tissue_artefact")
     offset, skin = (
         next(c for c in propose_candidates(fit.scene, [k]) if c.where == ("skin_0",) and not c.trials)

@@ -8,13 +8,13 @@ from functools import cache
 import numpy as np
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
-from scaling_service.capabilities.discovery.evidence.fit import Recording, SearchContext, fit_recordings
+from scaling_service.capabilities.discovery.evidence.fit import SearchContext, SearchTrial, fit_recordings
 from scaling_service.capabilities.discovery.laws.apply import with_effects
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.virtual.subject import VirtualSettings, VirtualSubject, make_virtual_subject
 
@@ -35,7 +35,7 @@ def recorded(
     more: Array | None = None,
     noise_m: float = NOISE_M,
     seed: int = 0,
-) -> list[Recording]:
+) -> list[SearchTrial]:
     """Recordings of the person's movements by another body, with white noise of the cameras.
 
     Parameters
@@ -52,7 +52,7 @@ def recorded(
         places = pose_markers(compile_model(truth, trial.labels), q, list_parameter_values(truth))
         places = places + noise_m * rng.normal(size=places.shape)
         made.append(
-            Recording(
+            SearchTrial(
                 Trial(
                     name=name, times=trial.times.copy(), labels=trial.labels, markers=places, rate_hz=100.0
                 ),

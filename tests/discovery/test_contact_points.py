@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.options import AS_MEASURED, Discover
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import open_subject
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from tests.jobs.force_laboratory import force_laboratory
 
 POINT = (0.08, 0.25, -0.1)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.laws.contacts import estimate_onset
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 TIMES = np.arange(0.0, 2.0, 0.01)
 BEGINNING = 0.63

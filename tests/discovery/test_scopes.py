@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.search.discover import discover
 from tests.discovery.hidden import hide, person, recorded
@@ -15,7 +15,7 @@ MOVED_MM = (20.0, 0.0, 20.0)
 STUCK = "RFH"
 
 
-def moved(*trials: str) -> list[Recording]:
+def moved(*trials: str) -> list[SearchTrial]:
     """The person's recordings, a marker elsewhere on its segment in some of them."""
     _, truth = hide("marker_offset", STUCK, numbers=MOVED_MM)
     pairs = zip(recorded(person(), person().model), recorded(person(), truth), strict=True)

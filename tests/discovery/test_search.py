@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.laws.candidates import Exchange
 from scaling_service.capabilities.discovery.search.discover import Discovery, discover
 from scaling_service.model.trial import Trial
@@ -20,7 +20,7 @@ HIDDEN = [
 ]
 
 
-def found(recordings: list[Recording]) -> Discovery:
+def found(recordings: list[SearchTrial]) -> Discovery:
     """Search the person's model for what is missing in recordings."""
     return discover(person().model, recordings)
 
@@ -77,7 +77,7 @@ def test_exchanged_labels_are_put_back() -> None:
     pair = [trial.index("RLFE"), trial.index("RMFE")]
     markers = trial.markers.copy()
     markers[50:120, pair] = markers[50:120, pair[::-1]]
-    recordings[1] = Recording(trial.with_markers(markers), "fit")
+    recordings[1] = SearchTrial(trial.with_markers(markers), "fit")
     (named,) = found(recordings).findings.named
     assert named.effect.candidate.change == Exchange("RLFE", "RMFE", 0.5, 1.19)
     assert named.effect.candidate.trials == ("gait_1",)
@@ -89,7 +89,7 @@ def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
     for r in recordings:
         markers = r.trial.markers.copy()
         markers[:, r.trial.index("RFH")] += 0.03 * stream.normal(size=(len(markers), 3))
-        strayed.append(Recording(r.trial.with_markers(markers), r.role))
+        strayed.append(SearchTrial(r.trial.with_markers(markers), r.role))
     findings = found(strayed).findings
     assert not findings.named
     assert findings.verdict == "unexplained"
@@ -98,7 +98,7 @@ def test_a_marker_that_goes_astray_is_unexplained_where_it_is() -> None:
 
 def test_a_scaled_volume_is_measured() -> None:
     recordings = [
-        Recording(r.trial.with_markers(r.trial.markers * 1.05), r.role)
+        SearchTrial(r.trial.with_markers(r.trial.markers * 1.05), r.role)
         for r in recorded(person(), person().model)
     ]
     (named,) = found(recordings).findings.named
@@ -108,7 +108,7 @@ def test_a_scaled_volume_is_measured() -> None:
 
 def test_without_a_held_out_trial_all_are_told_to_fit() -> None:
     _, truth = hide("segment_length", "tibia_r", numbers=(1.1,))
-    fitting = [Recording(r.trial, "fit") for r in recorded(person(), truth)]
+    fitting = [SearchTrial(r.trial, "fit") for r in recorded(person(), truth)]
     result = found(fitting)
     assert [n.effect.candidate.kind for n in result.findings.named] == ["segment_length"]
     assert result.findings.folds
@@ -123,7 +123,7 @@ def test_gaps_and_a_marker_never_seen_do_no_harm() -> None:
         markers[20:60, 3] = np.nan
         markers[:, 5] = np.nan
         holed.append(
-            Recording(
+            SearchTrial(
                 Trial(
                     name=r.trial.name,
                     times=r.trial.times,

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.total import Recording, UncertaintySettings, propagate
+from scaling_service.capabilities.dynamics.uncertainty.total import (
+    LoadedMotion,
+    UncertaintySettings,
+    propagate,
+)
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.files.forces import read_forces
 from scaling_service.files.osim.models import read_osim
@@ -32,7 +36,7 @@ def test_a_real_squat(shared_data: Path) -> None:
     }
     forces = synchronise(read_forces(folder / "squats1_grf.mot"), motion.times, cutoff_hz=5.0)
     loads = assign_foot_loads(forces, assign_plates(forces, feet), {foot: foot for foot in feet})
-    recording = Recording(model=model, motion=motion, loads=loads, height_m=1.68)
+    recording = LoadedMotion(model=model, motion=motion, loads=loads, height_m=1.68)
     found = propagate(recording, UncertaintySettings(samples=60, motions=120))
     linear = propagate_linearly(recording)
     np.testing.assert_allclose(linear.slopes_per_cm, found.slopes_per_cm, rtol=0.25)

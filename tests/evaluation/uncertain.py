@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion
 from scaling_service.studies.muller2017.excitation import (
     ExcitationSettings,
     ExcitedPerson,
@@ -19,5 +19,5 @@ def person() -> ExcitedPerson:
     return make_excited_person(7, SHORT, ("in_order",))
 
 
-def recording() -> Recording:
+def recording() -> LoadedMotion:
     return person().performances["in_order"].recording

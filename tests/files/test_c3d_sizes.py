@@ -8,7 +8,7 @@ import ezc3d
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.subject.loading import with_stated_sizes
+from scaling_service.capabilities.subject.reading import with_stated_sizes
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.documents.reading import check_document
 from scaling_service.files.c3d import read_c3d, read_stated_sizes
@@ -66,7 +66,7 @@ def test_the_subject_file_counts_before_the_recordings_and_says_so(tmp_path):
     trials = {file: replace(trial, rate_hz=100.0, sizes=stated)}
     known, notes = with_stated_sizes(Subject(id="S", model="lower_limb_14dof", height_m=1.50), trials)
     assert (known.height_m, known.mass_kg, known.sizes_m) == (1.50, 45.8, {"knee_width_r": 0.104})
-    assert notes == ("walk.c3d states another height than the subject file, which counts",)
+    assert tuple(map(str, notes)) == ("walk.c3d states another height than the subject file, which counts",)
 
 
 def _document(**sizes):

@@ -41,7 +41,9 @@ def test_files_for_github_can_be_read() -> None:
     for file in [*(ROOT / ".github").rglob("*.yml"), ROOT / ".pre-commit-config.yaml"]:
         assert yaml.safe_load(file.read_text(encoding="utf-8")), file
     check = yaml.safe_load((ROOT / ".github/workflows/check.yml").read_text(encoding="utf-8"))
-    assert {"run": ".ci/run"} in check["jobs"]["check"]["steps"]
+    job = check["jobs"]["check"]
+    assert {"run": ".ci/run ${{ matrix.half }}"} in job["steps"]
+    assert job["strategy"]["matrix"]["half"] == ["", "costly"]
 
 
 def test_the_citation_is_of_this_version() -> None:

@@ -58,13 +58,8 @@ def test_what_a_page_says_to_do_does_what_it_shows(
             run(block, capsys, space)
 
 
-QUICK = ("notebook-compare", "notebook-scale")
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.costly]) for name in notebooks.NAMES],
-)
+@pytest.mark.costly
+@pytest.mark.parametrize("name", notebooks.NAMES)
 def test_a_notebook_prints_and_draws_what_it_shows(name: str) -> None:
     found = notebooks.execute(name, draw=False)
     for cell, outputs in zip(notebooks.read(name)["cells"], found, strict=True):

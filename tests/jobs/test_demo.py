@@ -5,27 +5,13 @@ from __future__ import annotations
 import pytest
 
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.result import Results
-from scaling_service.capabilities.scaling.run import run_demo
-from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.documents.results import TruthDocument
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.virtual.subject import make_virtual_subject
+from tests.finished import Demo
 
 
-@pytest.fixture(scope="module")
-def shares() -> list[tuple[str, float]]:
-    """What progress was told."""
-    return []
-
-
-@pytest.fixture(scope="module")
-def demonstration(shares: list[tuple[str, float]]) -> tuple[Results, TruthDocument]:
-    return run_demo(Settings(seed=3), progress=lambda what, share: shares.append((what, share)))
-
-
-def test_every_method_is_measured_against_the_truth(demonstration: tuple[Results, TruthDocument]) -> None:
-    results, truth = demonstration
+def test_every_method_is_measured_against_the_truth(demo: Demo) -> None:
+    results, truth, _ = demo
     assert set(truth.errors) == set(results.scalings)
     for errors in truth.errors.values():
         assert {"lengths_mm", "hip_centre_mm", "knee_centre_mm", "ankle_centre_mm", "knee_angle_deg"} <= set(
@@ -34,15 +20,15 @@ def test_every_method_is_measured_against_the_truth(demonstration: tuple[Results
         assert all(0.0 < value < 200.0 for value in errors.values())
 
 
-def test_lengths_are_near_the_truth(demonstration: tuple[Results, TruthDocument]) -> None:
-    results, truth = demonstration
+def test_lengths_are_near_the_truth(demo: Demo) -> None:
+    results, truth, _ = demo
     ours = results.scalings["MB"].geometry.lengths
     mean = sum(abs(1e3 * ours[name] - true) for name, true in truth.segment_lengths_mm.items()) / len(ours)
     assert mean == pytest.approx(truth.errors["MB"]["lengths_mm"], abs=1e-3)  # mm, as rounded
 
 
-def test_images_lie_nearer_to_the_truth_than_markers(demonstration: tuple[Results, TruthDocument]) -> None:
-    results, truth = demonstration
+def test_images_lie_nearer_to_the_truth_than_markers(demo: Demo) -> None:
+    results, truth, _ = demo
     assert results.session.images is not None
     assert set(results.scalings) == set(METHODS)
     markers, images = truth.errors["MB"], truth.errors["EB"]
@@ -52,10 +38,10 @@ def test_images_lie_nearer_to_the_truth_than_markers(demonstration: tuple[Result
 
 
 def test_fitting_from_images_follows_the_markers_better(
-    demonstration: tuple[Results, TruthDocument],
+    demo: Demo,
 ) -> None:
     """Of all calibration trials together, as it is their sum that is fitted."""
-    results, _ = demonstration
+    results = demo.results
     squares = {
         method: sum(results.scalings[method].errors[t.name].rms ** 2 for t in results.session.calibration)
         for method in ("EB", "EB_am")
@@ -63,20 +49,18 @@ def test_fitting_from_images_follows_the_markers_better(
     assert squares["EB_am"] < squares["EB"]
 
 
-def test_progress_rises_from_bones_to_done(
-    demonstration: tuple[Results, TruthDocument], shares: list[tuple[str, float]]
-) -> None:
-    said = [what for what, _ in shares]
+def test_progress_rises_from_bones_to_done(demo: Demo) -> None:
+    said = [what for what, _ in demo.shares]
     assert said[0] == "making the pelvis"
     assert "landmarks of the tibia_l" in said
     assert said[-1] == "done"
-    values = [share for _, share in shares]
+    values = [share for _, share in demo.shares]
     assert values == sorted(values)
     assert values[-1] == pytest.approx(1.0)
 
 
-def test_the_seed_decides_the_person(demonstration: tuple[Results, TruthDocument]) -> None:
-    results, truth = demonstration
+def test_the_seed_decides_the_person(demo: Demo) -> None:
+    results, truth, _ = demo
     assert results.session.subject.id == "virtual_3"
     for seed, same in ((3, True), (4, False)):
         lengths = measure_segment_lengths(make_virtual_subject(seed).model)

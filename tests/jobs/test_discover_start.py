@@ -17,7 +17,7 @@ from scaling_service.capabilities.discovery.checks import (
     measure_typical_distance,
     mirror_labels,
 )
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -100,9 +100,9 @@ def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -
 
 
 def test_short_recordings_say_so() -> None:
-    def recording(seconds: float) -> Recording:
+    def recording(seconds: float) -> SearchTrial:
         times = np.arange(round(seconds * 100)) / 100.0
-        return Recording(
+        return SearchTrial(
             Trial(name="t", times=times, labels=("A",), markers=np.zeros((len(times), 1, 3)), rate_hz=100.0),
             "fit",
         )

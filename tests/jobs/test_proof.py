@@ -15,15 +15,15 @@ import pytest
 from scaling_service.capabilities.intake.document import ProofDocument
 from scaling_service.capabilities.intake.roles import recognise_bone
 from scaling_service.capabilities.intake.run import prove, prove_folder
-from scaling_service.capabilities.intake.warnings import _OTHER
 from scaling_service.capabilities.scaling.run import scale
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
+from scaling_service.core.arrays import Array
+from scaling_service.core.notes import LOOK
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
-from scaling_service.model.trial import Array
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 
@@ -248,7 +248,7 @@ def test_every_warning_of_loading_says_what_to_do(lab: Path) -> None:
     reported = " ".join(p.problem for p in found)
     for word in ("evaluation", "NONE", "RFH", "look exchanged", "than usual"):
         assert word in reported
-    assert all(p.remedy and p.remedy != _OTHER for p in found)
+    assert all(p.remedy and p.remedy != LOOK for p in found)
 
 
 def test_a_model_that_this_program_wrote_is_taken_where_there_is_no_other(tmp_path: Path) -> None:

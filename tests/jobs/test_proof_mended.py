@@ -13,10 +13,11 @@ import yaml
 
 from scaling_service.capabilities.intake.document import ProblemEntry, ProofDocument
 from scaling_service.capabilities.intake.run import prove, prove_folder
+from scaling_service.core.arrays import Array
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import repeat_default_pose
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.virtual.plates import record_on_plates, write_forces
 from tests.calibration.people import movement, trial
 

@@ -17,26 +17,20 @@ from scaling_service.capabilities.playback.drawing import find_knee_axes
 from scaling_service.capabilities.playback.scene import Detail
 from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
 from scaling_service.capabilities.scaling.result import Results
-from scaling_service.capabilities.scaling.run import run_demo
 from scaling_service.capabilities.scaling.scene import write_results_scene
-from scaling_service.documents.results import TruthDocument
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.numerics.multibody.tree import pose_markers
+from tests.finished import Demo
 from tests.jobs.reported import MOST_BYTES, document_of, html_of, page_of, without
 from tests.report.reading import Node, held, tables
 from tests.report.test_tables import NASTY
 
 LONGEST_S = 3.0
 """Of a core's own time; chosen: what a person waits for without asking."""
-
-
-@pytest.fixture(scope="module")
-def demo() -> tuple[Results, TruthDocument]:
-    return run_demo()
 
 
 def played(root: Node) -> dict[str, Any]:
@@ -61,17 +55,17 @@ def test_a_long_recording_is_thinned_and_no_error_is_missed(results: Results, tm
             assert thin.motions[name].poses.shape == [thin.frames, *motion.poses.shape[1:]]
 
 
-def test_a_report_is_small_and_quick(demo: tuple[Results, TruthDocument]) -> None:
-    document = document_of(*demo)
+def test_a_report_is_small_and_quick(demo: Demo) -> None:
+    document = document_of(*demo[:2])
     clock = time.process_time()
     html = html_of(demo[0], document)
     assert time.process_time() - clock < LONGEST_S
     assert len(html.encode()) < MOST_BYTES
 
 
-def test_numbers_are_those_of_the_document(demo: tuple[Results, TruthDocument]) -> None:
-    document = document_of(*demo)
-    found = tables(page_of(*demo))
+def test_numbers_are_those_of_the_document(demo: Demo) -> None:
+    document = document_of(*demo[:2])
+    found = tables(page_of(*demo[:2]))
     methods = list(document.methods)
     (errors,) = [rows for caption, rows in found.items() if caption.startswith("Kinematic error, mm")]
     assert errors[0] == ["", *methods]
@@ -91,8 +85,8 @@ def test_numbers_are_those_of_the_document(demo: tuple[Results, TruthDocument]) 
     assert truth[1] == ["lengths, mm", *(f"{document.truth.errors[m]['lengths_mm']:.1f}" for m in methods)]
 
 
-def test_the_verdict_stands_first_and_in_the_document(demo: tuple[Results, TruthDocument]) -> None:
-    root, document = page_of(*demo), document_of(*demo)
+def test_the_verdict_stands_first_and_in_the_document(demo: Demo) -> None:
+    root, document = page_of(*demo[:2]), document_of(*demo[:2])
     assert document.verdict is not None
     (callout,) = root.all("div", "callout")
     for said in (document.verdict.headline, *document.verdict.why):
@@ -115,7 +109,7 @@ def test_a_knee_does_not_move_its_own_axis() -> None:
     assert np.linalg.norm(still[1] - still[0]) > 0.1
 
 
-def test_gait_cycles_are_averaged(demo: tuple[Results, TruthDocument]) -> None:
+def test_gait_cycles_are_averaged(demo: Demo) -> None:
     gait = make_gait_curves(demo[0], "EB")
     assert gait.trials == ("gait_1", "gait_2")
     names = [curve.name for curve in gait.curves]

@@ -15,6 +15,7 @@ from scaling_service.studies.muller2017.document import Muller2017Document
 from scaling_service.studies.muller2017.excitation import ExcitationSettings
 from scaling_service.studies.muller2017.study import reproduce_muller2017
 from scaling_service.studies.muller2017.words import summarise
+from tests.finished import make_once
 from tests.report.reading import Node, read
 
 FEW = UncertaintySettings(samples=12, motions=60)
@@ -22,8 +23,12 @@ SHORT = ExcitationSettings(seconds=6.0)
 
 
 @pytest.fixture(scope="module")
-def document() -> Muller2017Document:
-    return reproduce_muller2017(FEW, subjects=2, recorded=SHORT, worker_count=1)
+def document(tmp_path_factory: pytest.TempPathFactory) -> Muller2017Document:
+    return make_once(
+        tmp_path_factory,
+        "muller2017",
+        lambda: reproduce_muller2017(FEW, subjects=2, recorded=SHORT, worker_count=1),
+    )
 
 
 @pytest.fixture(scope="module")

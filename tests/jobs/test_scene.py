@@ -20,11 +20,11 @@ from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.files.table_files import MOST_FRAMES, ArrayFiles, sample_at
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.poses import pose_neutral_frames, pose_segments
-from scaling_service.model.trial import Array
 from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.subject import VirtualSettings
 from tests.jobs.hidden_case import found

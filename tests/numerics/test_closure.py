@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Constraint, Law, Marker, Parameter, Term
 from scaling_service.model.compile import compile_constraints
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 from tests.numerics.bodies import random_tree, slow_markers
 

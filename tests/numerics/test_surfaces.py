@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.surfaces import Surface
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law, Shape, Surface, Term
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import (
     MarkerShifts,
     compute_marker_motion,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import json
 import os
@@ -14,8 +15,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from scaling_service import plugins
 from scaling_service.files.recording import read_recording
 from scaling_service.guide.notebooks import render_notebook
+from scaling_service.guide.pages import describe_plugins
 from tests.safety.running import program_environment, unpack_subject
 
 CONTRIBUTING = Path(__file__).resolve().parents[2] / ".github" / "CONTRIBUTING.md"
@@ -123,3 +126,28 @@ def test_it_is_among_the_words_and_bodies_of_the_service(tmp_path: Path) -> None
     assert "MB_again" in found["optimised"]
     assert found["accepted"] == ["MB_again"]
     assert "uneven_plate" in found["effects"]
+
+
+def test_it_imports_nothing_of_ours_but_what_is_promised(tmp_path: Path) -> None:
+    install(tmp_path)
+    tree = ast.parse((tmp_path / "sample_lab.py").read_text(encoding="utf-8"))
+    homes = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    homes |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+    assert {home for home in homes if home and home.startswith("scaling_service")} == {plugins.__name__}
+
+
+def test_every_promised_name_is_there_and_is_described() -> None:
+    for name in plugins.__all__:
+        assert getattr(plugins, name) is not None
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", describe_plugins(), re.MULTILINE)
+    assert [name for name, _ in rows] == plugins.__all__
+    with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
+        plugins.Nothing  # noqa: B018
+
+
+def test_a_reader_of_files_does_not_load_the_search(tmp_path: Path) -> None:
+    program = (
+        "import sys; from scaling_service.plugins import Recording; "
+        "print([m for m in sys.modules if 'capabilities' in m])"
+    )
+    assert run(tmp_path, "-c", program) == "[]\n"

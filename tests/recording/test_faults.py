@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.faults import (
     note_dead_channels,

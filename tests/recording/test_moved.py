@@ -38,7 +38,7 @@ def test_of_two_recordings_the_first_tells() -> None:
     trials = (recording(1), recording(2, KNOCKED))
     assert found(*trials) == [("r1", "CPG")]
     (moved,) = find_moved_markers(trials, {"calcn_l": LABELS})
-    assert str(moved).startswith("r1: CPG lies")
+    assert str(moved).startswith("CPG lies")
     assert "in r2" in str(moved)
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.c3d import read_c3d
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.orientation import Orientation, decide

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.files.recording import read_recording
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Array
 from scaling_service.recording.plates import synchronise
 from scaling_service.recording.plates_feet import NOBODY, FootContacts, assign_foot_loads, assign_plates
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.recording.plates import synchronise
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from scaling_service.capabilities.scaling.run import run_demo
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.report.onefile import BUNDLE
+from tests.finished import Demo, fill_once
 from tests.service.page.node import packages
 from tests.service.page.visitor import Visitor
 
@@ -28,13 +28,13 @@ Open = Callable[..., Visitor]
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def report(demo: Demo, tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not (BUNDLE / "report.js").is_file():
         pytest.skip("this installation was built without the web page")
-    folder = tmp_path_factory.mktemp("demo")
-    results, truth = run_demo()
-    save(results, folder, truth=truth)
-    return folder / "report.html"
+    made = fill_once(
+        tmp_path_factory, "demo_saved", lambda folder: save(demo.results, folder, truth=demo.truth)
+    )
+    return made / "report.html"
 
 
 @pytest.fixture(scope="module")

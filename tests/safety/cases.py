@@ -103,8 +103,10 @@ CASES = (
         ("reproduce puchaud2019 --subjects 7 --frames 20 --workers 2 --out study",),
         costly=True,
     ),
-    Case("muller2017", ("reproduce muller2017 --subjects 1 --samples 4 --workers 1 --out study",)),
-    Case("futamure", ("reproduce futamure --subjects 1 --workers 1 --out study",)),
+    Case(
+        "muller2017", ("reproduce muller2017 --subjects 1 --samples 4 --workers 1 --out study",), costly=True
+    ),
+    Case("futamure", ("reproduce futamure --subjects 1 --workers 1 --out study",), costly=True),
     Case("walker", ("compare S.yaml --out compare",), documents={"S.yaml": _WALKER}, costly=True),
     Case(
         "clinic",

@@ -6,16 +6,21 @@ import pytest
 
 from scaling_service.virtual.example import VirtualImage, make_virtual_image
 from scaling_service.virtual.subject import make_virtual_subject
+from tests.finished import make_once
 from tests.studies.imaged import EXACT, SEEDS, SHORT, Imaged, seen
 
 
 @pytest.fixture(scope="session")
-def exact() -> dict[int, Imaged]:
+def exact(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Imaged]:
     """Persons whose images are free of errors."""
-    return {seed: seen(seed, EXACT) for seed in SEEDS}
+    return make_once(tmp_path_factory, "exact_images", lambda: {seed: seen(seed, EXACT) for seed in SEEDS})
 
 
 @pytest.fixture(scope="session")
-def blurred() -> dict[int, VirtualImage]:
+def blurred(tmp_path_factory: pytest.TempPathFactory) -> dict[int, VirtualImage]:
     """Images of two of them with the usual errors."""
-    return {seed: make_virtual_image(make_virtual_subject(seed, SHORT)) for seed in SEEDS[:2]}
+    return make_once(
+        tmp_path_factory,
+        "blurred_images",
+        lambda: {seed: make_virtual_image(make_virtual_subject(seed, SHORT)) for seed in SEEDS[:2]},
+    )

@@ -26,7 +26,7 @@ from scaling_service.capabilities.cohort.document import (
     RankedPairEntry,
 )
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
-from scaling_service.model.results import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics.complete import (
     ComparisonImpossible,
     Panel,
@@ -72,7 +72,8 @@ def compare_groups(
         raise ComparisonImpossible(f"a significance level of {alpha:g} is not between 0 and 1", field="alpha")
     table = require_complete(values, subjects, methods, quantity=quantity, dimensions=2)
     n, k = table.shape
-    ranks = scipy.stats.rankdata(_without_noise(table), axis=1)
+    step = SAME * float(np.abs(table).max())
+    ranks = scipy.stats.rankdata((np.round(table / step) if step > 0.0 else table), axis=1)
     mean_rank = ranks.mean(axis=0)
     # The variance of one subject's ranks: k (k + 1) / 12 without ties, less with them.
     variance = float(np.sum((ranks - (k + 1) / 2) ** 2)) / (n * (k - 1))
@@ -109,12 +110,6 @@ def _compare_pairs(
         )
         for i in range(len(first))
     ]
-
-
-def _without_noise(table: Array) -> Array:
-    """Values rounded so that equal results reached by different routes are ties."""
-    step = SAME * float(np.abs(table).max())
-    return np.round(table / step) if step > 0.0 else table
 
 
 def _average_errors(method: MethodSummary) -> dict[str, float]:

@@ -238,7 +238,11 @@ class SubjectMember:
             progress=lambda what, share: progress(what, _COMPUTING + (1.0 - _COMPUTING) * share),
         )
         summary = summarise(results, left_out=left_out)
-        _write_record(self.folder, Record(specified, _list_files(document), summary))
+        # Written beside and moved into place, so that there is never half of one.
+        record = Record(specified, _list_files(document), summary)
+        new = self.folder / f".{RECORD}.{os.getpid()}"
+        new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
+        new.replace(self.folder / RECORD)
         return Done(summary)
 
 
@@ -275,13 +279,6 @@ def read_record(folder: Path) -> Record | None:
 def read_summary(folder: Path) -> SubjectSummary:
     """What the statistics take of a subject that is done, whose other files need not be there."""
     return _RECORDS.validate_json((folder / RECORD).read_bytes()).summary
-
-
-def _write_record(folder: Path, record: Record) -> None:
-    """Written beside and moved into place, so that there is never half of one."""
-    new = folder / f".{RECORD}.{os.getpid()}"
-    new.write_text(json.dumps(_RECORDS.dump_python(record)) + "\n", encoding="utf-8")
-    new.replace(folder / RECORD)
 
 
 def _list_files(document: ComparisonDocument) -> tuple[str, ...]:

@@ -22,8 +22,8 @@ from scaling_service.capabilities.cohort.document import (
 )
 from scaling_service.capabilities.cohort.groups import compare_quantities, explain_too_few
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model.results import Array
 from scaling_service.numerics.statistics.agreement import Estimate, measure_agreement
 from scaling_service.numerics.statistics.complete import Panel, list_panels
 from scaling_service.numerics.statistics.permutation_tests import CurveTest

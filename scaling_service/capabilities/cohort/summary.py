@@ -17,9 +17,9 @@ from scaling_service.capabilities.scaling.comparison.geometry import (
 )
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel, Vector
-from scaling_service.model.results import Array
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence
 

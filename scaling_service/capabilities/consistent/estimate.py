@@ -32,10 +32,10 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, compute_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import gather_inertias, with_inertias
-from scaling_service.numerics.multibody.laws import Array
 
 Progress = Callable[[str], None]
 

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_marker, free_scale
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
 
 FRAMES = 200
@@ -79,7 +79,15 @@ def identify_geometry(
     start; markers move along the local ``axes``, ``xy`` in a planar model. Without a prior, bounds alone
     hold, as in the paper; ``independent`` is how many frames' worth of errors weigh against it.
     """
-    freed = _free_parameters(model, markers, bound, axes)
+    # Every length that moves a marker, and the coordinates of the markers, as parameters.
+    free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
+    for segment in _find_sized_segments(model, markers):
+        free = free_scale(free, segment, bound)
+    for name in markers:
+        reach = bound * float(np.linalg.norm(model.marker(name).nominal))
+        if reach > 0.0:
+            free = free_marker(free, name, axes, reach)
+    freed = free
     start = list_parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
     upper = np.array([p.upper for p in freed.parameters])
@@ -97,18 +105,6 @@ def identify_geometry(
     values = np.maximum(values, 1e-15 * values[-1])
     step = minimise_within(values, vectors, vectors.T @ slope, lower - start, upper - start)
     return _fold_in(model, freed, start + step, lower, upper)
-
-
-def _free_parameters(model: BodyModel, markers: tuple[str, ...], bound: float, axes: str) -> BodyModel:
-    """Every length that moves a marker, and the coordinates of the markers, as parameters."""
-    free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
-    for segment in _find_sized_segments(model, markers):
-        free = free_scale(free, segment, bound)
-    for name in markers:
-        reach = bound * float(np.linalg.norm(model.marker(name).nominal))
-        if reach > 0.0:
-            free = free_marker(free, name, axes, reach)
-    return free
 
 
 def _find_sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str]:

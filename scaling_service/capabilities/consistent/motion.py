@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals.splines import Quadratic, Step, pack_band, solve_band
 
 STEPS = 15
@@ -72,8 +72,10 @@ def solve_consistent_motion(
         after, at = _descend(problem, at, now, step, weight)
         changes = (abs(after.markers / now.markers - 1.0), abs(after.wrench / now.wrench - 1.0))
         converged, now = max(changes) < SETTLED, after
+    motion = problem.motion(at.coefficients)
+    parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
     return ConsistentMotion(
-        rated=_differentiate(problem, at),
+        rated=RatedMotion(problem.basis.times, *parts),
         state=at,
         objectives=now,
         glide=problem.glide(at),
@@ -95,12 +97,6 @@ def _descend(
         if after.markers + weight * after.wrench < before:
             return after, moved
     return now, at
-
-
-def _differentiate(problem: ConsistentProblem, at: State) -> RatedMotion:
-    motion = problem.motion(at.coefficients)
-    parts = [np.ascontiguousarray(x.T) for x in (motion.q, motion.qdot, motion.qddot)]
-    return RatedMotion(problem.basis.times, *parts)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -134,30 +130,27 @@ class Front:
         held: NDArray[np.bool_] = ((low >= 0) & (gradient > 0)) | ((high <= 0) & (gradient < 0))
         fixed = np.zeros_like(gradient)
         for _ in range(ROUNDS):
-            found = self._solve(weight, gradient, fixed, held)
+            # Everything but the held coefficients, which change by `fixed`; shared numbers by elimination.
+            markers, wrench = self.markers, self.wrench
+            band = self.bands[0] + weight * self.bands[1]
+            band[0] += RIDGE * band[0].mean()
+            border = markers.border + weight * wrench.border
+            k = border.shape[2]
+            slope = gradient + markers.times(fixed) + weight * wrench.times(fixed)
+            right = np.concatenate([slope[..., None], border], axis=2).reshape(-1, k + 1)
+            solved = solve_band(band, right, held.ravel())
+            flat = np.where(held.ravel()[:, None], 0.0, border.reshape(-1, k))
+            corner = markers.corner + weight * wrench.corner - flat.T @ solved[:, 1:]
+            pull = markers.shared_gradient + weight * wrench.shared_gradient
+            pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
+            shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
+            found = Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
             beyond = ((found.coefficients < low) | (found.coefficients > high)) & ~held
             if not beyond.any():
                 break
             held |= beyond
             fixed = np.where(held, np.clip(found.coefficients, low, high), 0.0)
         return Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
-
-    def _solve(self, weight: float, gradient: Array, fixed: Array, held: NDArray[np.bool_]) -> Step:
-        """Everything but the held coefficients, which change by ``fixed``; shared numbers by elimination."""
-        markers, wrench = self.markers, self.wrench
-        band = self.bands[0] + weight * self.bands[1]
-        band[0] += RIDGE * band[0].mean()
-        border = markers.border + weight * wrench.border
-        k = border.shape[2]
-        slope = gradient + markers.times(fixed) + weight * wrench.times(fixed)
-        right = np.concatenate([slope[..., None], border], axis=2).reshape(-1, k + 1)
-        solved = solve_band(band, right, held.ravel())
-        flat = np.where(held.ravel()[:, None], 0.0, border.reshape(-1, k))
-        corner = markers.corner + weight * wrench.corner - flat.T @ solved[:, 1:]
-        pull = markers.shared_gradient + weight * wrench.shared_gradient
-        pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
-        shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
-        return Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
 
 
 def balance(front: Front, guess: float = 1.0) -> tuple[Step, float]:

@@ -15,13 +15,13 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
 from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.recording.plates import orient_forces, synchronise
 
 STANDING = "standing"

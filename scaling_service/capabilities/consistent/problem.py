@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.marker_rates import (
     MarkerShifts,
     MarkerTargets,

@@ -22,6 +22,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import DECIDES
 from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
 from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import GROUND, BodyModel, Segment
@@ -35,7 +36,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
@@ -95,18 +95,14 @@ def expect_artefacts(model: BodyModel) -> dict[str, float]:
     still = {segment.name for segment in rooted if not any(j.law.coordinates for j in segment.joints)}
     found = {}
     for marker in model.markers:
-        row = _OF_MARKERS.get(_mirror_to_right(marker.name))
+        # The landmark's name on the right-hand side.
+        known = find_canonical(marker.name) or marker.name
+        mirrored = f"R{known[1:]}"
+        row = _OF_MARKERS.get(mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known)
         if row is None or (row == "toe" and marker.segment not in still):
             row = next((r for r, starts in _OF_SEGMENTS.items() if marker.segment.startswith(starts)), _ELSE)
         found[marker.name] = ARTEFACT_M[row]
     return found
-
-
-def _mirror_to_right(name: str) -> str:
-    """The landmark's name on the right-hand side."""
-    known = find_canonical(name) or name
-    mirrored = f"R{known[1:]}"
-    return mirrored if known.startswith("L") and mirrored in _OF_MARKERS else known
 
 
 def make_artefact_shifts(

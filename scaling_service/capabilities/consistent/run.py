@@ -20,6 +20,7 @@ from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model.anatomy.inertia_planar import SQUAT
@@ -28,7 +29,6 @@ from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_whole_tree, sum_mass
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.wrench import GRAVITY
 

@@ -24,13 +24,13 @@ from scaling_service.capabilities.dynamics.saving import record_dynamics_provena
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
 from scaling_service.capabilities.playback.scene import FOLDER
+from scaling_service.core.arrays import Array
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.report.onefile import Report, collect_files
 
 FILE_NAME = "consistent.json"
@@ -46,7 +46,13 @@ def save_consistent(
         for recording, tracked in zip(results.recordings, result.consistent, strict=True):
             motion = _write_motion_part(recording, tracked, result.model)
             write_motion(scratch / f"{recording.name}_ik.mot", motion, result.model)
-        notes = write_massive_model(scratch, result.model, results.prepared, _list_factors(results))
+        # Each segment's factors against the generic model: of the scaling, times those of the loop.
+        calibration = results.prepared.calibration
+        factors = {} if calibration is None else dict(calibration.scale_factors)
+        for name, factor in results.result.factors.items():
+            x, y, z = factors.get(name, (1.0, 1.0, 1.0))
+            factors[name] = (factor * x, factor * y, factor * z)
+        notes = write_massive_model(scratch, result.model, results.prepared, factors)
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
@@ -87,16 +93,6 @@ def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = F
     document = WrenchScene(trials=found)
     write_json(outputs / WRENCHES_FILE, document)
     return document
-
-
-def _list_factors(results: ConsistentResults) -> dict[str, tuple[float, float, float]]:
-    """Each segment's factors against the generic model: of the scaling, times those of the loop."""
-    calibration = results.prepared.calibration
-    factors = {} if calibration is None else dict(calibration.scale_factors)
-    for name, factor in results.result.factors.items():
-        x, y, z = factors.get(name, (1.0, 1.0, 1.0))
-        factors[name] = (factor * x, factor * y, factor * z)
-    return factors
 
 
 def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording, model: BodyModel) -> Motion:

@@ -14,8 +14,7 @@ from scaling_service.capabilities.shared.screen import make_console, print_table
 from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.datasets.catalogue import Dataset
-    from scaling_service.capabilities.datasets.run import Obtained
+    pass
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode="rich")
 
@@ -112,11 +111,7 @@ def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url:
             base_url=base_url,
             progress=progress,
         )
-    _show(obtained, dataset)
-
-
-def _show(obtained: Obtained, dataset: Dataset) -> None:
-    """What was written and what was there, the terms, and what to run now."""
+    # What was written and what was there, the terms, and what to run now.
     from scaling_service.capabilities.datasets.run import describe_terms, list_next_commands
 
     console = make_console()

@@ -67,11 +67,18 @@ def get_dataset(
     """
     base = check_base_url(base_url)
     check_folder(folder)
-    texts = _write_texts(name, dataset)
+    subject = {} if dataset.subject is None else {SUBJECT_FILE: dataset.subject + "\n"}
+    texts = subject | {SOURCE_FILE: write_source_note(name, dataset)}
     new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
     missing = [file for file in dataset.files if not _is_there(folder, file)]
     fetched = _fetch_all(name, dataset, missing, cache, base, progress)
-    markers = _write_markers(dataset, folder, fetched)
+    # The image markers of a dataset that has them inside a model.
+    source = dataset.image_markers_from
+    markers = (
+        {}
+        if source is None
+        else {IMAGE_MARKERS_FILE: tabulate_image_markers(fetched.get(source, folder / source))}
+    )
     new |= _list_missing(folder, markers)
     if fetched or new:
         _write(folder, fetched, new)
@@ -126,22 +133,6 @@ def _report_received(progress: Progress | None, what: str, before: int, total: i
             progress(f"{what}, {there / _MB:.1f} of {total / _MB:.1f} MB)", there / total)
 
     return report
-
-
-def _write_texts(name: str, dataset: Dataset) -> dict[str, str]:
-    """What is written beside the downloads and needs none of them."""
-    subject = {} if dataset.subject is None else {SUBJECT_FILE: dataset.subject + "\n"}
-    return subject | {SOURCE_FILE: write_source_note(name, dataset)}
-
-
-def _write_markers(dataset: Dataset, folder: Path, fetched: dict[str, Path]) -> dict[str, str]:
-    """The image markers of a dataset that has them inside a model."""
-    source = dataset.image_markers_from
-    return (
-        {}
-        if source is None
-        else {IMAGE_MARKERS_FILE: tabulate_image_markers(fetched.get(source, folder / source))}
-    )
 
 
 def _list_missing(folder: Path, texts: dict[str, str]) -> dict[str, str]:

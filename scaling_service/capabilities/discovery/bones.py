@@ -18,11 +18,11 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.search.findings import Findings
 from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.knees import SecondaryRotation, list_secondary_rotations
 from scaling_service.model.anatomy.skin import slide_skin
 from scaling_service.model.body import BodyModel, Expectation, Law
 from scaling_service.model.compile import evaluate_law
-from scaling_service.numerics.multibody.laws import Array
 
 _FLEXED = np.radians(60.0)  # in walking (Winter 2009)
 _BEST = 0.02  # of the frames; chosen: a second of standing in a minute of movement

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
@@ -57,7 +57,7 @@ def check_lengths(trials: Sequence[Trial]) -> None:
             )
 
 
-def describe_limits(recordings: Sequence[Recording], block_s: float) -> tuple[str, ...]:
+def describe_limits(recordings: Sequence[SearchTrial], block_s: float) -> tuple[str, ...]:
     """Plain sentences on what recordings cannot decide in blocks of ``block_s`` (s) each."""
     lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
     count = sum(max(2, int(length / block_s)) for length in lengths)

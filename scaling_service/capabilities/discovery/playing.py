@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.playback.document import SceneDocument
@@ -52,7 +52,7 @@ def _list_bones(prepared: Prepared, detail: Detail) -> dict[str, Bone]:
     return place_bones(prepared.calibration, coarse)
 
 
-def _play_recording(name: str, item: TrackedTrial) -> Played:
+def _play_recording(name: str, item: MotionFit) -> Played:
     distances = np.linalg.norm(item.residuals, axis=2)
     model = item.task.model
     return Played(

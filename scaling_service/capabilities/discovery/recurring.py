@@ -34,6 +34,7 @@ from scaling_service.capabilities.discovery.saving import save_discovery
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
@@ -42,7 +43,6 @@ from scaling_service.documents.writing import code_version, write_json
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
 from scaling_service.model.inertia import sum_mass
-from scaling_service.numerics.multibody.laws import Array
 
 FILE_NAME = "recurring.json"
 SCHEMA_VERSION = 1

@@ -58,11 +58,11 @@ from scaling_service.capabilities.discovery.search.findings import (
 from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.discovery.start import Prepared
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
+from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
+from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_law
-from scaling_service.numerics.multibody.laws import Array
 
 _MM = 1e3
 _UNITS: dict[str, tuple[Unit, float]] = {"marker": ("mm", _MM), "force": ("N", 1.0), "moment": ("N m", 1.0)}
@@ -252,7 +252,16 @@ def _place(candidate: Candidate) -> dict[str, Any]:
 
 
 def _make_effect(named: NamedEffect, model: BodyModel) -> EffectDocument:
-    candidate, numbers = named.effect.candidate, _judge_numbers(named, model)
+    # Every number beside what laboratories meet and what the search allows.
+    usual, bounds, found = look_up_usual_sizes(named.candidate, model), list_bounds(named), {}
+    for name, quantity in list_quantities(named).items():
+        if not isinstance(quantity.value, tuple):
+            known, bound = usual(name), bounds.get(name)
+            ends = None if known is None else (known.low, known.high)
+            at_bound = bound is not None and bound.at_end(quantity.value)
+            quantity = QuantityDocument(**dict(quantity) | {"usual": ends, "at_bound": at_bound})
+        found[name] = quantity
+    candidate, numbers = named.effect.candidate, found
     others = [PlacedEffect(**_place(other)) for other in named.equivalents]
     return EffectDocument(
         **_place(candidate),
@@ -278,19 +287,6 @@ def _name(named: NamedEffect, others: Sequence[PlacedEffect], numbers: Mapping[s
     if text.is_class(named.member):
         return text.describe_class(PlacedEffect(**_place(one)), others, named.would_separate)
     return text.describe_effect(one.kind, one.where, one.driver, one.trials, numbers)
-
-
-def _judge_numbers(named: NamedEffect, model: BodyModel) -> dict[str, QuantityDocument]:
-    """Every number beside what laboratories meet and what the search allows."""
-    usual, bounds, found = look_up_usual_sizes(named.candidate, model), list_bounds(named), {}
-    for name, quantity in list_quantities(named).items():
-        if not isinstance(quantity.value, tuple):
-            known, bound = usual(name), bounds.get(name)
-            ends = None if known is None else (known.low, known.high)
-            at_bound = bound is not None and bound.at_end(quantity.value)
-            quantity = QuantityDocument(**dict(quantity) | {"usual": ends, "at_bound": at_bound})
-        found[name] = quantity
-    return found
 
 
 def _make_belief(named: NamedEffect, numbers: Mapping[str, QuantityDocument]) -> BeliefDocument:

@@ -52,7 +52,13 @@ def write_corrected(folder: Path, fit: Fit, prepared: Prepared) -> tuple[str, ..
         write_trc(place / f"{trial.name}.trc", correct_trial(trial, effects))
     for path in (*prepared.subject.calibration, *prepared.subject.evaluation):
         if path.stem in prepared.forces:
-            ground = _as_recorded(path, prepared)
+            # The forces in the session's axes, at their own rate, not filtered.
+            plates = prepared.loaded.plates.get(path)
+            read = read_trial_forces(path, plates, prepared.subject.forces.get(path.name))
+            axes = prepared.loaded.orientation
+            assert read is not None  # it was read before
+            assert axes is not None
+            ground = turn_forces(*read, axes)
             here = [e for e in effects if e.candidate.holds_in(path.stem)]
             corrected = correct_forces(ground, ground.times, here)
             write_sto(place / f"{path.stem}_forces.mot", tabulate_forces(path.stem, corrected))
@@ -66,16 +72,6 @@ def _of_markers(effect: Estimate) -> bool:
 
 def _of_forces(effect: Estimate) -> bool:
     return any(isinstance(column.load, Late | PlateFault) for column in effect.candidate.columns)
-
-
-def _as_recorded(path: Path, prepared: Prepared) -> GroundForces:
-    """The forces in the session's axes, at their own rate, not filtered."""
-    plates = prepared.loaded.plates.get(path)
-    read = read_trial_forces(path, plates, prepared.subject.forces.get(path.name))
-    axes = prepared.loaded.orientation
-    assert read is not None  # it was read before
-    assert axes is not None
-    return turn_forces(*read, axes)
 
 
 def tabulate_forces(name: str, ground: GroundForces) -> Table:

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
 from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
-from scaling_service.capabilities.discovery.evidence.fit import Recording
+from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.dynamics.start import scale_model, with_inertia
@@ -26,6 +26,7 @@ from scaling_service.capabilities.kinetics.forces import (
 from scaling_service.capabilities.shared.names import OWN
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Mask
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
@@ -48,7 +49,6 @@ _NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded"
 _READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)
 _RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gone by then
 
-Mask = NDArray[np.bool_]
 
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 
@@ -83,18 +83,17 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
     """Forces with the frames in which they are all that touches the body."""
     usable = find_usable_frames(forces.ground, forces.contacts)
-    return ContactAssignment(forces.ground, usable, cutoff_hz, _find_unloaded(forces.ground, forces.contacts))
-
-
-def _find_unloaded(ground: GroundForces, contacts: FootContacts) -> Mask:
-    """Where a plate is read with nobody on it, and long before and after, (n, n_plates).
-
-    A load that was given to nobody, for its fault moves the pressure off the foot, is more than any bias.
-    """
-    least = np.linalg.norm(ground.force, axis=2) < MOST_BIAS_N
-    free = (ground.readings > _READ) & (contacts.foot == NOBODY) & least
-    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(ground.times))))) if len(free) > 1 else 1
-    return np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1))))
+    # Where a plate is read with nobody on it, and long before and after, (n, n_plates). A load that was given
+    # to nobody, for its fault moves the pressure off the foot, is more than any bias.
+    least = np.linalg.norm(forces.ground.force, axis=2) < MOST_BIAS_N
+    free = (forces.ground.readings > _READ) & (forces.contacts.foot == NOBODY) & least
+    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(forces.ground.times))))) if len(free) > 1 else 1
+    return ContactAssignment(
+        forces.ground,
+        usable,
+        cutoff_hz,
+        np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1)))),
+    )
 
 
 def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
@@ -161,7 +160,7 @@ class Prepared:
     start: str  # the method that scaled the model, or ``none``
     model: BodyModel  # of the person's size, without parameters
     # calibration trials fit, evaluation trials are held out; all fit where there are only one kind
-    recordings: tuple[Recording, ...]
+    recordings: tuple[SearchTrial, ...]
     forces: Mapping[str, TrialForces] = field(default_factory=dict)  # of the recordings that have some
     calibration: Calibration | None = None  # None for the given model
     notes: tuple[str, ...] = ()  # what could not be tried or decided, and why
@@ -200,7 +199,7 @@ def prepare(
     forces, notes = read_ground_forces(loaded, massive.model)
     fitting = {trial.name for trial in session.calibration or session.evaluation}
     used = tuple(
-        Recording(
+        SearchTrial(
             trial,
             "fit" if trial.name in fitting else "held_out",
             assign_contacts(forces[trial.name], chosen.cutoff_hz) if trial.name in forces else None,
@@ -208,7 +207,7 @@ def prepare(
         for trial in session.dynamic
     )
     if session.static is not None and session.static.n_frames >= MIN_SAMPLES:
-        used = (Recording(session.static, "fit"), *used)  # a witness
+        used = (SearchTrial(session.static, "fit"), *used)  # a witness
     unmeasured = [
         said
         for trial in session.dynamic

@@ -21,7 +21,7 @@ from scaling_service.capabilities.dynamics.inertia.parameters import InertialIde
 from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty.total import (
-    Recording,
+    LoadedMotion,
     UncertaintySettings,
     WrenchUncertainty,
     propagate,
@@ -249,7 +249,7 @@ def compute_trial_dynamics(
             remedy="Give the forces of all plates, or record without a chair or a hold",
         )
     residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
-    recording = Recording(
+    recording = LoadedMotion(
         model=prepared.model,
         motion=motion,
         loads=forces.loads,

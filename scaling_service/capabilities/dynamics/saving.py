@@ -23,7 +23,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import record_provenance, repair_notes
+from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json

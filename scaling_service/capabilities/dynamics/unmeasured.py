@@ -16,12 +16,12 @@ from scipy import ndimage
 from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, solve_inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.wrench import GRAVITY
@@ -90,7 +90,11 @@ def find_unmeasured(
     borne = np.where(known, dynamics.external[:, 1], 0.0)
     needed = np.where(known, dynamics.external[:, 1] + dynamics.residual[:, 1], 0.0)
     weight = -GRAVITY[1] * dynamics.mass
-    base = _find_usual_share(borne, needed, known, times)
+    # What the plates bear of what is needed where nothing is missing: as the best of the blocks of time.
+    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in split_into_blocks(known, times, BLOCK_S)])
+    sums = sums[sums[:, 1] > 0.0] if len(sums) else sums.reshape(0, 2)
+    best = compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
+    base = float(np.clip(best, *_BASE))
     lack = needed / weight - borne / (base * weight)
     flying = known & (borne < FALLING * weight) & (needed < FALLING * weight)
     found = [
@@ -132,14 +136,6 @@ def find_unmeasured_frames(found: Iterable[Unmeasured], times: Array) -> NDArray
     """Frames (n,) whose forces are not all measured; flight is measured."""
     inside = [(times >= one.start_s) & (times <= one.end_s) for one in found if one.kind != "flight"]
     return np.asarray(np.any([np.zeros(len(times), dtype=bool), *inside], axis=0))
-
-
-def _find_usual_share(borne: Array, needed: Array, known: NDArray[np.bool_], times: Array) -> float:
-    """What the plates bear of what is needed where nothing is missing: as the best of the blocks of time."""
-    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in split_into_blocks(known, times, BLOCK_S)])
-    sums = sums[sums[:, 1] > 0.0] if len(sums) else sums.reshape(0, 2)
-    best = compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
-    return float(np.clip(best, *_BASE))
 
 
 def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterator[tuple[int, int]]:

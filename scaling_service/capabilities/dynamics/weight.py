@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.numerics.multibody.laws import Array
 
 BLOCK_S = 0.5  # chosen: about a step; what the model misses of the acceleration alternates within one
 PLATES_SHARE = 0.003

@@ -13,6 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -24,7 +25,7 @@ from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import compute_ground_forces
@@ -238,19 +239,17 @@ def _read_xml(file: Path) -> InputFile:
                     name=file.name, kind="other", why="a set-up of OpenSim that is not used here"
                 )
             if place == "scale_setup":
-                return _read_setup(file)
+                guess = InputFile(
+                    name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup"
+                )
+                try:
+                    setup = read_scale_setup(file)
+                except InputError as error:
+                    return replace(guess, problem=make_problem(error, file=file.name))
+                pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
+                return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
             return InputFile(name=file.name, kind="setup", why="a marker set of OpenSim", content=place)
     return InputFile(name=file.name, kind="other", why="XML that is not used here")
-
-
-def _read_setup(file: Path) -> InputFile:
-    guess = InputFile(name=file.name, kind="setup", why="a scale set-up of OpenSim", content="scale_setup")
-    try:
-        setup = read_scale_setup(file)
-    except InputError as error:
-        return replace(guess, problem=make_problem(error, file=file.name))
-    pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
-    return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
 
 
 def _read_osim(file: Path) -> InputFile:

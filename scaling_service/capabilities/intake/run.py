@@ -363,11 +363,10 @@ class _Look:
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            loaded = load(subject, self.settings, read, facing=True)
-            session = loaded.session
-            told = {str(one) for one in loaded.findings}
-            yield from self._tell(loaded.findings)
-            yield from (warnings.make_warning_entry(text) for text in session.warnings if text not in told)
+            session = load(subject, self.settings, read, facing=True).session
+            found = [one for one in session.notes if isinstance(one, Finding)]
+            yield from self._tell(found)
+            yield from warnings.tell_notes(one for one in session.notes if one not in found)
             if session.scale_setup is None and session.images is None:
                 require_landmarks(session)
             calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds

@@ -13,12 +13,13 @@ from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntr
 from scaling_service.capabilities.intake.files import RecordingFile, make_axes_entry, make_problem
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.base import ArrayEntry, PlateEntry
 from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
 from scaling_service.model.anatomy.markers import is_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.recording.orientation import Orientation, apply

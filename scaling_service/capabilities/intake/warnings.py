@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from scaling_service.capabilities.intake.document import (
     CorrectionEntry,
@@ -16,6 +15,7 @@ from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis
 from scaling_service.capabilities.intake.tables import OFFSET_N
+from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.trial import Trial, is_unlabelled
@@ -97,8 +97,8 @@ def tell_findings(findings: Sequence[Finding], trials: Mapping[str, Trial]) -> I
     """
     files = {trial.name: file for file, trial in trials.items()}
     for one in findings:
-        file = files.get(one.trial, one.trial)
-        offers = {one.trial: one.exchanges, **one.rivals}
+        file = files.get(one.place, one.place)
+        offers = {one.place: one.exchanges, **one.rivals}
         yield ProblemEntry(
             severity="error" if one.severity == "refusal" else "warning",
             file=file,
@@ -221,50 +221,8 @@ def _make_warning(
     )
 
 
-_REMEDIES: Mapping[str, str] = {
-    r": they are not followed; map them under `markers:` to use them$": (
-        "Nothing is to be done; to follow them all the same, map them under `markers:`"
-    ),
-    r" of the model: not used$": (
-        "If they were recorded under other names, map those under `markers:`; else nothing is to be done"
-    ),
-    r" and sizes stand in for them$": "Nothing is to be done; measured widths make it more certain",
-    r" though no extra_markers name them$": (
-        "Nothing is to be done; name them under `extra_markers:` to decide it yourself"
-    ),
-    r": it is left out$": "Correct the label under `extra_markers:`, or remove it there",
-    r" labelled, but never seen$": "Label them in the recording if they matter; they are not used",
-    r": nothing says how well the models follow recordings that were not used to fit$": (
-        "Name a recording under `trials.evaluation` that is not used to fit; if there is none, record one"
-    ),
-    r": it may be a part of a recording$": "Export the recording again if frames are missing",
-    r" jumps about by some .*$": "Look at the marker in the recording; its gaps are filled as others are",
-    r" as one point, .*$": "Correct the trajectories; until then both are filled there as other gaps are",
-    r" or the floor shake .*$": "Mount the cameras firmly and record again; a filter saves the angles only",
-    r" \(\d+ frames?\)$": "Look at these frames; correct the recording if they matter",
-    r": image-based methods were left out$": "Choose a built-in model of the legs to use the bones",
-    r" was not taken: .*$": "Look at the surface of the bone there; without the point, the others are used",
-    r": that was left out$": "Correct the scale set-up if it matters",
-}
-"""How a warning ends, to what can be done. The first that fits counts."""
-
-_SAID_TWICE = re.compile(r"; map them under `markers:` to use them$")
-"""What to do, where the warning itself says it."""
-
-_NO_REMEDY = "Nothing is to be done"
-
-_OTHER = "Look whether it matters to you; scaling takes it as described here"
-
-
-def make_warning_entry(text: str) -> ProblemEntry:
-    """A warning of loading as a problem with its remedy.
-
-    Examples
-    --------
-    >>> make_warning_entry("no recording shows RFH of the model: not used").remedy[:42]
-    'If they were recorded under other names, m'
-    """
-    remedy = next((advice for ending, advice in _REMEDIES.items() if re.search(ending, text)), _OTHER)
-    problem = _SAID_TWICE.sub("", text)
-    severity: Severity = "note" if remedy.startswith(_NO_REMEDY) else "warning"
-    return ProblemEntry(severity=severity, problem=problem, remedy=remedy)
+def tell_notes(notes: Iterable[Note]) -> Iterator[ProblemEntry]:
+    """What loading says, each with its remedy."""
+    for note in notes:
+        severity: Severity = "note" if note.severity == "note" else "warning"
+        yield ProblemEntry(severity=severity, problem=note.told, remedy=note.remedy)

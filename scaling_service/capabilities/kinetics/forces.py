@@ -11,12 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Array, Repair, Trial
+from scaling_service.model.trial import (
+    Repair,
+    Trial,
+)
 from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import compute_ground_forces, orient_forces, synchronise
@@ -59,7 +63,21 @@ def read_trial_forces(
     """
     if named is not None:
         with _blame_file(named):
-            return named, _check_moments(read_forces(named))
+            # Refuse moments that are not in N m.
+            forces = read_forces(named)
+            centre = forces.centre_of_pressure()
+            loaded = np.isfinite(centre).all(axis=2) & forces.known
+            about = forces.moment - np.cross(centre, forces.force)
+            free = np.abs(np.einsum("nka,ka->nk", np.where(loaded[..., None], about, 0.0), forces.normals))
+            for k, plate in enumerate(forces.plates):
+                if loaded[:, k].any() and np.median(free[loaded[:, k], k]) > LARGEST_FREE_MOMENT:
+                    raise TrialUnusable(
+                        f"{plate} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, as no foot can",
+                        file=forces.name,
+                        field=f"{plate}, moment",
+                        remedy="Give points in m and moments in N m",
+                    )
+            return named, forces
     if plates is None:
         return None
     with _blame_file(recording):
@@ -81,7 +99,15 @@ def prepare_forces(
     n_markers, 3). Refuses forces and markers that do not belong together.
     """
     with _blame_file(source):
-        _check_units(source, trial)
+        # A C3D file that states a wrong unit of length for its markers states it for its plates, too.
+        corrected = [r for r in trial.repairs if r.what == "unit" and r.where == trial.name]
+        if source.suffix.lower() == ".c3d" and corrected:
+            raise TrialUnusable(
+                f"the places of its plates are not sure: {corrected[0].detail}",
+                file=source,
+                field="POINT:UNITS",
+                remedy="State the right unit of length in the recording and export it again",
+            )
         ground = synchronise(turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz)
         if not ground.in_contact().any():
             raise TrialUnusable(
@@ -105,35 +131,6 @@ def _blame_file(file: Path) -> Iterator[None]:
         if error.file in (None, file.name, file.stem):
             error.file = str(file)
         raise
-
-
-def _check_moments(forces: GroundForces) -> GroundForces:
-    """Refuse moments that are not in N m."""
-    centre = forces.centre_of_pressure()
-    loaded = np.isfinite(centre).all(axis=2) & forces.known
-    about = forces.moment - np.cross(centre, forces.force)
-    free = np.abs(np.einsum("nka,ka->nk", np.where(loaded[..., None], about, 0.0), forces.normals))
-    for k, plate in enumerate(forces.plates):
-        if loaded[:, k].any() and np.median(free[loaded[:, k], k]) > LARGEST_FREE_MOMENT:
-            raise TrialUnusable(
-                f"{plate} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, as no foot can",
-                file=forces.name,
-                field=f"{plate}, moment",
-                remedy="Give points in m and moments in N m",
-            )
-    return forces
-
-
-def _check_units(source: Path, trial: Trial) -> None:
-    """A C3D file that states a wrong unit of length for its markers states it for its plates, too."""
-    corrected = [r for r in trial.repairs if r.what == "unit" and r.where == trial.name]
-    if source.suffix.lower() == ".c3d" and corrected:
-        raise TrialUnusable(
-            f"the places of its plates are not sure: {corrected[0].detail}",
-            file=source,
-            field="POINT:UNITS",
-            remedy="State the right unit of length in the recording and export it again",
-        )
 
 
 def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> GroundForces:

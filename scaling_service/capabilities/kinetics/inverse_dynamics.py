@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
@@ -19,7 +20,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics import wrench
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.filters import filter_butterworth, find_runs

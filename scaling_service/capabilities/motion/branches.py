@@ -14,7 +14,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Fixed,
+    Turn,
+)
 from scaling_service.numerics.multibody.tree import Tree
 
 Bounds = tuple[Array, Array]  # each (n_coordinates,)
@@ -194,7 +199,14 @@ def _join_triplet(triplet: Triplet, q: Array, bounds: Bounds, natural: Bounds, n
     for otherwise in (written, ~written):
         if allowed[otherwise].all():
             value = np.where(otherwise[:, None], other, here)
-            ways.append((_leave_ranges(value, own, natural, neutral), value))
+            # How far a triplet (n, 3) leaves the ranges of its coordinates, and how far it is from the
+            # default.
+            lower, upper = (b[own] for b in natural)
+            middle = _find_middle(lower, upper, neutral[own])
+            near = middle + wrap(value - middle)
+            outside = np.maximum(lower - near, 0.0) + np.maximum(near - upper, 0.0)
+            away = float(np.square(wrap(value - neutral[own])).sum())
+            ways.append((((round(float(np.square(outside).sum()), 6), away)), value))
     if ways and (changes.any() or len(ways) == 2):
         q[:, own] = min(ways, key=lambda way: way[0])[1]
 
@@ -202,30 +214,17 @@ def _join_triplet(triplet: Triplet, q: Array, bounds: Bounds, natural: Bounds, n
 def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDArray[np.bool_]]:
     """The other way to write a triplet (..., 3), and whether it keeps to the bounds (...)."""
     lower, upper = (b[triplet.coordinates] for b in bounds)
-    other = _bring_within(triplet.write_otherwise(q), lower, upper)
+    # Angles turned into their bounds where one of their turns lies there.
+    angle = triplet.write_otherwise(q)
+    middle = _find_middle(lower, upper, np.zeros(len(lower)))
+    near = middle + wrap(angle - middle)
+    off = np.maximum(lower - near, near - upper)
+    other = np.asarray(np.where(off < _ROUNDING, np.clip(near, lower, upper), near))
     return other, np.asarray(((other >= lower) & (other <= upper)).all(axis=-1))
 
 
 def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
     return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=1))
-
-
-def _bring_within(angle: Array, lower: Array, upper: Array) -> Array:
-    """Angles turned into their bounds where one of their turns lies there."""
-    middle = _find_middle(lower, upper, np.zeros(len(lower)))
-    near = middle + wrap(angle - middle)
-    off = np.maximum(lower - near, near - upper)
-    return np.asarray(np.where(off < _ROUNDING, np.clip(near, lower, upper), near))
-
-
-def _leave_ranges(q: Array, own: NDArray[np.intp], natural: Bounds, neutral: Array) -> tuple[float, float]:
-    """How far a triplet (n, 3) leaves the ranges of its coordinates, and how far it is from the default."""
-    lower, upper = (b[own] for b in natural)
-    middle = _find_middle(lower, upper, neutral[own])
-    near = middle + wrap(q - middle)
-    outside = np.maximum(lower - near, 0.0) + np.maximum(near - upper, 0.0)
-    away = float(np.square(wrap(q - neutral[own])).sum())
-    return (round(float(np.square(outside).sum()), 6), away)
 
 
 def _count_turns(q: Array, lower: Array, upper: Array, neutral: Array) -> Array:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.frames import (
     ANGLES,
     KNEE,
@@ -21,7 +22,7 @@ from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
 from scaling_service.model.body import BodyModel, Marker, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.poses import evaluate_marker, list_model_values, place_markers, pose_neutral_frames
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
 from scaling_service.numerics.statistics.waveforms import NODES, normalise_cycles
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.motion.branches import find_rotations
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.rigid import MIN_POINTS
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links

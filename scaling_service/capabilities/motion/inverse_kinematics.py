@@ -29,13 +29,13 @@ from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.steady import COARSE_S, hold_steady
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss
 from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import (
     MotionSolution,
     SweepSettings,
@@ -136,7 +136,10 @@ def solve_task(
         rough = solve_from(within, rows, guess, settings=_ROUGH)
     else:
         rough = solve_from(within, rows, guess, settings=replace(_ROUGH, quorum=_QUORUM))
-        kept = _find_not_alone(rough.converged)
+        # All frames but those that did not converge while both of their neighbours did.
+        converged = rough.converged
+        kept = np.ones(len(converged), dtype=bool)
+        kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
         rows, rough = rows[kept], rough.frames(kept)
     natural = free_trapped(rough, _solver(within, rows))
     if task.closure is not None:  # a loop of joints keeps to one of the ways in which it closes, as a whole
@@ -184,13 +187,6 @@ def _choose_stride(times: Array) -> int:
     step = float(np.median(np.diff(times)))
     regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
     return max(1, round(COARSE_S / step)) if regular else 1
-
-
-def _find_not_alone(converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """All frames but those that did not converge while both of their neighbours did."""
-    kept = np.ones(len(converged), dtype=bool)
-    kept[1:-1] = converged[1:-1] | ~(converged[:-2] & converged[2:])
-    return kept
 
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -89,7 +88,20 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     model = folder / name if name.lower().endswith(MODEL_SUFFIXES) else name
     added = None if marker_set is None else folder / marker_set
     files = [folder / recording for recording in request.select_recordings(document)]
-    usual = _match_markers(document.markers, read_model(model, added).marker_names, files)
+    # Of the subject's labels those that this model and these recordings have.
+    known = read_model(model, added).marker_names
+    from scaling_service.files.recording import read_recording
+    from scaling_service.model.anatomy.markers import strip_prefix
+
+    labels = {
+        plain
+        for file in files
+        for label in read_recording(file).labels
+        for plain in (label, strip_prefix(label))
+    }
+    usual = {
+        marker: label for marker, label in document.markers.items() if marker in known and label in labels
+    }
     options = request.part(MotionOptions).model_copy(update={"markers": usual | request.markers})
     tracked = ik(
         model,
@@ -101,20 +113,6 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
         progress=progress,
     )
     return save_motions(tracked, outputs).model_dump(mode="json")
-
-
-def _match_markers(markers: Mapping[str, str], known: Sequence[str], files: Sequence[Path]) -> dict[str, str]:
-    """Of the subject's labels those that this model and these recordings have."""
-    from scaling_service.files.recording import read_recording
-    from scaling_service.model.anatomy.markers import strip_prefix
-
-    labels = {
-        plain
-        for file in files
-        for label in read_recording(file).labels
-        for plain in (label, strip_prefix(label))
-    }
-    return {marker: label for marker, label in markers.items() if marker in known and label in labels}
 
 
 KINDS = {"motion": Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution
 
 _FASTEST = 20.0  # rad/s, chosen: faster than joints turn in walking, running and cycling

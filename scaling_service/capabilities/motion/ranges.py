@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array, Mask
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import lock_unmarked
 from scaling_service.model.compile import (
@@ -26,15 +27,12 @@ from scaling_service.model.compile import (
     repeat_default_pose,
 )
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Tree,
     compute_jacobian,
     place_tree_markers,
     pose_links,
 )
-
-Mask = NDArray[np.bool_]
 
 _MARKER_M = 0.010
 """Standard deviation of a marker about the model's bone along one axis: reference_models/people.yaml has

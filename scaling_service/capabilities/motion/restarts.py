@@ -34,7 +34,8 @@ from scaling_service.capabilities.motion.doubts import (
     measure_limbs,
 )
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import Tree
 
@@ -123,21 +124,18 @@ def choose_minima(
 
     ``found``: frames in the order of time. ``doubts`` (n_frames, n_limbs): what may be wrong.
     """
-    seeds = _choose_seeds(np.asarray(doubts.any(axis=1)))
+    # Frames to start anew: evenly over the recording, and evenly over the doubted.
+    doubted = np.asarray(doubts.any(axis=1))
+    n = len(doubted)
+    even = np.linspace(0, n - 1, min(_MOST, -(-n // _SPACING) + 1)).round().astype(np.intp)
+    rows = np.flatnonzero(doubted)
+    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).round().astype(np.intp)]
+    seeds = np.union1d(even, some)
     limbs = list_limbs(task.tree, task.free)
     chosen = _choose_limbs(limbs, doubts)
     turned = sorted({k for number in chosen for k in _list_parts(limbs, number)})
     poses, costs = _find_minima(task, seeds, found, [limbs[k] for k in turned], solve)
     return _follow(task, times, found, seeds, poses, costs, solve)
-
-
-def _choose_seeds(doubted: NDArray[np.bool_]) -> Index:
-    """Frames to start anew: evenly over the recording, and evenly over the doubted."""
-    n = len(doubted)
-    even = np.linspace(0, n - 1, min(_MOST, -(-n // _SPACING) + 1)).round().astype(np.intp)
-    rows = np.flatnonzero(doubted)
-    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), _MOST)).round().astype(np.intp)]
-    return np.union1d(even, some)
 
 
 def _find_minima(

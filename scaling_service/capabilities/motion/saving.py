@@ -20,7 +20,8 @@ from scaling_service.capabilities.motion.document import (
 from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
 from scaling_service.capabilities.motion.unshown import hide_unshown, list_unshown_names
-from scaling_service.capabilities.subject.loading import record_provenance
+from scaling_service.capabilities.subject.provenance import record_provenance
+from scaling_service.core.arrays import Array
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.sto import Table, tabulate_motion, write_sto
 from scaling_service.files.tables import format_rows
@@ -28,7 +29,7 @@ from scaling_service.model.anatomy.frames import ANGLES, SIDES
 from scaling_service.model.body import BodyModel, Coupler
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.poses import pose_segments
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 from scaling_service.recording.settings import ProcessingSettings
 
 CLINICAL = "_clinical.csv"

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.estimator import Settings, solve_motion_alone
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import DEFAULT, MotionSolution, SweepSettings, solve_motion
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 

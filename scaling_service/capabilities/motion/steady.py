@@ -13,8 +13,8 @@ from scaling_service.capabilities.motion.doubts import CAMERA_M, FASTEST, SPEED,
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import compute_marker_rates
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.signals.filters import find_runs
 

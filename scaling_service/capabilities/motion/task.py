@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import (
@@ -22,7 +23,11 @@ from scaling_service.model.compile import (
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import NONE, Array, Fixed, Turn
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Fixed,
+    Turn,
+)
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.sweep import is_articulated
@@ -143,7 +148,10 @@ def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     for coordinate, values in angles.items():
         q[known, coordinate] = values
     q[known] = _translate(tree, root, q[known], position[known], p)
-    return _fill_from_nearest(q, known)
+    # Frames that could not be placed take the nearest one that could.
+    rows = np.flatnonzero(known)
+    nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
+    return np.asarray(np.where(known[:, None], q, q[nearest]))
 
 
 def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
@@ -202,10 +210,3 @@ def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Ar
         own = [tree.factors[e.term.factor].coordinate for e in shifts]
         q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
     return q
-
-
-def _fill_from_nearest(q: Array, known: NDArray[np.bool_]) -> Array:
-    """Frames that could not be placed take the nearest one that could."""
-    rows = np.flatnonzero(known)
-    nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
-    return np.asarray(np.where(known[:, None], q, q[nearest]))

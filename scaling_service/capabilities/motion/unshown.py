@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import list_unmarked
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 
 
 def list_unshown_names(motion: Motion, model: BodyModel) -> frozenset[str]:

@@ -9,10 +9,11 @@ import numpy as np
 import trimesh
 from trimesh.exchange.gltf import export_glb
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
 from scaling_service.model.body import BodyModel, Segment, Vector, to_vector
 from scaling_service.model.poses import evaluate_marker, follow, list_model_values, pose_neutral_frames
-from scaling_service.model.results import Array, Calibration
+from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
 Shape = Literal["image", "simple", "none"]
@@ -63,7 +64,10 @@ def build_surfaces(
     shapes: dict[str, Shape] = {}
     for name in model.segment_names:
         if name in bones:
-            found[name], shapes[name] = _smooth(bones[name]), "image"
+            bone = bones[name]
+            mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
+            mesh.merge_vertices()
+            found[name], shapes[name] = mesh, "image"
         elif (simple := make_simple_shape(_list_points(model, name))) is not None:
             found[name], shapes[name] = simple, "simple"
         else:
@@ -78,12 +82,6 @@ def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
         scene.add_geometry(mesh, node_name=name, geom_name=name)
     content: bytes = export_glb(scene, include_normals=True)  # type: ignore[no-untyped-call]
     return content
-
-
-def _smooth(bone: Bone) -> trimesh.Trimesh:
-    mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
-    mesh.merge_vertices()
-    return mesh
 
 
 def _list_points(model: BodyModel, segment: str) -> Array:

@@ -23,6 +23,7 @@ from scaling_service.capabilities.playback.document import (
     SegmentEntry,
 )
 from scaling_service.capabilities.playback.drawing import build_surfaces, find_knee_axes, to_glb
+from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
@@ -36,7 +37,10 @@ from scaling_service.model.poses import (
     place_markers,
     pose_segments,
 )
-from scaling_service.model.trial import Array, Bone, Trial
+from scaling_service.model.trial import (
+    Bone,
+    Trial,
+)
 
 FOLDER = "scene"
 FILE_NAME = f"{FOLDER}/scene.json"

@@ -23,6 +23,7 @@ from scaling_service.capabilities.motion.saving import (
 )
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
 from scaling_service.documents.service import GaitAngleWord
@@ -30,7 +31,7 @@ from scaling_service.documents.writing import CYCLES_TABLE
 from scaling_service.model.anatomy.frames import ANGLES, PELVIS, SIDES, WAYS, Side
 from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import find_reference_folder
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.waveforms import NODES
 

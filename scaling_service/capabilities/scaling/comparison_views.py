@@ -14,10 +14,10 @@ from pydantic import Field
 from scaling_service.capabilities.scaling.comparison.curves import make_gait_curves
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
+from scaling_service.core.arrays import Array
 from scaling_service.documents.base import Part
 from scaling_service.documents.results import ComparisonDocument, JointCentre, Provenance, TrialError
 from scaling_service.documents.writing import write_json
-from scaling_service.model.results import Array
 
 IMAGED = "EB"
 

@@ -213,11 +213,19 @@ def _gather_method_evidence(
 ) -> MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
     posterior, parameters = calibration.model.posterior, calibration.parameters
+    # Where and when a marker is farthest from the model's.
+    found: list[Moment] = []
+    for trial, motion in scaling.motions.items():
+        distances = motion.distances
+        if np.isfinite(distances).any():
+            frame, column = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
+            time, away = float(motion.times[frame]), float(distances[frame, column])
+            found.append(Moment(motion.markers[column], trial, time, away))
     return MethodEvidence(
         method=calibration.method,
         from_images=METHODS[calibration.method].needs_images,
         skin=None if posterior is None else posterior.skin,
-        worst=_find_worst(scaling.motions),
+        worst=max(found, key=lambda moment: moment.distance, default=None),
         fitted=average_errors(scaling.errors, fitted),
         held_out=average_errors(scaling.errors, held_out),
         lengths=shape.lengths,
@@ -232,18 +240,6 @@ def _gather_method_evidence(
         if posterior is None
         else tuple(p.name for p in parameters if p.group in ("length", "centre") and not p.identifiable),
     )
-
-
-def _find_worst(motions: Mapping[str, Motion]) -> Moment | None:
-    """Where and when a marker is farthest from the model's."""
-    found: list[Moment] = []
-    for trial, motion in motions.items():
-        distances = motion.distances
-        if np.isfinite(distances).any():
-            frame, column = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
-            time, away = float(motion.times[frame]), float(distances[frame, column])
-            found.append(Moment(motion.markers[column], trial, time, away))
-    return max(found, key=lambda moment: moment.distance, default=None)
 
 
 def _average_sds(sds: Mapping[str, Mapping[str, float]], trials: Sequence[str]) -> dict[str, float]:

@@ -39,7 +39,7 @@ from scaling_service.capabilities.scaling.result import Results, Scaling, gather
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.scaling.words import summarise
-from scaling_service.capabilities.subject.loading import read_stated_sizes, record_provenance
+from scaling_service.capabilities.subject.provenance import read_stated_sizes, record_provenance
 from scaling_service.core.errors import DependencyMissing, ModelRefused
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents.results import (

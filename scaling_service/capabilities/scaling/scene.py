@@ -19,10 +19,10 @@ from scaling_service.capabilities.playback.scene import (
 from scaling_service.capabilities.scaling.comparison.curves import describe_test, make_gait_curves
 from scaling_service.capabilities.scaling.muscles.playing import write_muscle_scene
 from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.files.forces import read_forces
 from scaling_service.model.forces import GroundForces, PlateRecording
-from scaling_service.model.results import Array
 from scaling_service.model.trial import Trial
 from scaling_service.recording.plates import compute_ground_forces, orient_forces
 

@@ -10,12 +10,13 @@ import numpy as np
 
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.recording import Recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.recording.orientation import Orientation, decide

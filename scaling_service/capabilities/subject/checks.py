@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.errors import MarkerMissing, SubjectInvalid, TrialUnusable
+from scaling_service.core.notes import LOOK, Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
-from scaling_service.model.trial import Array, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.faults import FAULTS
 
@@ -29,6 +30,41 @@ _MARGIN_S = 1e-9  # as calibration takes the frames of a time range
 NEEDED_TOGETHER = (("RLFE", "RMFE"), ("LLFE", "LMFE"), ("RLM", "RMM"), ("LLM", "LMM"))
 """Where the second is labelled and the first is not, the first has an unknown name; no laboratory marks the
 inner side of a joint alone. The other way round is common."""
+
+_TOLD = (
+    "stray",
+    "impossible_position",
+    "cut_row",
+    "duplicate",
+    "persons",
+    "mirrored",
+    "rate",
+    "header",
+    *FAULTS,
+)
+"""Repairs that a person should know of without opening the results."""
+
+_REMEDIES: Mapping[str, str] = {
+    "jitter": "Look at the marker in the recording; its gaps are filled as others are",
+    "merged": "Correct the trajectories; until then both are filled there as other gaps are",
+    "shaking": "Mount the cameras firmly and record again; a filter saves the angles only",
+}
+_LOOK_THERE = "Look at these frames; correct the recording if they matter"
+_NOTHING = "Nothing is to be done"
+
+_STANDS_IN: Mapping[str, tuple[str, ...]] = {
+    "RPSIS": ("SACR", "LPSIS"),
+    "LPSIS": ("SACR", "RPSIS"),
+    **{
+        f"{side}{inner}": (f"{side}{outer}",)
+        for side in "RL"
+        for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
+    },
+}
+"""Landmark, and those from which scaling constructs what it needs of it, the best first."""
+
+_FRAME_COUNTS = ("NumFrames", "frames")
+"""Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
 def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
@@ -67,7 +103,10 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
         if marker.name in trial.labels and marker.weight > 0.0:
             carried.setdefault(marker.segment, []).append(marker)
     for one, other in (pair for markers in carried.values() for pair in combinations(markers, 2)):
-        apart = _measure_median_distance(trial.position(one.name), trial.position(other.name))
+        # Median over the frames that show both (m); infinite where none does.
+        distance = np.linalg.norm(trial.position(one.name) - trial.position(other.name), axis=1)
+        known = distance[np.isfinite(distance)]
+        apart = float(np.median(known)) if len(known) else float("inf")
         if apart < ONE_SPOT_M < float(np.linalg.norm(np.subtract(one.nominal, other.nominal))):
             raise TrialUnusable(
                 f"markers '{one.name}' and '{other.name}' lie on one spot in trial '{trial.name}'",
@@ -75,13 +114,6 @@ def refuse_one_spot(model: BodyModel, trial: Trial) -> None:
                 field=f"{one.name}, {other.name}",
                 remedy="Correct the labels in the recording, or leave one of them out of it",
             )
-
-
-def _measure_median_distance(one: Array, other: Array) -> float:
-    """Median over the frames that show both (m); infinite where none does."""
-    distance = np.linalg.norm(one - other, axis=1)
-    known = distance[np.isfinite(distance)]
-    return float(np.median(known)) if len(known) else float("inf")
 
 
 def require_landmarks(session: Session) -> None:
@@ -110,7 +142,7 @@ def require_landmarks(session: Session) -> None:
             raise MarkerMissing(ours[landmark], trials[0].name, present)
 
 
-def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[str]:
+def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file: Path) -> Iterator[Note]:
     """Refuse a scale set-up whose measurements cannot be taken, and say what it scales without effect.
 
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
@@ -123,7 +155,12 @@ def require_measurements(setup: ScaleSetup, model: BodyModel, trial: Trial, file
     scaled = [*(s for m in setup.measurements for s in m.axes), *setup.manual]
     unknown = [name for name in dict.fromkeys(scaled) if name not in model.segment_names]
     if unknown:
-        yield f"{file.name} scales {list_few(unknown)}, which the model does not have: that was left out"
+        yield Note(
+            code="scaled_unknown",
+            problem=f"{file.name} scales {list_few(unknown)}, which the model does not have: "
+            "that was left out",
+            remedy="Correct the scale set-up if it matters",
+        )
 
 
 def _select_rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
@@ -164,89 +201,93 @@ def _require_pair(
         )
 
 
-_TOLD = (
-    "stray",
-    "impossible_position",
-    "cut_row",
-    "duplicate",
-    "persons",
-    "mirrored",
-    "rate",
-    "header",
-    *FAULTS,
-)
-"""Repairs that a person should know of without opening the results."""
-
-_STANDS_IN: Mapping[str, tuple[str, ...]] = {
-    "RPSIS": ("SACR", "LPSIS"),
-    "LPSIS": ("SACR", "RPSIS"),
-    **{
-        f"{side}{inner}": (f"{side}{outer}",)
-        for side in "RL"
-        for inner, outer in (("MFE", "LFE"), ("MM", "LM"))
-    },
-}
-"""Landmark, and those from which scaling constructs what it needs of it, the best first."""
-
-_FRAME_COUNTS = ("NumFrames", "frames")
-"""Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
-
-
-def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[str]:
+def summarise_recordings(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[Note]:
     """One plain sentence for each thing.
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.
     """
-    shown = {trial.name: set(trial.shown_labels) for trial in trials}
     if subject.calibration and not subject.evaluation:
-        yield (
-            "there is no evaluation trial: nothing says how well the models follow recordings that were "
-            "not used to fit"
+        yield Note(
+            code="no_evaluation",
+            problem="there is no evaluation trial: nothing says how well the models follow recordings that "
+            "were not used to fit",
+            remedy="Name a recording under `trials.evaluation` that is not used to fit; if there is none, "
+            "record one",
         )
-    yield from _describe_unseen(model, subject, set().union(*shown.values()), trials)
+    yield from _tell_unseen(model, subject, trials)
     for trial in trials:
-        yield from _describe_repairs(trial)
+        for repair in trial.repairs:
+            if repair.what == "header" and repair.where in _FRAME_COUNTS:
+                yield Note(
+                    code="part",
+                    place=trial.name,
+                    problem=f"{repair.detail} frames: it may be a part of a recording",
+                    remedy="Export the recording again if frames are missing",
+                )
+            elif repair.what in _TOLD:
+                count = (
+                    f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
+                )
+                yield Note(
+                    code=repair.what,
+                    place=trial.name,
+                    problem=f"{repair.where}: {repair.detail}{count}",
+                    remedy=_REMEDIES.get(repair.what, _LOOK_THERE if repair.frames else LOOK),
+                )
 
 
-def _describe_unseen(
-    model: BodyModel, subject: Subject, shown: set[str], trials: Sequence[Trial]
-) -> Iterator[str]:
+def _tell_unseen(model: BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[Note]:
+    shown = {label for trial in trials for label in trial.shown_labels}
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
     landmarks = {find_canonical(name) for name in shown}
     computed = [m.name for m in model.markers if m.weight == 0.0 and m.name in shown]
     if computed:
-        yield (
-            f"{list_few(computed)} are points that software computed from markers: they are not followed; "
-            f"map them under `markers:` to use them"
+        yield Note(
+            code="computed",
+            severity="note",
+            problem=f"{list_few(computed)} are points that software computed from markers: they are not "
+            "followed",
+            remedy=f"{_NOTHING}; to follow them all the same, map them under `markers:`",
+            hint="map them under `markers:` to use them",
         )
     absent = [name for name in missing if find_canonical(name) not in landmarks]
     replaced = {name: found for name in absent if (found := _find_stand_in(name, landmarks)) is not None}
     if replaced:
-        stand_ins = list(dict.fromkeys(replaced.values()))
-        yield f"{list_few(list(replaced))} not recorded: {list_few(stand_ins)} and sizes stand in for them"
+        stand_ins = list_few(list(dict.fromkeys(replaced.values())))
+        yield Note(
+            code="stand_in",
+            severity="note",
+            problem=f"{list_few(list(replaced))} not recorded: {stand_ins} and sizes stand in for them",
+            remedy=f"{_NOTHING}; measured widths make it more certain",
+        )
     missing = [name for name in missing if name not in replaced]
     if missing:
-        yield f"no recording shows {list_few(missing)} of the model: not used"
+        yield Note(
+            code="missing",
+            problem=f"no recording shows {list_few(missing)} of the model: not used",
+            remedy="If they were recorded under other names, map those under `markers:`; else nothing is to "
+            "be done",
+        )
     for label in subject.extra_markers:
         if label not in shown:
-            yield f"extra marker '{label}' is in no recording: it is left out"
+            yield Note(
+                code="extra_missing",
+                problem=f"extra marker '{label}' is in no recording: it is left out",
+                remedy="Correct the label under `extra_markers:`, or remove it there",
+            )
     for trial in trials:
         here = set(trial.shown_labels)
         empty = [n for n in (*followed, *subject.extra_markers) if n in trial.labels and n in shown - here]
         if empty:
-            yield f"{trial.name}: {list_few(empty)} labelled, but never seen"
+            yield Note(
+                code="unseen",
+                place=trial.name,
+                problem=f"{list_few(empty)} labelled, but never seen",
+                remedy="Label them in the recording if they matter; they are not used",
+            )
 
 
 def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
     others = _STANDS_IN.get(find_canonical(name) or "", ())
     return next((other for other in others if other in landmarks), None)
-
-
-def _describe_repairs(trial: Trial) -> Iterator[str]:
-    for repair in trial.repairs:
-        if repair.what == "header" and repair.where in _FRAME_COUNTS:
-            yield f"{trial.name}: {repair.detail} frames: it may be a part of a recording"
-        elif repair.what in _TOLD:
-            count = f" ({repair.frames} frame{'s' if repair.frames != 1 else ''})" if repair.frames else ""
-            yield f"{trial.name}: {repair.where}: {repair.detail}{count}"

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few, suggest_name
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
 from scaling_service.model.anatomy.markers import (
@@ -77,7 +77,7 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
 
 def with_tracking_markers(
     subject: Subject, model: BodyModel, trials: Mapping[Path, Trial]
-) -> tuple[Subject, tuple[str, ...]]:
+) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
@@ -98,7 +98,12 @@ def with_tracking_markers(
     together = carried + Counter([*by_set.values(), *by_place.values()])
     by_place = {label: segment for label, segment in by_place.items() if together[segment] > 1}
     notes = [
-        f"{list_few(list(found))}: {why}, used though no extra_markers name them"
+        Note(
+            code="tracking",
+            severity="note",
+            problem=f"{list_few(list(found))}: {why}, used though no extra_markers name them",
+            remedy="Nothing is to be done; name them under `extra_markers:` to decide it yourself",
+        )
         for found, why in (
             (by_set, "tracking markers of this marker set"),
             (by_place, "they sit on thighs and shanks and move with them"),
@@ -136,14 +141,18 @@ def _list_roles(trial: Trial) -> dict[str, str]:
     return {label: role for label, role in found if role is not None}
 
 
+def list_wanted(model: BodyModel, subject: Subject) -> list[str]:
+    """Markers to look for in the recordings: the model's, and those that the subject file names."""
+    return list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
+
+
 def with_model_names(
     trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
 ) -> tuple[Trial, Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
-    with blame_file(path):
-        found = match_labels(trial.labels, wanted, explicit)
-        _refuse_rivals(found, explicit)
+    found = match_labels(trial.labels, wanted, explicit)
+    _refuse_rivals(found, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
     kept = trial.select([label for label in trial.labels if label not in shadowed])
@@ -183,6 +192,13 @@ def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, 
     for label, segment in sides.items():
         found[segment].append(label)
     return {segment: tuple(labels) for segment, labels in found.items() if labels}
+
+
+def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
+    """Every marker that a recording shows, to its segment."""
+    segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
+    shown = {label for trial in trials for label in trial.shown_labels}
+    return {name: segment for name, segment in segments.items() if name in shown}
 
 
 def list_used_labels(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:

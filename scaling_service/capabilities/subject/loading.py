@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from scaling_service.bones.images import SEGMENTATION, read_bones
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
@@ -18,15 +17,14 @@ from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.capabilities.subject.reading import (
+    apply_to_each,
     blame_file,
-    hash_input_files,
     list_recordings,
     load_subject,
+    with_stated_sizes,
 )
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.documents.results import RepairNote
-from scaling_service.documents.subject import SIZE_UNIT
-from scaling_service.documents.writing import code_version
+from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim.models import read_osim, read_vertical
@@ -34,24 +32,35 @@ from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones, find_body
 from scaling_service.model.anatomy.markers import match_labels
-from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
+from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Bone, ImageEvidence, MeasuredSizes, Repair, Trial, merge
+from scaling_service.model.trial import Bone, ImageEvidence, Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
-from scaling_service.recording.pipeline import process
+from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
+from scaling_service.recording.settings import ProcessingSettings
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
 
-_TURNED = (
-    "the model stands along its {axis} axis, and motions are written with y up: lengths are its own, but in "
-    "other programs these motions lie down; `scaling-service ik` on the written model follows in its own axes"
+_BONES_UNUSED = Note(
+    code="bones_unused",
+    problem="bones are used with built-in and .osim models only: image-based methods were left out",
+    remedy="Choose a built-in model of the legs to use the bones",
 )
+
+
+def _tell_lying(vertical: int) -> Note:
+    said = (
+        f"the model stands along its {'xyz'[vertical]} axis, and motions are written with y up: lengths are "
+        "its own, but in other programs these motions lie down; `scaling-service ik` on the written model "
+        "follows in its own axes"
+    )
+    return Note(code="lying", problem=said)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -64,7 +73,6 @@ class Loaded:
 
     session: Session
     markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()  # what a sound person does not show; told among the warnings
     axes: str = ""  # which laboratory axes were taken for up and forward
     orientation: Orientation | None = None  # the same as a rotation, for forces
     plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
@@ -75,6 +83,38 @@ class Loaded:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
         with blame_file(self.file), blame_file(None, list_recordings(self.session.subject)):
             yield
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Read:
+    """What the files of a subject hold: the model, and the recordings under labels of their own.
+
+    ``vertical``: the axis along which the model stands.
+    """
+
+    subject: Subject
+    model: BodyModel
+    recordings: Mapping[Path, Recording]
+    vertical: int
+    notes: tuple[Note, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Understood:
+    """The recordings under the model's names, in m and turned as the session is, not yet smoothed or filled.
+
+    ``labels``: recording to model marker to the label that was taken for it. ``clusters``: segment to the
+    markers on it.
+    """
+
+    subject: Subject
+    model: BodyModel
+    trials: Mapping[Path, Trial]
+    labels: Mapping[Path, Mapping[str, str]]
+    clusters: Mapping[str, tuple[str, ...]]
+    axes: Orientation
+    plates: Mapping[Path, PlateRecording | TrialUnusable]
+    notes: tuple[Note, ...]
 
 
 def open_subject(
@@ -96,7 +136,7 @@ def load(
     facing: bool = False,
     standing: bool = False,
 ) -> Loaded:
-    """Read the model and the recordings of a subject.
+    """Read the model and the recordings of a subject, understand, question and prepare them.
 
     Labels become the model's marker names, positions m with Y up, gaps are filled as the settings allow;
     everything that was changed is in each trial's ``repairs``. The body moves in the laboratory's own axes,
@@ -107,36 +147,87 @@ def load(
     ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
-    model = labels.without_computed(read_model(subject.model, subject.marker_set), subject)
-    model, of_bodies = assign_bones(model, subject.bone_bodies)
+    found = read_files(subject, read)
+    understood = understand(found, settings, facing=facing, standing=standing)
+    return prepare(understood, question(understood), settings.processing)
+
+
+def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> Read:
+    """Read the model with its bones and the recordings; sizes that these state complete the subject.
+
+    ``known``: recordings that were read already.
+    """
+    model, of_bones = assign_bones(read_model(subject.model, subject.marker_set), subject.bone_bodies)
     labels.check_segments(subject, model)
-    raw = read_recordings(subject, read)
-    subject, of_sizes = with_stated_sizes(subject, raw)
-    labels.check_explicit(subject, model, list(raw.values()))
-    subject, of_tracking = labels.with_tracking_markers(subject, model, raw)
-    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
-    named = {path: labels.with_model_names(found.trial, wanted, subject, path) for path, found in raw.items()}
-    vertical = read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1
+    recordings = read_recordings(subject, known)
+    completed, of_sizes = with_stated_sizes(subject, recordings)
+    return Read(
+        subject=completed,
+        model=model,
+        recordings=recordings,
+        vertical=read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
+        notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones, *of_sizes),
+    )
+
+
+def understand(read: Read, settings: Settings, *, facing: bool = False, standing: bool = False) -> Understood:
+    """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
+    model = labels.without_computed(read.model, read.subject)
+    labels.check_explicit(read.subject, model, list(read.recordings.values()))
+    subject, of_tracking = labels.with_tracking_markers(read.subject, model, read.recordings)
+    wanted = labels.list_wanted(model, subject)
+    named = apply_to_each(
+        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), read.recordings
+    )
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
-        {path: list_level_corners(found) for path, found in raw.items()},
+        {path: list_level_corners(found) for path, found in read.recordings.items()},
         model,
         settings,
         static=subject.static,
         facing=facing,
-        vertical=vertical,
+        vertical=read.vertical,
     )
-    axes = stand_along(axes, vertical) if standing else axes
-    of_vertical = () if standing or vertical == 1 else (_TURNED.format(axis="xyz"[vertical]),)
-    clusters = labels.sort_by_segment(model, subject)
-    ready: dict[Path, Trial] = {}
-    for path, (trial, _) in named.items():
-        with blame_file(path, [path]):
-            ready[path] = process(trial, axes, clusters, settings.processing)
-            checks.refuse_one_spot(model, ready[path])
-    checks.refuse_repeated(ready, subject)
-    findings = _ask_of_person(named, axes, subject, model, clusters)
-    model, of_freedoms = lock_unmarked(model, _list_placed(model, subject, ready.values()))
+    axes = stand_along(axes, read.vertical) if standing else axes
+    lies = not standing and read.vertical != 1
+    return Understood(
+        subject=subject,
+        model=model,
+        trials=apply_to_each(lambda _, one: apply(axes, one[0]), named),
+        labels={path: used for path, (_, used) in named.items()},
+        clusters=labels.sort_by_segment(model, subject),
+        axes=axes,
+        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
+        notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
+    )
+
+
+def question(understood: Understood) -> tuple[Finding, ...]:
+    """What the recordings show that those of one sound person do not.
+
+    Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
+    NotAPerson: a finding beyond doubt.
+    """
+    subject, trials = understood.subject, understood.trials
+    apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
+    checks.refuse_repeated(trials, subject)
+    given = Recordings(
+        trials=list(trials.values()),
+        clusters=understood.clusters,
+        static=None if subject.static is None else trials[subject.static].name,
+        stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+        model=understood.model,
+    )
+    with blame_file(None, list(trials)):
+        return refuse(person.ask(given))
+
+
+def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
+    """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
+    subject = understood.subject
+    ready = apply_to_each(lambda _, trial: clean(trial, understood.clusters, settings), understood.trials)
+    placed = labels.list_placed(understood.model, subject, ready.values())
+    model, of_freedoms = lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
@@ -146,60 +237,25 @@ def load(
         calibration=tuple(ready[path] for path in subject.calibration),
         evaluation=tuple(ready[path] for path in subject.evaluation),
         scale_setup=setup,
-        warnings=(
-            *model.notes,
-            *of_vertical,
-            *of_sizes,
-            *of_tracking,
+        notes=(
+            *understood.notes,
             *of_freedoms,
             *of_setup,
-            *of_bodies,
             *of_images,
-            *checks.summarise_recordings(model, subject, [trial for trial, _ in named.values()]),
-            *map(str, findings),
+            *checks.summarise_recordings(model, subject, list(understood.trials.values())),
+            *findings,
         ),
         images=images,
     )
-    used = labels.list_used_labels([mapped for _, mapped in named.values()], wanted)
-    plates = {path: found.plates for path, found in raw.items() if found.plates is not None}
     return Loaded(
         session=session,
-        markers_used=used,
-        findings=findings,
-        axes=axes.description,
-        orientation=axes,
-        plates=plates,
+        markers_used=labels.list_used_labels(
+            list(understood.labels.values()), labels.list_wanted(understood.model, subject)
+        ),
+        axes=understood.axes.description,
+        orientation=understood.axes,
+        plates=understood.plates,
     )
-
-
-def _ask_of_person(
-    named: Mapping[Path, tuple[Trial, Mapping[str, str]]],
-    axes: Orientation,
-    subject: Subject,
-    model: BodyModel,
-    clusters: Mapping[str, tuple[str, ...]],
-) -> tuple[Finding, ...]:
-    """What the recordings show that one sound person does not; raises NotAPerson beyond doubt."""
-    turned = {path: apply(axes, trial) for path, (trial, _) in named.items()}
-    found = person.ask(
-        Recordings(
-            trials=list(turned.values()),
-            clusters=clusters,
-            static=None if subject.static is None else turned[subject.static].name,
-            stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
-            model=model,
-        )
-    )
-    with blame_file(None, list(named)):
-        refuse(found)
-    return found
-
-
-def _list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
-    """Every marker that a recording shows, to its segment."""
-    segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
-    shown = {label for trial in trials for label in trial.shown_labels}
-    return {name: segment for name, segment in segments.items() if name in shown}
 
 
 def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:
@@ -248,60 +304,36 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     """
     if str(name_or_path).lower().endswith(".osim"):
         with blame_file(Path(name_or_path)):
-            return _free_root(read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set)))
+            # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
+            # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
+            # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
+            # arm does, keeps its ranges.
+            model = read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            free: set[str] = set()
+            for segment in model.children(GROUND):
+                driven = {
+                    t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None
+                }
+                free |= driven if len(driven) >= 6 else set()  # all six directions
+            coordinates = tuple(
+                replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in free else c
+                for c in model.coordinates
+            )
+            return replace(model, coordinates=coordinates)
     if str(name_or_path).lower().endswith(SUFFIX):
         with blame_file(Path(name_or_path)):
             return read_model_json(name_or_path)
     return load_builtin(str(name_or_path))
 
 
-def _free_root(model: BodyModel) -> BodyModel:
-    """The model with the whole body's place and turns unbounded: a person may walk a laboratory either way.
-
-    Models declare a right angle to either side and a few metres, clamped or not, so that a walk back could
-    not be followed. What hangs on the ground by a joint of fewer freedoms, as an arm does, keeps its ranges.
-    """
-    free = {coordinate for segment in model.children(GROUND) for coordinate in _free_coordinates(segment)}
-    coordinates = tuple(
-        replace(c, lower=-math.inf, upper=math.inf, clamped=False) if c.name in free else c
-        for c in model.coordinates
-    )
-    return replace(model, coordinates=coordinates)
-
-
-def _free_coordinates(segment: Segment) -> set[str]:
-    """Those of a joint that lets its segment move in all six directions; none of another."""
-    driven = {t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None}
-    return driven if len(driven) >= 6 else set()
-
-
-def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[str, ...]]:
-    """The subject with height, mass and sizes that its recordings state and its file does not.
-
-    Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
-    then the first recording.
-    """
-    own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
-    notes = tuple(
-        f"{path.name} states another {name.replace('_', ' ')} than the subject file, which counts"
-        for path, trial in trials.items()
-        for name in own.conflicts(trial.sizes)
-    )
-    known = own.or_else(merge(trial.sizes for trial in trials.values()))
-    completed = replace(
-        subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
-    )
-    return completed, notes
-
-
 def _scale_setup(
     subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
-) -> tuple[ScaleSetup | None, tuple[str, ...]]:
+) -> tuple[ScaleSetup | None, tuple[Note, ...]]:
     """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
     if subject.scale_setup is None:
         return None, ()
     setup = read_scale_setup(subject.scale_setup)
-    of_setup: tuple[str, ...] = ()
+    of_setup: tuple[Note, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
         with blame_file(None, [standing]):
@@ -312,7 +344,7 @@ def _scale_setup(
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
 
 
-def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[str, ...]]:
+def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[Note, ...]]:
     """What a subject's bones and image markers say, and what to tell of it.
 
     Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
@@ -321,26 +353,31 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
     if not subject.bones:
         return None, ()
     if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
-        note = "bones are used with built-in and .osim models only: image-based methods were left out"
-        return None, (note,)
+        return None, (_BONES_UNUSED,)
     imaged = read_bones(subject.bones, subject.bone_units)
     try:
         found = imaged.widen(find_landmarks(imaged.meshes))
-        notes = (*check_joined(found), *imaged.tell())
+        of_image = (*check_joined(found), *imaged.tell())
     except MeshRefused as error:
         file = subject.bones.get(error.field or "", subject.bones.get(SEGMENTATION))
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
         raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
     bones = {find_body(model, name) or name: Bone(*shape) for name, shape in imaged.meshes.items()}
     evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
-    said = (
-        f"{name}: {text}" for name, bone in found.items() for text in (*bone.warnings, *_list_refused(bone))
-    )
-    return evidence, (*said, *notes)
+    notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
+    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
 
 
-def _list_refused(bone: BoneLandmarks) -> Iterator[str]:
-    return (f"{point} was not taken: {why}" for point, why in bone.refused.items())
+def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:
+    for text in bone.warnings:
+        yield Note(code="bone", place=name, problem=text)
+    for point, why in bone.refused.items():
+        yield Note(
+            code="landmark_refused",
+            place=name,
+            problem=f"{point} was not taken: {why}",
+            remedy="Look at the surface of the bone there; without the point, the others are used",
+        )
 
 
 def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
@@ -357,34 +394,3 @@ def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[s
         for marker, (bone, at) in placed.items()
         if (segment := find_body(model, bone) or bone) in model.segment_names
     }
-
-
-def record_provenance(
-    loaded: Loaded, trials: Iterable[Trial], settings: Mapping[str, Any], seed: int = 0
-) -> dict[str, Any]:
-    """The fields of a ``Provenance``: what is needed to get the same results again.
-
-    ``trials``: those whose repairs are reported. ``settings``: as resolved, defaults included.
-    """
-    subject = loaded.session.subject
-    return {
-        "code_version": code_version(),
-        "subject": subject.id,
-        "settings": settings,
-        "input_hashes": hash_input_files(subject, loaded.file),
-        "seed": seed,
-        "markers_used": {name: list(labels) for name, labels in loaded.markers_used.items()},
-        "repairs": {trial.name: repair_notes(trial.repairs) for trial in trials},
-    }
-
-
-def read_stated_sizes(subject: Subject) -> dict[str, float]:
-    """Height, mass and sizes measured by hand, each with its unit in the name, as subject files have them."""
-    whole = {"height_m": subject.height_m, "mass_kg": subject.mass_kg}
-    lengths = {f"{name}{SIZE_UNIT}": round(value * 1e3, 2) for name, value in subject.sizes_m.items()}
-    return {name: value for name, value in whole.items() if value is not None} | lengths
-
-
-def repair_notes(repairs: Iterable[Repair]) -> list[RepairNote]:
-    """What was changed in a recording, as results tell it."""
-    return [RepairNote(what=r.what, where=r.where, detail=r.detail, frames=r.frames) for r in repairs]

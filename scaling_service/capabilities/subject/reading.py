@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path, PurePath
+from typing import TypeVar
 
 from scaling_service.bones.images import SEGMENTATION, list_files_of
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.notes import Note
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Relabelling
+from scaling_service.model.trial import MeasuredSizes, Relabelling, Trial, merge
+
+_Held = TypeVar("_Held")
+_Made = TypeVar("_Made")
 
 
 def load_subject(path: str | Path) -> Subject:
@@ -166,6 +172,29 @@ def list_recordings(subject: Subject) -> tuple[Path, ...]:
     return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
 
 
+def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[Note, ...]]:
+    """The subject with height, mass and sizes that its recordings state and its file does not.
+
+    Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
+    then the first recording.
+    """
+    own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
+    notes = tuple(
+        Note(
+            code="another_size",
+            problem=f"{path.name} states another {name.replace('_', ' ')} than the subject file, "
+            "which counts",
+        )
+        for path, trial in trials.items()
+        for name in own.conflicts(trial.sizes)
+    )
+    known = own.or_else(merge(trial.sizes for trial in trials.values()))
+    completed = replace(
+        subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
+    )
+    return completed, notes
+
+
 @contextmanager
 def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
     """Let errors raised inside name a file.
@@ -180,6 +209,17 @@ def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]
         if found is not None:
             error.file = str(found)
         raise
+
+
+def apply_to_each(
+    step: Callable[[Path, _Held], _Made], recordings: Mapping[Path, _Held]
+) -> dict[Path, _Made]:
+    """One step on every recording; errors name the file."""
+    made = {}
+    for path, held in recordings.items():
+        with blame_file(path, [path]):
+            made[path] = step(path, held)
+    return made
 
 
 def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict[str, str]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
-from scaling_service.model.body import BodyModel, Coordinate, Marker
+from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import compile_constraints, compile_model
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 SAME = 1e-6
@@ -48,7 +48,13 @@ def check_same(model: BodyModel, written: BodyModel) -> None:
             field=min(absent),
             remedy="Write the model without a source",
         )
-    poses = _spread_poses(model.coordinates)
+    # The default pose and a few more, shape (n, n_coordinates): a fixed, evenly spread choice.
+    coordinates = model.coordinates
+    default = np.array([c.default for c in coordinates])
+    lower = np.array([c.lower if np.isfinite(c.lower) else c.default - _CHECKED_REACH for c in coordinates])
+    upper = np.array([c.upper if np.isfinite(c.upper) else c.default + _CHECKED_REACH for c in coordinates])
+    steps = np.arange(1, _CHECKED_POSES + 1)[:, None] * np.arange(1, len(coordinates) + 1)
+    poses = np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])
     order = [model.coordinate_names.index(name) for name in written.coordinate_names]
     difference = np.abs(
         _probe_segments(model, model, poses) - _probe_segments(written, model, poses[:, order])
@@ -96,12 +102,3 @@ def _probe_segments(model: BodyModel, order: BodyModel, poses: Array) -> Array:
         for k, point in enumerate(points)
     )
     return pose_markers(compile_model(model.with_markers(probes)), poses, np.zeros(0))
-
-
-def _spread_poses(coordinates: tuple[Coordinate, ...]) -> Array:
-    """The default pose and a few more, shape (n, n_coordinates): a fixed, evenly spread choice."""
-    default = np.array([c.default for c in coordinates])
-    lower = np.array([c.lower if np.isfinite(c.lower) else c.default - _CHECKED_REACH for c in coordinates])
-    upper = np.array([c.upper if np.isfinite(c.upper) else c.default + _CHECKED_REACH for c in coordinates])
-    steps = np.arange(1, _CHECKED_POSES + 1)[:, None] * np.arange(1, len(coordinates) + 1)
-    return np.vstack([default, lower + (steps * _GOLDEN % 1.0) * (upper - lower)])

@@ -8,13 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.chains import read_frame
 from scaling_service.files.osim.functions import Range, list_strings, read_law, read_number
 from scaling_service.files.osim.joints import NotPolynomial, substitute
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers
 from scaling_service.model.body import Constraint, Coupler, Law, Marker, Segment, Vector, to_vector
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector
 
 _BODIES = (("body_1", "location_body_1"), ("body_2", "location_body_2"))

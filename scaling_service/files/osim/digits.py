@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.osim.joints import merge_shapes
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import evaluate_shape
-from scaling_service.numerics.multibody.laws import Array
 
 _POINTS = re.compile(r"<x>([^<]*)</x>(\s*)<y>([^<]*)</y>")
 

@@ -8,10 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.model.body import BodyModel, Joint, Law, Segment, Shape, Term
 from scaling_service.model.compile import evaluate_law, evaluate_shape
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 
 Function = Callable[[float], float]
@@ -165,7 +165,12 @@ def _find_crossings(outer: Shape, inner: Law) -> list[float]:
     for start, end, piece in zip(known, known[1:], pieces.coefficients, strict=False):
         for level in outer.breaks:
             found.update(start + r for r in _find_real_roots(piece, level) if 0.0 < r < end - start)
-    return _separate_points(found)
+    # Sorted, with points closer than rounding merged.
+    kept: list[float] = []
+    for point in sorted(found):
+        if not kept or point - kept[-1] > 1e-9:
+            kept.append(point)
+    return kept
 
 
 def _find_real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
@@ -173,15 +178,6 @@ def _find_real_roots(piece: Sequence[float], level: float) -> Iterable[float]:
     moved[-1] -= level
     roots = np.roots(np.where(np.abs(moved) < 1e-14 * np.abs(moved).max(initial=1e-300), 0.0, moved))
     return (float(r.real) for r in roots if abs(r.imag) < 1e-9)
-
-
-def _separate_points(points: Iterable[float]) -> list[float]:
-    """Sorted, with points closer than rounding merged."""
-    kept: list[float] = []
-    for point in sorted(points):
-        if not kept or point - kept[-1] > 1e-9:
-            kept.append(point)
-    return kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,7 +259,29 @@ class _Form:
 
 
 def _plan(segment: Segment) -> CustomJoint:
-    form = _normalise_chain(segment)
+    # Push constant rotations to the end of the chain and constant shifts to the front.
+    form = _Form()
+    moving = [k for k, joint in enumerate(segment.joints) if not joint.law.is_constant]
+    first = moving[0] if moving else len(segment.joints)
+    last = moving[-1] if moving else len(segment.joints)
+    for joint in segment.joints[:first]:
+        form.rotation, form.shift = _append_joint(form.rotation, form.shift, joint)
+    for joint in segment.joints[first : last + 1]:
+        # Add one joint between the first and the last moving one.
+        axis = form.after_rotation @ np.array(joint.axis)
+        if joint.kind == "rotation":
+            if joint.law.is_constant:
+                form.after_rotation = form.after_rotation @ rotate_about(joint.axis, joint.law.constant_part)
+            else:
+                _append(form.rotations, axis, joint.law, only_last=True)
+        elif form.rotations:
+            raise _refuse_joint(segment, "translates between its rotations")
+        elif joint.law.is_constant:
+            form.shift = form.shift + form.rotation @ (joint.law.constant_part * axis)
+        else:
+            _append(form.translations, axis, joint.law, only_last=False)
+    for joint in segment.joints[last + 1 :]:
+        form.after_rotation, form.after_shift = _append_joint(form.after_rotation, form.after_shift, joint)
     axes: tuple[Axis, ...] = ()
     if form.translations or form.rotations:
         axes = (
@@ -282,43 +300,12 @@ def _plan(segment: Segment) -> CustomJoint:
     )
 
 
-def _normalise_chain(segment: Segment) -> _Form:
-    """Push constant rotations to the end of the chain and constant shifts to the front."""
-    form = _Form()
-    moving = [k for k, joint in enumerate(segment.joints) if not joint.law.is_constant]
-    first = moving[0] if moving else len(segment.joints)
-    last = moving[-1] if moving else len(segment.joints)
-    for joint in segment.joints[:first]:
-        form.rotation, form.shift = _append_joint(form.rotation, form.shift, joint)
-    for joint in segment.joints[first : last + 1]:
-        _take(segment, form, joint)
-    for joint in segment.joints[last + 1 :]:
-        form.after_rotation, form.after_shift = _append_joint(form.after_rotation, form.after_shift, joint)
-    return form
-
-
 def _append_joint(rotation: Array, shift: Array, joint: Joint) -> tuple[Array, Array]:
     """A constant transform followed by a constant joint."""
     value, axis = joint.law.constant_part, np.array(joint.axis)
     if joint.kind == "translation":
         return rotation, shift + rotation @ (value * axis)
     return rotation @ rotate_about(axis, value), shift
-
-
-def _take(segment: Segment, form: _Form, joint: Joint) -> None:
-    """Add one joint between the first and the last moving one."""
-    axis = form.after_rotation @ np.array(joint.axis)
-    if joint.kind == "rotation":
-        if joint.law.is_constant:
-            form.after_rotation = form.after_rotation @ rotate_about(joint.axis, joint.law.constant_part)
-        else:
-            _append(form.rotations, axis, joint.law, only_last=True)
-    elif form.rotations:
-        raise _refuse_joint(segment, "translates between its rotations")
-    elif joint.law.is_constant:
-        form.shift = form.shift + form.rotation @ (joint.law.constant_part * axis)
-    else:
-        _append(form.translations, axis, joint.law, only_last=False)
 
 
 def _append(axes: list[tuple[Array, Law]], axis: Array, law: Law, *, only_last: bool) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import ModelRefused
 from scaling_service.files.osim.library import import_opensim, list_items, list_numbers, load
-from scaling_service.numerics.multibody.laws import Array
 
 _NO_ARM = 1e-9  # m; chosen: a moment arm below is rounding
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.mesh import Mesh, read_mesh
 from scaling_service.files.osim.models import TIME_LIMIT_S, ask
 from scaling_service.model.body import BodyModel, to_vector
@@ -17,7 +18,6 @@ from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.document import from_document
 from scaling_service.model.muscles import Contact, Muscle, Musculature, PathPoint, WrapSurface
 from scaling_service.model.trial import Bone
-from scaling_service.numerics.multibody.laws import Array
 
 _FRAME_S = 0.1  # chosen: of time allowed for each frame; 80 muscles take 4 ms on a quiet machine
 

@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable, ModelRefused
 from scaling_service.files.osim.checks import FORBIDDEN, check_same, check_writable
 from scaling_service.files.osim.constraints import list_ends
 from scaling_service.files.osim.digits import restore_digits
 from scaling_service.files.osim.from_opensim import is_pure, name_copy, read_body_model
 from scaling_service.files.osim.functions import make_function
-from scaling_service.files.osim.joints import Axis, CustomJoint, Offset, plan_joints
+from scaling_service.files.osim.joints import CustomJoint, Offset, plan_joints
 from scaling_service.files.osim.library import (
     import_opensim,
     list_items,
@@ -27,7 +28,6 @@ from scaling_service.files.osim.library import (
 )
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Marker, Segment
 from scaling_service.model.parameters import tilt_rotation
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation
 
 _WRITTEN = "written.osim"  # in the worker's own scratch directory
@@ -38,7 +38,27 @@ def write(model: BodyModel, request: Mapping[str, Any]) -> str:
     """The text of an ``.osim`` file; see ``models.write_osim`` for what is asked and refused."""
     check_writable(model)
     osim = _amend_model(model, request) if request["file"] is not None else _build_model(model)
-    _set_coordinates(osim, model)
+    # Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay.
+    laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
+    used = {name for law in laws for name in law.coordinates}
+    present = osim.updCoordinateSet()
+    for item in model.coordinates:
+        if item.name not in used:
+            continue
+        if not present.contains(item.name):
+            raise ModelRefused(
+                f"the OpenSim model has no coordinate '{item.name}'",
+                field=item.name,
+                remedy="Write the model without a source, or without the added degree of freedom",
+            )
+        coordinate = present.get(item.name)
+        if coordinate.get_prescribed():
+            continue
+        coordinate.set_range(0, item.lower if np.isfinite(item.lower) else -_open_end(item))
+        coordinate.set_range(1, item.upper if np.isfinite(item.upper) else _open_end(item))
+        coordinate.setDefaultValue(item.default)
+        coordinate.setDefaultClamped(item.clamped)
+        coordinate.setDefaultLocked(item.locked)
     _set_markers(osim, model.markers)
     osim.setName(re.sub(f"[{re.escape(FORBIDDEN)}]", "_", model.name) or "model")
     check_same(model, _write_and_check(osim, model))
@@ -211,7 +231,19 @@ def _tilt(model: Any, name: str, turn: Array) -> None:
     joint = model.updJointSet().get(name)
     custom = library.CustomJoint.safeDownCast(joint)
     if custom is not None:
-        _turn_custom_axes(custom, turn)
+        transform = custom.updSpatialTransform()
+        axes = [transform.updTransformAxis(k) for k in range(3)]
+        moving = [k for k, axis in enumerate(axes) if axis.getCoordinateNamesInArray().getSize()]
+        if not moving:
+            raise _refuse_without_axis(custom.getName(), "CustomJoint")
+        for k, axis in enumerate(axes):
+            # An axis that never turns may go along, so that no two become parallel; one with a constant
+            # turn before or after the moving ones keeps its direction.
+            constant = import_opensim().Constant.safeDownCast(axis.getFunction())
+            idle = constant is not None and constant.getValue() == 0.0
+            if idle or moving[0] <= k <= moving[-1]:
+                turned = turn @ list_numbers(axis.get_axis())
+                axis.setAxis(_to_vec3(turned))
     elif joint.getConcreteClassName() in _PURE_TURNS:
         _insert_turned_frames(joint, turn)
     else:
@@ -224,22 +256,6 @@ def _refuse_without_axis(name: str, kind: str) -> ModelRefused:
         field=name,
         remedy="Tilt a PinJoint, UniversalJoint, GimbalJoint, BallJoint or CustomJoint",
     )
-
-
-def _turn_custom_axes(joint: Any, turn: Array) -> None:
-    transform = joint.updSpatialTransform()
-    axes = [transform.updTransformAxis(k) for k in range(3)]
-    moving = [k for k, axis in enumerate(axes) if axis.getCoordinateNamesInArray().getSize()]
-    if not moving:
-        raise _refuse_without_axis(joint.getName(), "CustomJoint")
-    for k, axis in enumerate(axes):
-        # An axis that never turns may go along, so that no two become parallel; one with a constant
-        # turn before or after the moving ones keeps its direction.
-        constant = import_opensim().Constant.safeDownCast(axis.getFunction())
-        idle = constant is not None and constant.getValue() == 0.0
-        if idle or moving[0] <= k <= moving[-1]:
-            turned = turn @ list_numbers(axis.get_axis())
-            axis.setAxis(_to_vec3(turned))
 
 
 def _insert_turned_frames(joint: Any, turn: Array) -> None:
@@ -269,30 +285,6 @@ def _set_inertia(body: Any, segment: Segment) -> None:
     body.set_mass(segment.mass)
     body.set_mass_center(import_opensim().Vec3(*segment.com))
     body.set_inertia(import_opensim().Vec6(*segment.inertia))
-
-
-def _set_coordinates(osim: Any, model: BodyModel) -> None:
-    """Ranges, defaults, clamping and locking of coordinates that drive something; prescribed ones stay."""
-    laws = [*(joint.law for _, joint in model.joints()), *(c.law for c in model.constraints)]
-    used = {name for law in laws for name in law.coordinates}
-    present = osim.updCoordinateSet()
-    for item in model.coordinates:
-        if item.name not in used:
-            continue
-        if not present.contains(item.name):
-            raise ModelRefused(
-                f"the OpenSim model has no coordinate '{item.name}'",
-                field=item.name,
-                remedy="Write the model without a source, or without the added degree of freedom",
-            )
-        coordinate = present.get(item.name)
-        if coordinate.get_prescribed():
-            continue
-        coordinate.set_range(0, item.lower if np.isfinite(item.lower) else -_open_end(item))
-        coordinate.set_range(1, item.upper if np.isfinite(item.upper) else _open_end(item))
-        coordinate.setDefaultValue(item.default)
-        coordinate.setDefaultClamped(item.clamped)
-        coordinate.setDefaultLocked(item.locked)
 
 
 def _open_end(coordinate: Coordinate) -> float:
@@ -371,7 +363,11 @@ def _make_joint(osim: Any, joint: CustomJoint) -> Any:
         return library.WeldJoint(joint.name, *frames)
     transform = library.SpatialTransform()
     for k, axis in enumerate(joint.axes):
-        _set_axis(transform.updTransformAxis(k), axis)
+        transform_axis = transform.updTransformAxis(k)
+        transform_axis.setAxis(_to_vec3(axis.direction))
+        if axis.coordinate is not None:
+            transform_axis.setCoordinateNames(_list_names(axis.coordinate))
+        transform_axis.set_function(make_function(axis.law))
     return library.CustomJoint(joint.name, *frames, transform)
 
 
@@ -382,10 +378,3 @@ def _make_frame(body: Any, offset: Offset) -> tuple[Any, Any, Any]:
 
 def _to_vec3(values: Array) -> Any:
     return import_opensim().Vec3(*(float(v) for v in values))
-
-
-def _set_axis(transform_axis: Any, axis: Axis) -> None:
-    transform_axis.setAxis(_to_vec3(axis.direction))
-    if axis.coordinate is not None:
-        transform_axis.setCoordinateNames(_list_names(axis.coordinate))
-    transform_axis.set_function(make_function(axis.law))

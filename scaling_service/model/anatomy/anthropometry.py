@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import Sex
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.laws import Array
 
 GROWING_YEARS = (14.0, 18.0)
 """Until the first age a child's proportions hold, from the second on an adult's; mixed between (chosen)."""

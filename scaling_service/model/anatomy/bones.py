@@ -9,12 +9,13 @@ from typing import get_args
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.notes import Note
 from scaling_service.documents.subject import BoneName
 from scaling_service.model.anatomy.lengths import find_segment, list_chain
 from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.poses import follow, list_model_values, pose_neutral_frames, pose_neutral_markers
-from scaling_service.numerics.multibody.laws import Array
 
 BONES: tuple[str, ...] = get_args(BoneName)
 """Bones of the pelvis and the legs, by the names of OpenSim's bodies."""
@@ -30,7 +31,7 @@ _LONG = 0.25  # chosen: least share of a leg that a long bone has; thigh and sha
 _ONE_FOOT_M = 0.07  # chosen: the subtalar joint lies 20 to 45 mm from the ankle, the toes' 100 and more
 
 
-def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, tuple[str, ...]]:
+def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, tuple[Note, ...]]:
     """The model with its bones stated where its segments' names do not say them, and a note on each of these.
 
     ``said``: bone to the segment that a person names for it. Without that, names count; where they leave out
@@ -50,8 +51,12 @@ def assign_bones(model: BodyModel, said: Mapping[str, str]) -> tuple[BodyModel, 
     }
     stated = {**seen, **said}
     notes = [
-        f"bones by {source}: {', '.join(f'{bone} is {name}' for bone, name in pairs.items())}{remedy}"
-        for source, pairs, remedy in (
+        Note(
+            code="bones",
+            problem=f"bones by {source}: "
+            f"{', '.join(f'{bone} is {name}' for bone, name in pairs.items())}{more}",
+        )
+        for source, pairs, more in (
             ("the subject file", said, ""),
             ("the tree of the model's joints", seen, "; name others under `bone_bodies:`"),
         )

@@ -15,10 +15,10 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres, solve_chord_centre
 from scaling_service.model.anatomy.marker_sets import find_plane_marker
-from scaling_service.numerics.multibody.laws import Array
 
 Vector = tuple[float, float, float]
 

@@ -18,7 +18,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 Side = Literal["r", "l"]
 SIDES: tuple[Side, ...] = ("r", "l")
@@ -200,7 +200,13 @@ def compute_conventional_angles(points: Points, side: Side, heading: ArrayLike =
     turn of the heading.
     """
     letter, found = side.upper(), dict[str, Array]()
-    pelvis = _build_pelvis(points)
+    back = ("RPSIS", "LPSIS") if "RPSIS" in points and "LPSIS" in points else ("SACR", "SACR")
+    names = ("RASIS", "LASIS", *back)
+    pelvis = (
+        build_pelvis_frame(*(points[name] for name in names))
+        if all(name in points for name in names)
+        else None
+    )
     thigh = _build_thigh(points, letter, side)
     shank_at_ankle = _build_shank(points, letter, side, "LM")
     shank = _build_shank(points, letter, side, "KAX") or shank_at_ankle
@@ -223,16 +229,6 @@ def level_heel(points: Points, side: Side) -> Array:
     """The heel raised or lowered to the toe's height, as a person stands with flat feet, (n_frames, 3), m."""
     heel, toe = (np.atleast_2d(points[f"{side.upper()}{name}"]) for name in ("HEE", "TOE"))
     return np.column_stack([heel[:, 0], toe[:, 1], heel[:, 2]])
-
-
-def _build_pelvis(points: Points) -> Frames | None:
-    back = ("RPSIS", "LPSIS") if "RPSIS" in points and "LPSIS" in points else ("SACR", "SACR")
-    names = ("RASIS", "LASIS", *back)
-    return (
-        build_pelvis_frame(*(points[name] for name in names))
-        if all(name in points for name in names)
-        else None
-    )
 
 
 def _build_thigh(points: Points, letter: str, side: Side) -> Frames | None:

@@ -19,9 +19,9 @@ from math import cos, radians, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.frames import build_pelvis_frame
-from scaling_service.numerics.multibody.laws import Array
 
 _Row = tuple[float, float, float, float]
 

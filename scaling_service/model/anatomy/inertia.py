@@ -12,6 +12,7 @@ from typing import get_args
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.body import BodyModel, Segment, to_vector
 from scaling_service.model.inertia import (
@@ -23,7 +24,6 @@ from scaling_service.model.inertia import (
     to_matrix,
 )
 from scaling_service.model.poses import Frame, pose_neutral_frames
-from scaling_service.numerics.multibody.laws import Array
 
 ROLES = {
     "pelvis": "pelvis",
@@ -317,13 +317,25 @@ def find_landmark(neutral: Neutral, name: str, side: str, sex: Sex) -> Array | N
             if found is not None:
                 return found
     if name == "LJC":
-        return _find_lumbar(neutral, sex)
+        right, left = neutral.marker("RASIS"), neutral.marker("LASIS")
+        if right is None or left is None:
+            return None
+        width = float(np.linalg.norm(right - left))
+        x, y = LUMBAR[sex]
+        return np.asarray(0.5 * (right + left) + width * np.array([x, y, 0.0]))
     if name in MARKERS:
         return _find_middle([neutral.marker(f"{side.upper()}{marker}") for marker in MARKERS[name]])
     if name in ("MIDH", "HJCS"):
         return _find_middle([neutral.origin(f"femur_{s}") for s in "rl"])
     if name in ("XYPH", "OMPH"):
-        return _place_on_trunk(neutral, name, sex)
+        # Xiphion or omphalion on the line from the cervical centre to the mid-hip, by the table's lengths.
+        top, bottom = find_landmark(neutral, "CJC", "", sex), find_landmark(neutral, "MIDH", "", sex)
+        if top is None or bottom is None:
+            return None
+        table = read_inertia_table(TRUNK)
+        lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
+        share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
+        return np.asarray(top + share * (bottom - top))
     return None
 
 
@@ -331,26 +343,6 @@ def _find_middle(points: Sequence[Array | None]) -> Array | None:
     """Mean of some points, None where one is missing."""
     known = [p for p in points if p is not None]
     return np.asarray(np.mean(known, axis=0)) if len(known) == len(points) else None
-
-
-def _find_lumbar(neutral: Neutral, sex: Sex) -> Array | None:
-    right, left = neutral.marker("RASIS"), neutral.marker("LASIS")
-    if right is None or left is None:
-        return None
-    width = float(np.linalg.norm(right - left))
-    x, y = LUMBAR[sex]
-    return np.asarray(0.5 * (right + left) + width * np.array([x, y, 0.0]))
-
-
-def _place_on_trunk(neutral: Neutral, name: str, sex: Sex) -> Array | None:
-    """Xiphion or omphalion on the line from the cervical centre to the mid-hip, by the table's lengths."""
-    top, bottom = find_landmark(neutral, "CJC", "", sex), find_landmark(neutral, "MIDH", "", sex)
-    if top is None or bottom is None:
-        return None
-    table = read_inertia_table(TRUNK)
-    lengths = [table.row(part, sex).length_mm or 0.0 for part in ("thorax", "abdomen", "pelvis")]
-    share = sum(lengths[: 1 if name == "XYPH" else 2]) / sum(lengths)
-    return np.asarray(top + share * (bottom - top))
 
 
 def require_landmark(neutral: Neutral, name: str, side: str, sex: Sex, segment: str) -> Array:

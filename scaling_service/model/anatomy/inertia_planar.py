@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.anatomy.inertia import InertiaResult, Neutral, apply_inertia_table
 from scaling_service.model.body import BodyModel, Segment
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.inertia import Sex, gather_inertias, sum_mass, take_six, with_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Inertias
 
 WHOLE, SQUAT = "full_body_35dof", "squat_4dof"

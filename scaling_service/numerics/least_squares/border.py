@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, optimize
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import Problem
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     compute_jacobian,
     order_by_frame,
@@ -182,21 +182,11 @@ def _make_block(problem: Problem, q: Array, p: Array, rows: slice) -> _Block:
         stiff += problem.weights.sum() * np.square(following[:, : len(problem.coordinates)]).sum(axis=2)
         root = np.sqrt(problem.closing)
         white, gap = np.concatenate([white, root * following], axis=2), np.hstack([gap, -root * missed])
-    block = _form_normal_equations(problem, white, gap, stiff)
-    if problem.coordinate_prior is not None:
-        value, held = (part[rows][:, problem.coordinates] for part in problem.coordinate_prior)
-        np.einsum("nii->ni", block.curvature)[...] += held
-        block.diagonal[...] += held
-        block.slope[...] += held * (value - q[rows][:, problem.coordinates])
-    return block
-
-
-def _form_normal_equations(problem: Problem, white: Array, gap: Array, stiff: Array) -> _Block:
-    """Normal equations from derivatives (n, n_variables, m) and residuals (n, m), times root weights."""
+    # Normal equations from derivatives (n, n_variables, m) and residuals (n, m), times root weights.
     nq = len(problem.coordinates)
     own, shared = white[:, :nq], white[:, nq:] * problem.scale[:, None]
     flat = np.ascontiguousarray(shared.transpose(1, 0, 2)).reshape(shared.shape[1], gap.size)
-    return _Block(
+    block = _Block(
         curvature=np.matmul(own, own.transpose(0, 2, 1)),
         diagonal=stiff,
         cross=np.matmul(own, shared.transpose(0, 2, 1)),
@@ -204,6 +194,12 @@ def _form_normal_equations(problem: Problem, white: Array, gap: Array, stiff: Ar
         shared_curvature=flat @ flat.T,
         frame_slopes=np.matmul(shared, gap[:, :, None])[:, :, 0],
     )
+    if problem.coordinate_prior is not None:
+        value, held = (part[rows][:, problem.coordinates] for part in problem.coordinate_prior)
+        np.einsum("nii->ni", block.curvature)[...] += held
+        block.diagonal[...] += held
+        block.slope[...] += held * (value - q[rows][:, problem.coordinates])
+    return block
 
 
 def _eliminate(

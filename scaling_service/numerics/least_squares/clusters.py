@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import CYCLE, cross
 
 

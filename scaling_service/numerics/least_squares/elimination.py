@@ -15,8 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.clusters import compute_wrench_rate
-from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.plan import (
     Entry,
     find_entry_coordinate,

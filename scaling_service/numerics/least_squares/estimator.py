@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.border import (
     DampingShares,
     compute_frame_slopes,
@@ -30,7 +31,6 @@ from scaling_service.numerics.least_squares.problem import (
     compute_total_cost,
     find_seen,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 _ROUNDING = 1e-26  # m2: a decrease that double precision cannot show on positions of 1 m
 _STUCK = 1e12  # damping beyond which rounding, not the model, decides whether the cost falls

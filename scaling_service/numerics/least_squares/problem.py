@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Mask as Mask
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 _BLOCK = 256  # frames linearised together
@@ -162,9 +163,6 @@ def compute_prior_cost(problem: Problem, p: Array, p0: Array) -> float:
 def compute_total_cost(problem: Problem, q: Array, p: Array, p0: Array) -> float:
     """The weighted (robust) sum of squared distances plus the priors' share (m2)."""
     return compute_prior_cost(problem, p, p0) + float(compute_frame_costs(problem, q, p).sum())
-
-
-Mask = NDArray[np.bool_]
 
 
 def find_seen(positions: NDArray[np.float64]) -> Mask:

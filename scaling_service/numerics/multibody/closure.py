@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.tree import Tree, compute_jacobian, place_tree_markers, pose_links
 
 Index = NDArray[np.intp]

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector, find_nearest_rotation
-
-Array = NDArray[np.float64]
 
 FEWEST_FRAMES = 3
 """Three poses are the least that fix a common point: one gives three equations for six unknowns, two leave

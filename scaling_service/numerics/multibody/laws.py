@@ -14,9 +14,9 @@ from math import perm
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array as Array
 from scaling_service.numerics.multibody.surfaces import Surface
 
-Array = NDArray[np.float64]
 NONE = -1
 
 

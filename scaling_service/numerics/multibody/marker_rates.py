@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.motion import (
     LinkMotion,
     Mechanism,
@@ -75,7 +75,25 @@ def form_normal_equations(
     composite = np.einsum("ek,nkcd->necd", below, moments, optimize=True)
     pull = np.einsum("ek,nkc->nec", below, pulls, optimize=True)
     by = np.ascontiguousarray(screws.variations().transpose(3, 0, 1, 2))  # (n, e, 18, 3)
-    return _project_on_coordinates(by, composite, pull, below, screws, m)
+    # From twists to coordinates; two entries meet where one carries the other.
+    n, count = by.shape[:2]
+    gradient = np.zeros((n, 3, m))
+    for e, column in enumerate(screws.columns.tolist()):
+        gradient[:, :, column] -= np.einsum("nci,nc->ni", by[:, e], pull[:, e])
+    curvature = np.zeros((n, m, 3, m, 3))
+    inside = below @ below.T == below.sum(axis=1)  # [e, f]: all below f is below e
+    pushed = composite @ by  # (n, e, 18, 3)
+    for f in range(count):
+        above = np.flatnonzero(inside[:, f])
+        twins = inside[f, above]  # the same links below: met twice
+        blocks = by[:, above].reshape(n, len(above), 18, 3).transpose(0, 1, 3, 2).reshape(n, -1, 18)
+        product = (blocks @ pushed[:, f]).reshape(n, len(above), 3, 3)
+        for row, e in enumerate(above.tolist()):
+            a, b = screws.columns[e], screws.columns[f]
+            curvature[:, a, :, b, :] += product[:, row]
+            if not twins[row]:
+                curvature[:, b, :, a, :] += np.swapaxes(product[:, row], 1, 2)
+    return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
 
 
 def _sum_on_links(tree: Tree, rows: Array, gap: Array, weights: Array, n_links: int) -> tuple[Array, Array]:
@@ -107,30 +125,6 @@ def list_twist_rows(moved: Array) -> Array:
     rows[:, :, 6:9, 3:6] = pace
     rows[:, :, 6:9, 9:12] = 2.0 * speed
     return rows
-
-
-def _project_on_coordinates(
-    by: Array, composite: Array, pull: Array, below: Array, screws: Screws, m: int
-) -> tuple[Array, Array]:
-    """From twists to coordinates; two entries meet where one carries the other."""
-    n, count = by.shape[:2]
-    gradient = np.zeros((n, 3, m))
-    for e, column in enumerate(screws.columns.tolist()):
-        gradient[:, :, column] -= np.einsum("nci,nc->ni", by[:, e], pull[:, e])
-    curvature = np.zeros((n, m, 3, m, 3))
-    inside = below @ below.T == below.sum(axis=1)  # [e, f]: all below f is below e
-    pushed = composite @ by  # (n, e, 18, 3)
-    for f in range(count):
-        above = np.flatnonzero(inside[:, f])
-        twins = inside[f, above]  # the same links below: met twice
-        blocks = by[:, above].reshape(n, len(above), 18, 3).transpose(0, 1, 3, 2).reshape(n, -1, 18)
-        product = (blocks @ pushed[:, f]).reshape(n, len(above), 3, 3)
-        for row, e in enumerate(above.tolist()):
-            a, b = screws.columns[e], screws.columns[f]
-            curvature[:, a, :, b, :] += product[:, row]
-            if not twins[row]:
-                curvature[:, b, :, a, :] += np.swapaxes(product[:, row], 1, 2)
-    return gradient, np.ascontiguousarray(curvature.transpose(0, 2, 4, 1, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -17,7 +17,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, follow_slopes
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    follow_slopes,
+)
 from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 
@@ -188,7 +192,14 @@ def move_links(mechanism: Mechanism, motion: Motion, p: Array) -> LinkMotion:
     """
     n, coordinates = motion.n, mechanism.coordinates
     poses = pose_links(mechanism.tree, motion.q, p)
-    screws = _compute_screws(mechanism, poses)
+    # Twists of all entries for unit rates, (n_entries, 6, n).
+    entries, turns = mechanism.entries, mechanism.n_turns
+    directions = poses.directions(entries)
+    screws = np.zeros((len(entries), 6, directions.shape[-1]))
+    screws[:turns, 3:] = directions[:turns]
+    origins = poses.frames[[e.node for e in entries[:turns]], 3]
+    screws[:turns, :3] = cross(origins, directions[:turns])
+    screws[turns:, :3] = directions[turns:]
     slopes = np.empty((len(mechanism.entries), n))
     for row, entry in enumerate(mechanism.entries):
         slopes[row] = poses.values.by_coordinate(entry.term, entry.number)
@@ -218,18 +229,6 @@ def _follow_laws(mechanism: Mechanism, motion: Motion, p: Array, count: int) -> 
             scale = p[entry.term.parameter] if entry.term.parameter != NONE else 1.0
             result[:, row] = scale * np.array(rates[entry.number])
     return result
-
-
-def _compute_screws(mechanism: Mechanism, poses: Poses) -> Array:
-    """Twists of all entries for unit rates, (n_entries, 6, n)."""
-    entries, turns = mechanism.entries, mechanism.n_turns
-    directions = poses.directions(entries)
-    screws = np.zeros((len(entries), 6, directions.shape[-1]))
-    screws[:turns, 3:] = directions[:turns]
-    origins = poses.frames[[e.node for e in entries[:turns]], 3]
-    screws[:turns, :3] = cross(origins, directions[:turns])
-    screws[turns:, :3] = directions[turns:]
-    return screws
 
 
 def point_velocity(twist: Array, at: Array) -> Array:

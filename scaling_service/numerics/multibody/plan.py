@@ -13,7 +13,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import NONE, Array, Factor, Link, Shift, TermArrays, Turn, Values
+from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody.laws import (
+    NONE,
+    Factor,
+    Link,
+    Shift,
+    TermArrays,
+    Turn,
+    Values,
+)
 
 Index = NDArray[np.intp]
 _TO_AXIS = (

@@ -13,9 +13,9 @@ from functools import partial
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from scaling_service.core.arrays import Array
+
 Powers = tuple[int, ...]
 
 _NEAR = 0.5  # of 1 - cos: below it the series, above it the recursion keeps all digits (chosen)

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.clusters import (
     Clusters,
     Misfit,
@@ -40,7 +41,7 @@ from scaling_service.numerics.least_squares.elimination import (
     plan_elimination,
     solve_step,
 )
-from scaling_service.numerics.multibody.laws import NONE, Array
+from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
 
 _BLOCK = 256  # frames: the working set of a full-body model then fits the second-level cache

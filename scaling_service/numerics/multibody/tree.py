@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.laws import (
     NONE,
-    Array,
     Factor,
     Fixed,
     Link,
@@ -197,9 +197,13 @@ def pose_links(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> P
     # One piece of memory: two are given back to the system after every call, and to get them anew takes
     # longer than the computation.
     local, frames = np.empty((2, len(plan.parent), 4, 3, n))
-    np.matmul(
-        plan.rotations, _evaluate_trigonometric(plan.angles.values(q, values)), out=_view_rotations(local)
-    )
+    # One, sine and cosine of every angle (rows, n), as (rows, 3, n).
+    angle = plan.angles.values(q, values)
+    result = np.empty((len(angle), 3, angle.shape[1]))
+    result[:, 0] = 1.0
+    np.sin(angle, out=result[:, 1])
+    np.cos(angle, out=result[:, 2])
+    np.matmul(plan.rotations, result, out=local.reshape(len(local), 12, -1)[:, :9])
     local[:, 3] = plan.shifts.values(q, values).reshape(-1, 3, n)
     frames[0, :3] = np.eye(3)[:, :, None]
     frames[0, 3] = 0.0 if ground is None else ground
@@ -208,20 +212,6 @@ def pose_links(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> P
         np.einsum("gjan,gkjn->gkan", carrier[:, :3], local[level], out=reached)
         reached[:, 3] += carrier[:, 3]
     return Poses(plan, frames, values)
-
-
-def _evaluate_trigonometric(angle: Array) -> Array:
-    """One, sine and cosine of every angle (rows, n), as (rows, 3, n)."""
-    result = np.empty((len(angle), 3, angle.shape[1]))
-    result[:, 0] = 1.0
-    np.sin(angle, out=result[:, 1])
-    np.cos(angle, out=result[:, 2])
-    return result
-
-
-def _view_rotations(frames: Array) -> Array:
-    """The axes of frames (rows, 4, 3, n) as a view, (rows, 9, n)."""
-    return frames.reshape(len(frames), 12, -1)[:, :9]
 
 
 def turn_to_ground(axes: Array, local: Array) -> Array:

@@ -14,9 +14,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.numerics.multibody.laws import Array
-
-Mask = NDArray[np.bool_]
+from scaling_service.core.arrays import Array as Array
+from scaling_service.core.arrays import Mask as Mask
 
 MIN_CONTEXT = 2
 """Seen frames needed directly before and after a gap (chosen: the least that shows a slope on each side)."""

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals.filters import find_runs
 
 DEGREE = 5
@@ -122,23 +122,20 @@ class SplineBasis:
         for k in range(patterns.shape[1]):
             columns = np.flatnonzero(member.ravel() == k)
             filled = np.where(patterns[:, k, None], samples[:, columns], 0.0)
-            result[:, columns] = self._fit(filled, patterns[:, k].astype(float))
+            # Banded least squares; `seen` is 1 where a sample counts.
+            rows = self.weights[:, 0] * patterns[:, k].astype(float)[:, None]
+            band, right = (
+                np.zeros((ORDER, self.n_coefficients)),
+                np.zeros((self.n_coefficients, filled.shape[1])),
+            )
+            for i in range(ORDER):
+                np.add.at(right, self.first + i, rows[:, i, None] * filled)
+                for j in range(i + 1):
+                    np.add.at(band[i - j], self.first + j, rows[:, i] * rows[:, j])
+            band[0] += _RIDGE * band[0].max()
+            found: Array = scipy.linalg.solveh_banded(band, right, lower=True)
+            result[:, columns] = found
         return result
-
-    def _fit(self, samples: Array, seen: Array) -> Array:
-        """Banded least squares; ``seen`` is 1 where a sample counts."""
-        rows = self.weights[:, 0] * seen[:, None]
-        band, right = (
-            np.zeros((ORDER, self.n_coefficients)),
-            np.zeros((self.n_coefficients, samples.shape[1])),
-        )
-        for i in range(ORDER):
-            np.add.at(right, self.first + i, rows[:, i, None] * samples)
-            for j in range(i + 1):
-                np.add.at(band[i - j], self.first + j, rows[:, i] * rows[:, j])
-        band[0] += _RIDGE * band[0].max()
-        found: Array = scipy.linalg.solveh_banded(band, right, lower=True)
-        return found
 
 
 def differentiate_spline(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:

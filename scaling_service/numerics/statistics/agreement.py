@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, report_absent, require_complete
 
 LIMITS = 0.95
@@ -157,7 +157,14 @@ def compute_intraclass_correlations(table: Array, *, confidence: float = 0.95) -
     rows, columns, error = _compute_mean_squares(table)
     upper = (1 + confidence) / 2
     if error <= 0.0:
-        return _without_error(rows, columns, n, k)
+        # Every method shifts all subjects alike: the intervals have no width, or there is nothing to see.
+        if rows <= 0.0:
+            nothing = Estimate(float("nan"), float("nan"), float("nan"))
+            return nothing, nothing
+        value = rows / (rows + k * columns / n)
+        # With a bias but no error the interval of the absolute form is not defined, only its value.
+        open_ended = Estimate(value, float("nan"), float("nan")) if columns > 0.0 else Estimate(1.0, 1.0, 1.0)
+        return open_ended, Estimate(1.0, 1.0, 1.0)
     ratio = rows / error
     free = (n - 1, (n - 1) * (k - 1))
     low = ratio / float(scipy.stats.f.ppf(upper, *free))
@@ -178,17 +185,6 @@ def _compute_absolute(rows: float, columns: float, error: float, n: int, k: int,
     low = n * (rows - above * error) / (above * noise + n * rows)
     high = n * (below * rows - error) / (noise + n * below * rows)
     return Estimate(value, low, high)
-
-
-def _without_error(rows: float, columns: float, n: int, k: int) -> tuple[Estimate, Estimate]:
-    """Every method shifts all subjects alike: the intervals have no width, or there is nothing to see."""
-    if rows <= 0.0:
-        nothing = Estimate(float("nan"), float("nan"), float("nan"))
-        return nothing, nothing
-    value = rows / (rows + k * columns / n)
-    # With a bias but no error the interval of the absolute form is not defined, only its value.
-    open_ended = Estimate(value, float("nan"), float("nan")) if columns > 0.0 else Estimate(1.0, 1.0, 1.0)
-    return open_ended, Estimate(1.0, 1.0, 1.0)
 
 
 def _compute_mean_squares(scores: Array) -> tuple[float, float, float]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.numerics.multibody.laws import Array
 
 
 class ValueMissing(InputError):
@@ -35,7 +35,17 @@ def require_complete(
     """
     table = np.array(values, dtype=np.float64)
     for kind, names in (("subject", subjects), ("method", methods)):
-        _check_names(kind, names, quantity)
+        twice = sorted({name for name in names if list(names).count(name) > 1})
+        if twice:
+            raise ComparisonImpossible(
+                f"two {kind}s are called '{twice[0]}'", field=quantity, remedy="Give each its own name"
+            )
+        if len(names) < 2:
+            raise ComparisonImpossible(
+                f"a comparison needs at least two {kind}s, and there is {len(names)}",
+                field=quantity,
+                remedy=f"Add a {kind}",
+            )
     if table.ndim != dimensions or table.shape[:2] != (len(subjects), len(methods)) or table.size == 0:
         raise ComparisonImpossible(
             f"values of shape {table.shape} do not fit {len(subjects)} subjects and {len(methods)} methods",
@@ -44,7 +54,16 @@ def require_complete(
         )
     gaps = np.argwhere(~np.isfinite(table))
     if len(gaps):
-        _refuse_gap(gaps, table, subjects, methods, quantity)
+        first = gaps[0]
+        place = f"subject '{subjects[first[0]]}', method '{methods[first[1]]}'"
+        if table.ndim == 3:
+            place += f", node {first[2]} of {table.shape[2]}"
+        others = f", and {len(gaps) - 1} more" if len(gaps) > 1 else ""
+        raise ValueMissing(
+            f"no finite value at {place}{others}",
+            field=quantity,
+            remedy="Compute it, or leave the subject or the method out of the comparison",
+        )
     table.setflags(write=False)
     return table
 
@@ -53,39 +72,6 @@ def report_absent(subject: str, method: str, quantity: str) -> ValueMissing:
     """The error for a subject that has nothing at all under a method."""
     return ValueMissing(
         f"subject '{subject}' has no value for method '{method}'",
-        field=quantity,
-        remedy="Compute it, or leave the subject or the method out of the comparison",
-    )
-
-
-def _check_names(kind: str, names: Sequence[str], quantity: str) -> None:
-    twice = sorted({name for name in names if list(names).count(name) > 1})
-    if twice:
-        raise ComparisonImpossible(
-            f"two {kind}s are called '{twice[0]}'", field=quantity, remedy="Give each its own name"
-        )
-    if len(names) < 2:
-        raise ComparisonImpossible(
-            f"a comparison needs at least two {kind}s, and there is {len(names)}",
-            field=quantity,
-            remedy=f"Add a {kind}",
-        )
-
-
-def _refuse_gap(
-    gaps: np.ndarray[tuple[int, int], np.dtype[np.intp]],
-    table: Array,
-    subjects: Sequence[str],
-    methods: Sequence[str],
-    quantity: str,
-) -> None:
-    first = gaps[0]
-    place = f"subject '{subjects[first[0]]}', method '{methods[first[1]]}'"
-    if table.ndim == 3:
-        place += f", node {first[2]} of {table.shape[2]}"
-    others = f", and {len(gaps) - 1} more" if len(gaps) > 1 else ""
-    raise ValueMissing(
-        f"no finite value at {place}{others}",
         field=quantity,
         remedy="Compute it, or leave the subject or the method out of the comparison",
     )

@@ -25,7 +25,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _BATCH = 2**21
 """Numbers in the largest array of a batch (16 MB): chosen to stay near the processor's cache."""
@@ -124,14 +124,11 @@ class RepeatedMeasuresF:
         found = np.empty((len(items), self._nodes))
         size = self._k * max(self._n * self._k, self._nodes)
         for part in _split_batches(len(items), size):
-            found[part] = self._batch(items[part])
+            sums = _compute_products(self._choices(items[part]), self._rows)
+            between = np.einsum("bkq,bkq->bq", sums, sums) / self._n
+            ratio: Array = _compute_ratio(between, self._within, self._void) * (self._n - 1)
+            found[part] = ratio
         return found
-
-    def _batch(self, items: NDArray[np.int8]) -> Array:
-        sums = _compute_products(self._choices(items), self._rows)
-        between = np.einsum("bkq,bkq->bq", sums, sums) / self._n
-        ratio: Array = _compute_ratio(between, self._within, self._void) * (self._n - 1)
-        return ratio
 
     def _choices(self, items: NDArray[np.int8]) -> Array:
         """What each condition's sum takes of the rows, shape (n, n_conditions, n_rows)."""
@@ -270,13 +267,18 @@ def assess_curve(
     masses = np.zeros(len(maxima))
     if len(reaching):
         masses[: len(reaching)] = find_largest_masses(statistic(reaching), threshold)
+    found = [
+        _cluster(observed, sign, first, last, threshold, masses, maxima)
+        for sign in (1.0, -1.0)
+        for first, last in _list_runs(sign * observed, threshold)
+    ]
     return CurveTest(
         kind=kind,
         statistic=observed,
         degrees_of_freedom=degrees_of_freedom,
         alpha=alpha,
         threshold=threshold,
-        clusters=_list_clusters(observed, threshold, masses, maxima),
+        clusters=tuple(sorted(found, key=lambda cluster: cluster.start)),
         p=share_reaching(maxima, float(np.abs(observed).max())),
         rearrangements=len(maxima),
         exact=rearranged.exact,
@@ -316,15 +318,6 @@ def find_largest_masses(curves: Array, threshold: float) -> Array:
         np.maximum.at(largest, starts // (curves.shape[1] + 1), np.add.reduceat(sizes, starts))
     found: Array = largest.reshape(2, -1).max(axis=0)
     return found
-
-
-def _list_clusters(observed: Array, threshold: float, masses: Array, maxima: Array) -> tuple[Cluster, ...]:
-    found = [
-        _cluster(observed, sign, first, last, threshold, masses, maxima)
-        for sign in (1.0, -1.0)
-        for first, last in _list_runs(sign * observed, threshold)
-    ]
-    return tuple(sorted(found, key=lambda cluster: cluster.start))
 
 
 def _list_runs(curve: Array, threshold: float) -> list[tuple[int, int]]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, require_complete
 from scaling_service.numerics.statistics.permutation_tests import (
     CurveTest,

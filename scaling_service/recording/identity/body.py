@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.compile import (
     compile_model,
@@ -22,7 +23,6 @@ from scaling_service.model.compile import (
     repeat_default_pose,
 )
 from scaling_service.model.scaling import scale_model
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.numerics.multibody.tree import pose_links, pose_markers

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, strip_prefix
 from scaling_service.model.trial import Trial, is_unlabelled
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.recording.identity.body import (
     StandingBody,

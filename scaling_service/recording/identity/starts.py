@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.recording.identity.landmarks import MORE, STATURE_M, read_body

@@ -40,7 +40,13 @@ class Callers:
 
         A refused request counts for its address, any other for its key: wrong keys lock out no right one.
         """
-        self._check_host(request)
+        # A page of another site cannot make a browser on this machine ask under that site's name.
+        if self._loopback and not _is_this_machine(request.headers.get("host", "")):
+            raise WrongHost(
+                "this service answers under the names of this machine only",
+                field="Host",
+                remedy="Ask 127.0.0.1 or localhost",
+            )
         address = request.client.host if request.client else "unix"
         try:
             owner, caller = self._recognise(request, address)
@@ -57,25 +63,14 @@ class Callers:
             return self._check_key(request, given)
         ticket = request.query_params.get(PARAMETER) if request.method == "GET" else None
         if ticket is not None:
-            owner = self._check_ticket(ticket, request.scope["path"])
+            owner = links.find_owner(self._database, ticket, request.scope["path"])
+            if owner is None:
+                raise KeyNeeded(
+                    "this link does not work any more",
+                    field=PARAMETER,
+                    remedy="Open it again where it came from",
+                )
             return owner, f"links of {owner}"
-        return self._check_keyless(request), address
-
-    def _count(self, caller: str) -> None:
-        wait_s = self._limit.take(caller)
-        if wait_s > 0.0:
-            raise TooManyRequests(wait_s)
-
-    def _check_host(self, request: Request) -> None:
-        """A page of another site cannot make a browser on this machine ask under that site's name."""
-        if self._loopback and not _is_this_machine(request.headers.get("host", "")):
-            raise WrongHost(
-                "this service answers under the names of this machine only",
-                field="Host",
-                remedy="Ask 127.0.0.1 or localhost",
-            )
-
-    def _check_keyless(self, request: Request) -> str:
         if not self._loopback or keys.has_valid(self._database):
             remedy = "Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one"
             raise KeyNeeded("a key is needed", field="Authorization", remedy=remedy)
@@ -85,7 +80,12 @@ class Callers:
                 field="Origin",
                 remedy="Use the service's own page, or a program; pages of other sites need a key",
             )
-        return LOCAL
+        return LOCAL, address
+
+    def _count(self, caller: str) -> None:
+        wait_s = self._limit.take(caller)
+        if wait_s > 0.0:
+            raise TooManyRequests(wait_s)
 
     def _check_key(self, request: Request, given: str) -> tuple[str, str]:
         scheme, _, token = given.partition(" ")
@@ -102,14 +102,6 @@ class Callers:
             )
         request.scope["caller"] = token.split("_")[1]  # the key's public part, for the log
         return owner, f"key {request.scope['caller']}"
-
-    def _check_ticket(self, ticket: str, path: str) -> str:
-        owner = links.find_owner(self._database, ticket, path)
-        if owner is None:
-            raise KeyNeeded(
-                "this link does not work any more", field=PARAMETER, remedy="Open it again where it came from"
-            )
-        return owner
 
 
 def _is_this_machine(host: str) -> bool:

@@ -113,19 +113,15 @@ def answer_problem(error: InputError, status: int | None = None) -> JSONResponse
         field=error.field,
         remedy=error.remedy,
     )
-    return JSONResponse(document.model_dump(mode="json"), code, _make_headers(error, code), MEDIA_TYPE)
-
-
-def _make_headers(error: InputError, status: int) -> dict[str, str]:
     headers = {"Cache-Control": "no-store"}
-    if status in RETRY_S:
-        wait_s = error.wait_s if isinstance(error, TooManyRequests) else RETRY_S[status]
+    if code in RETRY_S:
+        wait_s = error.wait_s if isinstance(error, TooManyRequests) else RETRY_S[code]
         headers["Retry-After"] = str(max(1, round(wait_s + 0.5)))
     if isinstance(error, RangeUnsatisfiable):
         headers["Content-Range"] = f"bytes */{error.size}"
-    if status == HTTPStatus.UNAUTHORIZED:
+    if code == HTTPStatus.UNAUTHORIZED:
         headers["WWW-Authenticate"] = "Bearer"
-    return headers
+    return JSONResponse(document.model_dump(mode="json"), code, headers, MEDIA_TYPE)
 
 
 Responses = dict[int | str, dict[str, Any]]  # of a route, by status

@@ -43,7 +43,10 @@ def serve(settings: ServiceSettings) -> None:
 
     Jobs that run are given back to the queue, and go on at the next start.
     """
-    _allow_many_files()
+    # Let this process have as many files open, and so connections, as the system allows.
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _ENOUGH_FILES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_FILES)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
     with closing(Service.open(settings)) as service:
         refuse_exposed(service)
         with _listen(settings) as listener:
@@ -171,13 +174,6 @@ class PromptProtocol(H11Protocol):
         if self._closing is not None:
             self._closing.cancel()
             self._closing = None
-
-
-def _allow_many_files() -> None:
-    """Let this process have as many files open, and so connections, as the system allows."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = _ENOUGH_FILES if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH_FILES)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, wanted), hard))
 
 
 def limit_connections() -> int:

@@ -113,30 +113,27 @@ def run_attempt(order: Order) -> Outcome:
         )
     asked = json.loads(order.specification)
     try:
-        _prepare(order, asked["documents"])
+        documents = asked["documents"]
+        blobs, inputs = Blobs(order.data), order.folder / "inputs"
+        with disk_errors(order.data):
+            for name in ("inputs", "outputs", "tmp"):
+                (order.folder / name).mkdir(mode=0o700, parents=True)
+            for subject, document in documents.items():
+                (inputs / subject).mkdir()
+                text = json.dumps(document, ensure_ascii=False)
+                (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
+            if order.parts is not None:
+                (inputs / PARTS).write_text(order.parts, encoding="utf-8")
+        for path, sha256 in order.inputs:
+            with disk_errors(order.data):
+                (inputs / path).parent.mkdir(exist_ok=True)
+            blobs.copy(sha256, inputs / path)
         watch = Watch(order.folder, order.patience_s)
         child = Child(partial(order.kind.perform, asked["request"]), order.folder, order.limits)
         outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
     except StoreUnavailable as error:
         return Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
-
-
-def _prepare(order: Order, documents: dict[str, Any]) -> None:
-    blobs, inputs = Blobs(order.data), order.folder / "inputs"
-    with disk_errors(order.data):
-        for name in ("inputs", "outputs", "tmp"):
-            (order.folder / name).mkdir(mode=0o700, parents=True)
-        for subject, document in documents.items():
-            (inputs / subject).mkdir()
-            text = json.dumps(document, ensure_ascii=False)
-            (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
-        if order.parts is not None:
-            (inputs / PARTS).write_text(order.parts, encoding="utf-8")
-    for path, sha256 in order.inputs:
-        with disk_errors(order.data):
-            (inputs / path).parent.mkdir(exist_ok=True)
-        blobs.copy(sha256, inputs / path)
 
 
 class Watch:

@@ -120,7 +120,28 @@ class Runner:
         tidying.start()
         try:
             while not self._stop.is_set():
-                self._try_step()
+                for held in self._held.values():
+                    held.folder.touch_heartbeat()
+                try:
+                    now = time.monotonic()
+                    often = self._settings.lease_s / _RENEWALS
+                    if self._held and now - self._renewed > often:
+                        jobs.renew(self._store.database, self.name, self._settings.lease_s)
+                        self._renewed = now
+                    self._stop_and_report()
+                    self._end_finished()
+                    if now - self._looked_for_lost > min(often, 1.0) and now >= self._take_back_from:
+                        self._take_back()
+                        self._looked_for_lost = now
+                    self._executor = self._executor or self._make_executor()
+                    self._start_queued(self._executor)
+                    self._pause_s = 0.0
+                except StoreUnavailable as error:
+                    longest = min(_LONGEST_PAUSE_S, self._settings.lease_s / 4)
+                    self._pause_s = min(max(2 * self._pause_s, TICK_S), longest)
+                    # Every runner gets the time to renew its leases before anyone takes jobs back.
+                    self._take_back_from = time.monotonic() + self._settings.lease_s
+                    log.warning("the store is not available", extra={"reason": error.problem})
                 self._wake.wait(self._pause_s or TICK_S)
                 self._wake.clear()
             self._give_back()
@@ -130,33 +151,6 @@ class Runner:
                 self._executor.shutdown(wait=False)  # nothing is left in it
             tidying.join(timeout=_ENDING_S)
         log.info("runner stopped", extra={"runner": self.name})
-
-    def _try_step(self) -> None:
-        for held in self._held.values():
-            held.folder.touch_heartbeat()
-        try:
-            self._step()
-            self._pause_s = 0.0
-        except StoreUnavailable as error:
-            longest = min(_LONGEST_PAUSE_S, self._settings.lease_s / 4)
-            self._pause_s = min(max(2 * self._pause_s, TICK_S), longest)
-            # Every runner gets the time to renew its leases before anyone takes jobs back.
-            self._take_back_from = time.monotonic() + self._settings.lease_s
-            log.warning("the store is not available", extra={"reason": error.problem})
-
-    def _step(self) -> None:
-        now = time.monotonic()
-        often = self._settings.lease_s / _RENEWALS
-        if self._held and now - self._renewed > often:
-            jobs.renew(self._store.database, self.name, self._settings.lease_s)
-            self._renewed = now
-        self._stop_and_report()
-        self._end_finished()
-        if now - self._looked_for_lost > min(often, 1.0) and now >= self._take_back_from:
-            self._take_back()
-            self._looked_for_lost = now
-        self._executor = self._executor or self._make_executor()
-        self._start_queued(self._executor)
 
     def _stop_and_report(self) -> None:
         """Stop what is no longer wanted, and pass progress on."""
@@ -204,7 +198,21 @@ class Runner:
         except ContentMissing as error:  # somebody else removed what was made
             outcome = Lost(error.problem)
             state = self._record(held, outcome, wall_s)
-        _log_end(held.row, outcome, state, wall_s)
+        # One line for the log, without anything of the patient's.
+        entry = {
+            "job": held.row.id,
+            "kind": held.row.kind,
+            "attempt": held.row.attempt,
+            "outcome": type(outcome).__name__,
+            "state": None if state is None else state.value,
+            "wall_s": round(wall_s, 3),
+        }
+        if isinstance(outcome, Failed):
+            entry |= {"failure": outcome.failure.kind, "trace": outcome.trace}
+        if isinstance(outcome, Lost):
+            entry["reason"] = outcome.reason
+        usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
+        log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=entry)
         held.folder.remove()
 
     def _record(self, held: RunningAttempt, outcome: Outcome, wall_s: float) -> State | None:
@@ -250,11 +258,7 @@ class Runner:
     def _lease(self, kinds: Collection[str] | None = None, without: Collection[str] = ()) -> JobRow | None:
         if not jobs.has_queued(self._store.database, kinds, without):
             return None
-        self._require_room()
-        return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
-
-    def _require_room(self) -> None:
-        """Raise StoreFull where the disk is nearly full; queued jobs say so while it is."""
+        # Raise StoreFull where the disk is nearly full; queued jobs say so while it is.
         try:
             self._store.require_room(self._settings.reserve_mb * 1_000_000)
         except StoreFull as error:
@@ -264,6 +268,7 @@ class Runner:
         if self._lacks_room:
             jobs.explain_wait(self._store.database, WAITING)
             self._lacks_room = False
+        return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
 
     def _start(self, row: JobRow, executor: Executor, *, beside: bool) -> None:
         kind = self._kinds.get(row.kind)
@@ -312,24 +317,6 @@ def read_outcome(future: Future[Outcome]) -> Outcome:
         return Stopped()
     except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
         return Lost(f"the executor failed ({type(error).__name__})")
-
-
-def _log_end(row: JobRow, outcome: Outcome, state: State | None, wall_s: float) -> None:
-    """One line for the log, without anything of the patient's."""
-    entry = {
-        "job": row.id,
-        "kind": row.kind,
-        "attempt": row.attempt,
-        "outcome": type(outcome).__name__,
-        "state": None if state is None else state.value,
-        "wall_s": round(wall_s, 3),
-    }
-    if isinstance(outcome, Failed):
-        entry |= {"failure": outcome.failure.kind, "trace": outcome.trace}
-    if isinstance(outcome, Lost):
-        entry["reason"] = outcome.reason
-    usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
-    log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=entry)
 
 
 def read_machine_id() -> str:

@@ -169,7 +169,22 @@ def refuse_unsafe(settings: ServiceSettings) -> None:
     if settings.trusted_network:
         return
     if settings.database_url is not None:
-        _refuse_open_database(settings.database_url.get_secret_value())
+        try:
+            url = make_url(settings.database_url.get_secret_value())
+        except ArgumentError:
+            raise SettingsRefused(
+                "this is no URL of a database",
+                field="database_url",
+                remedy="Use postgresql://user:password@host/name, or leave it out for SQLite",
+            ) from None
+        query = url.normalized_query
+        hosts = (url.host, *query.get("host", ()), *query.get("hostaddr", ()))
+        if not all(map(is_loopback, hosts)) and url.query.get("sslmode") not in _ENCRYPTED:
+            raise SettingsRefused(
+                "the connection over the network is not encrypted",
+                field="database_url",
+                remedy="Add ?sslmode=verify-full to the URL, or set trusted_network where nobody can listen",
+            )
     if settings.dask_address is not None:
         address = urlsplit(settings.dask_address)
         if address.scheme != "tls" and not is_loopback(address.hostname):
@@ -178,25 +193,6 @@ def refuse_unsafe(settings: ServiceSettings) -> None:
                 field="dask_address",
                 remedy="Use a tls:// address, or set trusted_network where nobody else can connect",
             )
-
-
-def _refuse_open_database(written: str) -> None:
-    try:
-        url = make_url(written)
-    except ArgumentError:
-        raise SettingsRefused(
-            "this is no URL of a database",
-            field="database_url",
-            remedy="Use postgresql://user:password@host/name, or leave it out for SQLite",
-        ) from None
-    query = url.normalized_query
-    hosts = (url.host, *query.get("host", ()), *query.get("hostaddr", ()))
-    if not all(map(is_loopback, hosts)) and url.query.get("sslmode") not in _ENCRYPTED:
-        raise SettingsRefused(
-            "the connection over the network is not encrypted",
-            field="database_url",
-            remedy="Add ?sslmode=verify-full to the URL, or set trusted_network where nobody can listen",
-        )
 
 
 def is_loopback(host: str | None) -> bool:

@@ -34,7 +34,8 @@ class Limits:
         os.nice(self.niceness)
         cpu = max(1, round(self.cpu_s))
         _set(resource.RLIMIT_CORE, 0, 0)  # a dump would hold a patient's data
-        _set(resource.RLIMIT_AS, *2 * (_measure_address_space() + self.memory_bytes,))
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        _set(resource.RLIMIT_AS, *2 * ((pages * resource.getpagesize()) + self.memory_bytes,))
         _set(resource.RLIMIT_CPU, cpu, cpu + GRACE_CPU_S)
         _set(resource.RLIMIT_FSIZE, self.file_bytes, self.file_bytes)
 
@@ -51,12 +52,6 @@ class Limits:
             "Check that the files are sound and shorten the recordings, or raise the limit of the service"
         )
         return LimitExceeded(f"the job needed more than {limit} of {what}", field=setting, remedy=remedy)
-
-
-def _measure_address_space() -> int:
-    """Bytes of address space that this process has now."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    return pages * resource.getpagesize()
 
 
 def _set(what: int, soft: int, hard: int) -> None:

@@ -23,7 +23,6 @@ from pydantic import ValidationError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
-from scaling_service.service.sandbox.limits import Limits
 from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
@@ -129,9 +128,26 @@ def _await_answer(
             for message in lines.read():
                 if "progress" not in message:
                     return message
-                _report(message["progress"], progress)
+                match message["progress"]:
+                    case [str() as what, int() | float() as share]:
+                        progress(
+                            _make_printable(what)[:200],
+                            min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0,
+                        )
         elif launched.sentinel in ready:  # all messages were read before
-            return _classify_exit(launched.exit_code, child.limits)
+            # What the exit of a child that gave no answer means.
+            code = launched.exit_code
+            if code == -signal.SIGXCPU:
+                return Failed.of(child.limits.report_exceeded(child.limits.cpu_setting))
+            if code is not None and -code in _CRASHES:
+                return Failed(
+                    Failure(
+                        kind="ProgramError",
+                        problem=f"a library crashed on this job ({signal.Signals(-code).name})",
+                        remedy="Check that the files are sound: damaged ones can do this",
+                    )
+                )
+            return Lost(f"the process ended with {code}")
         if lines.broken:
             return Lost("it sent what cannot be read")
         now = time.monotonic()
@@ -169,14 +185,6 @@ class _Lines:
         return messages
 
 
-def _report(message: object, progress: Progress) -> None:
-    match message:
-        case [str() as what, int() | float() as share]:
-            progress(
-                _make_printable(what)[:200], min(max(float(share), 0.0), 1.0) if math.isfinite(share) else 0.0
-            )
-
-
 def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
     """A child's last message as an outcome, with its files counted and synced by us."""
     try:
@@ -187,7 +195,14 @@ def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
             return Lost(_make_printable(answer["hindered"])[:200])
         if _count_bytes(child.folder) > child.limits.output_bytes:
             return Failed.of(child.limits.report_exceeded("limit_output_mb"))
-        return Finished(_read_result(child.folder / RESULT), _list_files(child.folder / "outputs"))
+        # The result document, which must be JSON in the narrow sense.
+        file = child.folder / RESULT
+        if file.lstat().st_size > _LARGEST_RESULT:
+            raise ValueError("no result is so large")
+        return Finished(
+            json.loads(file.read_bytes(), parse_constant=_reject_constant),
+            _list_files(child.folder / "outputs"),
+        )
     except StoreUnavailable as error:
         return Lost(error.problem)
     except InputError as error:
@@ -209,13 +224,6 @@ def _list_files(outputs: Path) -> tuple[tuple[str, str, int], ...]:
     return tuple(found)
 
 
-def _read_result(file: Path) -> Any:
-    """The result document, which must be JSON in the narrow sense."""
-    if file.lstat().st_size > _LARGEST_RESULT:
-        raise ValueError("no result is so large")
-    return json.loads(file.read_bytes(), parse_constant=_reject_constant)
-
-
 def _reject_constant(name: str) -> None:
     raise ValueError(f"{name} is no number of JSON")
 
@@ -232,18 +240,3 @@ def _count_bytes(folder: Path) -> int:
         with suppress(OSError):  # removed since it was listed
             total += path.lstat().st_size
     return total
-
-
-def _classify_exit(code: int | None, limits: Limits) -> Outcome:
-    """What the exit of a child that gave no answer means."""
-    if code == -signal.SIGXCPU:
-        return Failed.of(limits.report_exceeded(limits.cpu_setting))
-    if code is not None and -code in _CRASHES:
-        return Failed(
-            Failure(
-                kind="ProgramError",
-                problem=f"a library crashed on this job ({signal.Signals(-code).name})",
-                remedy="Check that the files are sound: damaged ones can do this",
-            )
-        )
-    return Lost(f"the process ended with {code}")

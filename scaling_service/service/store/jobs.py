@@ -193,7 +193,13 @@ def lock_next(
     owner's jobs, those that lost no worker come first, then those that were asked for by themselves, then
     the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
-    waiting = _select_waiting(kinds).where(owners.c.name.not_in(without))
+    # Owners with a queued job, the next to be served first.
+    mine = jobs.c.owner == owners.c.name
+    # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
+    waits = select(jobs.c.id).where(mine, _is_queued(kinds)).limit(1).correlate(owners).scalar_subquery()
+    running = select(func.count()).where(mine, _LEASED).correlate(owners).scalar_subquery()
+    wanted = select(owners.c.name).where(waits.is_not(None))
+    waiting = wanted.order_by(running, owners.c.served_us, owners.c.name).where(owners.c.name.not_in(without))
     for owner in connection.scalars(waiting).all():
         oldest = (
             select(*SHOWN)
@@ -207,16 +213,6 @@ def lock_next(
             connection.execute(update(owners).where(owners.c.name == owner).values(served_us=NowUs()))
             return found
     return None
-
-
-def _select_waiting(kinds: Collection[str] | None) -> Select[tuple[str]]:
-    """Owners with a queued job, the next to be served first."""
-    mine = jobs.c.owner == owners.c.name
-    # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
-    waits = select(jobs.c.id).where(mine, _is_queued(kinds)).limit(1).correlate(owners).scalar_subquery()
-    running = select(func.count()).where(mine, _LEASED).correlate(owners).scalar_subquery()
-    wanted = select(owners.c.name).where(waits.is_not(None))
-    return wanted.order_by(running, owners.c.served_us, owners.c.name)
 
 
 def has_queued_at_least(connection: Connection, owner: str, number: int) -> bool:

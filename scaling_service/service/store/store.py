@@ -42,7 +42,14 @@ def upgrade(database: Database, folder: Path) -> None:
             metadata.create_all(connection)
             command.stamp(config, "head")
         else:
-            _refuse_later(config, there)
+            try:
+                ScriptDirectory.from_config(config).get_revision(there)
+            except CommandError:
+                raise StoreTooNew(
+                    f"the tables are of a later version of the program ({there})",
+                    field="database_url",
+                    remedy="Install that version, or give another data directory or database",
+                ) from None
             command.upgrade(config, "head")
 
 
@@ -52,17 +59,6 @@ def configure(connection: Connection) -> Config:
     config.set_main_option("script_location", str(Path(__file__).with_name("migrations")))
     config.attributes["connection"] = connection
     return config
-
-
-def _refuse_later(config: Config, there: str) -> None:
-    try:
-        ScriptDirectory.from_config(config).get_revision(there)
-    except CommandError:
-        raise StoreTooNew(
-            f"the tables are of a later version of the program ({there})",
-            field="database_url",
-            remedy="Install that version, or give another data directory or database",
-        ) from None
 
 
 @contextmanager

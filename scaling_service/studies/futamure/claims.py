@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import scipy
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.studies.claims import Answer, Claim, claim
 from scaling_service.studies.futamure.document import FutamureDocument, WayEntry
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel, Marker
@@ -18,7 +19,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline
@@ -183,7 +183,24 @@ def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
 
 def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
     times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
-    q = _choose_posture(seed, name, model, times)
+    # Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot.
+    rng, own = stream(seed, "motion", name), stream(seed, "motion")
+    depth, period = float(own.normal(*DEPTH_DEG)), float(own.normal(*PERIOD_S))
+    lean, reach = float(own.normal(*LEAN_DEG)), float(own.normal(*REACH_DEG))
+    # How deep, 0 standing to 1: squats one after the other, each a little different.
+    down, begin = np.zeros(len(times)), 0.7
+    while begin + period < times[-1] - 0.2:
+        length = period * (1.0 + 0.06 * rng.normal())
+        phase = np.clip((times - begin) / length, 0.0, 1.0)
+        down += (1.0 + 0.05 * rng.normal()) * np.sin(np.pi * phase) ** 4
+        begin += length + 0.1
+    degrees = np.zeros((len(times), 4))
+    degrees[:, 0] = -3.0 - 0.3 * depth * down
+    degrees[:, 1] = 6.0 + depth * down + draw_wandering(rng, times, 0.7, 1.0)
+    degrees[:, 2] = -2.0 - lean * down + draw_wandering(rng, times, 0.7, 1.0) - degrees[:, 0] - degrees[:, 1]
+    degrees[:, 3] = 5.0 + (reach + lean) * down + draw_wandering(rng, times, 2.0, 1.0)
+    over = OVER_FOOT_M + 0.004 * own.normal() + draw_wandering(rng, times, 0.004, 0.8)
+    q = _in_balance(model, np.radians(degrees), over)
     qdot, qddot = differentiate_spline(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
     wrench = compute_root_wrench(compile_mechanism(model), truth.rates, list_parameter_values(model))[0].T
@@ -200,32 +217,6 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
         loads=_record_plate(seed, name, times, wrench, faults),
         wrench=wrench,
     )
-
-
-def _choose_posture(seed: int, name: str, model: BodyModel, times: Array) -> Array:
-    """Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot."""
-    rng, own = stream(seed, "motion", name), stream(seed, "motion")
-    depth, period = float(own.normal(*DEPTH_DEG)), float(own.normal(*PERIOD_S))
-    lean, reach = float(own.normal(*LEAN_DEG)), float(own.normal(*REACH_DEG))
-    down = _draw_bouts(rng, times, period)
-    degrees = np.zeros((len(times), 4))
-    degrees[:, 0] = -3.0 - 0.3 * depth * down
-    degrees[:, 1] = 6.0 + depth * down + draw_wandering(rng, times, 0.7, 1.0)
-    degrees[:, 2] = -2.0 - lean * down + draw_wandering(rng, times, 0.7, 1.0) - degrees[:, 0] - degrees[:, 1]
-    degrees[:, 3] = 5.0 + (reach + lean) * down + draw_wandering(rng, times, 2.0, 1.0)
-    over = OVER_FOOT_M + 0.004 * own.normal() + draw_wandering(rng, times, 0.004, 0.8)
-    return _in_balance(model, np.radians(degrees), over)
-
-
-def _draw_bouts(rng: np.random.Generator, times: Array, period: float) -> Array:
-    """How deep, 0 standing to 1: squats one after the other, each a little different."""
-    down, begin = np.zeros(len(times)), 0.7
-    while begin + period < times[-1] - 0.2:
-        length = period * (1.0 + 0.06 * rng.normal())
-        phase = np.clip((times - begin) / length, 0.0, 1.0)
-        down += (1.0 + 0.05 * rng.normal()) * np.sin(np.pi * phase) ** 4
-        begin += length + 0.1
-    return down
 
 
 def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:

@@ -26,6 +26,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.documents.writing import code_version
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
@@ -33,7 +34,6 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import gather_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 from scaling_service.studies.claims import summarise_study

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.studies.claims import Answer, Claim, claim
 from scaling_service.studies.muller2017.document import Muller2017Document
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
+from scaling_service.core.arrays import Array
 from scaling_service.documents.base import Part
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import PersonPart, StudyDocument
 
 _DIGITS = 8

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
 from scaling_service.model.body import BodyModel, Marker, to_vector
@@ -23,7 +24,6 @@ from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Inertias
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import pose_markers
@@ -154,27 +154,18 @@ def simulate_sequence(
         movement = found[order[turn % len(order)]]
         lasting = movement.slots * rng.uniform(*SLOT_S)
         share = np.clip((times - start) / lasting, 0.0, 1.0)
-        rise = _smooth(share)
+        rise = np.asarray(np.sin(np.pi * share) ** 3)
         bearing[times >= start] = {"r": 0.0, "l": 1.0, "": 0.5}[movement.lifted]
         for name, peak in movement.peaks_deg.items():
             shape = np.sin(2 * np.pi * share) * rise if movement.both_ways else rise
             q[:, column[name]] += np.radians(peak * rng.uniform(*PEAK_SPREAD)) * shape
         start, turn = start + lasting, turn + 1
-    right = _shift_load(bearing, float(np.median(np.diff(times))))
-    return _simulate_standing(model, q, right, stature_m), right
-
-
-def _smooth(share: Array) -> Array:
-    """A bump whose acceleration is continuous, as a living body's is."""
-    return np.asarray(np.sin(np.pi * share) ** 3)
-
-
-def _shift_load(bearing: Array, step_s: float) -> Array:
-    """The load goes over gradually, before and after a movement begins."""
-    window = np.hanning(2 * round(0.5 * SHIFT_S / step_s) + 3)
+    # The load goes over gradually, before and after a movement begins.
+    window = np.hanning(2 * round(0.5 * SHIFT_S / float(np.median(np.diff(times)))) + 3)
     half = len(window) // 2
     padded = np.pad(bearing, half, mode="edge")
-    return np.convolve(padded, window / window.sum(), mode="valid")
+    right = np.convolve(padded, window / window.sum(), mode="valid")
+    return _simulate_standing(model, q, right, stature_m), right
 
 
 def _simulate_standing(model: BodyModel, q: Array, right: Array, stature_m: float) -> Array:
@@ -216,7 +207,7 @@ class Performance:
     times: Array  # (n,), s
     q: Array  # (n, n_coordinates), rad and m: true
     loads: SegmentLoads  # true, not filtered
-    recording: Recording  # as a laboratory has it: fitted motion, measured loads
+    recording: LoadedMotion  # as a laboratory has it: fitted motion, measured loads
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -291,7 +282,24 @@ def _perform(
     times = np.arange(round(settings.seconds * settings.rate_hz)) / settings.rate_hz
     rng = stream(seed, "excited", "motion", name)
     q, right = simulate_sequence(truth, times, rng, height, in_order=name == "in_order")
-    loads = _compute_true_loads(truth, times, q, right)
+    # What both plates give: the force shared as the load is, centres of pressure as far apart as the feet.
+    # Both forces are parallel and the common centre of pressure lies between, so that their sum is the net
+    # wrench.
+    first, second = differentiate_spline(times, q)
+    p = list_parameter_values(truth)
+    wrench, _ = compute_root_wrench(compile_mechanism(truth), Rates.of_frames(q, first, second), p)
+    force, moment = wrench[:3].T, wrench[3:].T
+    vertical = force[:, 1]
+    centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
+    free = moment - np.cross(centre, force)  # about the vertical
+    feet = truth.with_markers(tuple(Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
+    ankles = pose_markers(compile_model(feet), q, p)
+    apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
+    share = np.column_stack([right, 1.0 - right])[..., None]
+    centres = np.stack([centre + (1.0 - right)[:, None] * apart, centre - right[:, None] * apart], axis=1)
+    forces = share * force[:, None]
+    moments = np.cross(centres, forces) + share * free[:, None]
+    loads = SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
     trial = Trial(
         name=name,
@@ -308,31 +316,8 @@ def _perform(
         times=times,
         q=q,
         loads=loads,
-        recording=Recording(model=model, motion=motion, loads=measured, height_m=height, frames=inner),
+        recording=LoadedMotion(model=model, motion=motion, loads=measured, height_m=height, frames=inner),
     )
-
-
-def _compute_true_loads(truth: BodyModel, times: Array, q: Array, right: Array) -> SegmentLoads:
-    """What both plates give: the force shared as the load is, centres of pressure as far apart as the feet.
-
-    Both forces are parallel and the common centre of pressure lies between, so that their sum is the net
-    wrench.
-    """
-    first, second = differentiate_spline(times, q)
-    p = list_parameter_values(truth)
-    wrench, _ = compute_root_wrench(compile_mechanism(truth), Rates.of_frames(q, first, second), p)
-    force, moment = wrench[:3].T, wrench[3:].T
-    vertical = force[:, 1]
-    centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
-    free = moment - np.cross(centre, force)  # about the vertical
-    feet = truth.with_markers(tuple(Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
-    ankles = pose_markers(compile_model(feet), q, p)
-    apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
-    share = np.column_stack([right, 1.0 - right])[..., None]
-    centres = np.stack([centre + (1.0 - right)[:, None] * apart, centre - right[:, None] * apart], axis=1)
-    forces = share * force[:, None]
-    moments = np.cross(centres, forces) + share * free[:, None]
-    return SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
 
 
 def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: ExcitationSettings) -> SegmentLoads:

@@ -38,10 +38,10 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
 )
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
+from scaling_service.core.arrays import Array
 from scaling_service.documents.writing import code_version
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
 from scaling_service.studies.muller2017.document import (

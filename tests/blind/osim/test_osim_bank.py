@@ -104,15 +104,8 @@ def test_the_bank_has_two_sizes_and_a_dozen_disturbances() -> None:
     assert len({c.id for c in cases()}) == len(cases())
 
 
-ALWAYS = "force_delay"
-"""What every run tries."""
-
-
-@pytest.mark.parametrize(
-    "case",
-    [pytest.param(c, marks=[] if c.kinds[0] == ALWAYS else [pytest.mark.costly]) for c in sample()],
-    ids=lambda case: case.kinds[0],
-)
+@pytest.mark.costly
+@pytest.mark.parametrize("case", sample(), ids=lambda case: case.kinds[0])
 def test_a_sample_is_named_silent_or_unexplained_as_it_should_be(case: Case, tmp_path: Path) -> None:
     found = outcome(case, tmp_path)
     if case.group == "effect":

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

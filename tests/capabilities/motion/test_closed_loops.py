@@ -11,11 +11,11 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import estimate_coordinate_sd
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Constraint, Coordinate, Joint, Law, Marker, Segment
 from scaling_service.model.compile import compile_constraints, compile_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution
 from scaling_service.numerics.multibody.tree import pose_markers
 

@@ -19,6 +19,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     solve_inverse_dynamics,
 )
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.files.osim.models import read_osim
@@ -29,7 +30,6 @@ from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
-from scaling_service.model.trial import Array
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline

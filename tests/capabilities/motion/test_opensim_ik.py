@@ -72,6 +72,7 @@ def test_gait2354_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path
     assert_no_worse(scaled_gait2354(shared_data, tmp_path), folder / "subject01_walk1.trc", tasks, None)
 
 
+@pytest.mark.costly
 def test_rajagopal_walking_is_followed_no_worse(shared_data: Path, tmp_path: Path) -> None:
     folder = shared_data / "rajagopal_walk"
     tasks = read_tasks(folder / "ik_setup_walk.xml")
@@ -112,6 +113,7 @@ def test_a_builtin_model_scaled_here_behaves_alike_in_opensim(shared_data: Path,
     assert len(peer.markers) >= 10
 
 
+@pytest.mark.costly
 def test_an_opensim_model_scaled_here_behaves_alike_in_opensim(shared_data: Path, tmp_path: Path) -> None:
     peer = assert_opensim_agrees(scaled_here(tmp_path, squatter_document(shared_data)), tmp_path)
     assert len(peer.markers) >= 30

@@ -9,9 +9,9 @@ import pytest
 
 from scaling_service.capabilities.motion.inverse_kinematics import Task, solve_task
 from scaling_service.capabilities.motion.uncertainty import find_determined
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from tests.capabilities.motion.arms import arm, record, swing
 
 OVERHEAD = {"flexion": 2.4, "adduction": -0.6, "elbow": 1.2}

@@ -18,13 +18,13 @@ from scaling_service.capabilities.dynamics.unmeasured import (
     find_unmeasured_frames,
 )
 from scaling_service.capabilities.kinetics.inverse_dynamics import compute_dynamics, differentiate_motion
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import Table, read_sto, write_sto
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.wrench import GRAVITY, compute_root_wrench
 from scaling_service.recording.plates_feet import NOBODY, FootContacts
 

@@ -26,7 +26,11 @@ that two poses of the foot follow it almost alike."""
 
 @pytest.mark.parametrize(
     ("method", "model", "n_frames"),
-    [("MB_lam", {}, 12), ("EB_am", {}, 12), ("EB", GAIT2354, None)],
+    [
+        pytest.param("MB_lam", {}, 12, marks=pytest.mark.costly),
+        pytest.param("EB_am", {}, 12, marks=pytest.mark.costly),
+        ("EB", GAIT2354, None),
+    ],
     ids=["MB_lam-rajagopal", "EB_am-rajagopal", "EB-gait2354"],
 )
 def test_opensim_follows_the_markers_as_closely(

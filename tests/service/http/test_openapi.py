@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from pydantic import TypeAdapter
 
 from scaling_service.documents.jobs import State
@@ -61,6 +62,7 @@ def test_the_page_shows_every_route_with_a_command_that_can_be_pasted(served: Se
             json.loads(words[words.index("--json") + 1])
 
 
+@pytest.mark.costly
 def test_no_request_of_any_form_breaks_the_service(
     served: Served, tmp_path: Path, quick_examples: None
 ) -> None:

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import pytest
 import requests
 
 from scaling_service.client import Client
@@ -35,6 +36,7 @@ def test_the_page_recovers_by_itself(visit: Visit, tmp_path: Path) -> None:
         kill(process)
 
 
+@pytest.mark.costly
 def test_any_request_may_be_lost(visit: Visit, url: str) -> None:
     """A part of the page, a document or an array: it is asked for again, and nothing is told as a defect."""
     requests.post(f"{url}/v1/examples", timeout=30).raise_for_status()

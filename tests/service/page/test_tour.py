@@ -24,6 +24,7 @@ from tests.service.page.visitor import Visitor
 Look = Callable[[], None]
 
 
+@pytest.mark.costly
 def test_tour(visit: Visit, npm: Path | None, tmp_path: Path) -> None:
     with served(tmp_path / "data") as url:
         tour(visit(url), npm, tmp_path)

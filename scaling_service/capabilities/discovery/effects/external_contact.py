@@ -22,7 +22,7 @@ from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
 from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
 from scaling_service.capabilities.kinetics.forces import find_feet
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 KIND = "external_contact"
 _FORCE_N_PER_KG = 5.0  # SD along an axis (chosen: half a body weight)
@@ -51,7 +51,13 @@ def find_contacts(fit: Fit, noise: Array) -> list[tuple[float, Candidate]]:
         weight = min(1.0, item.step / (2.0 * _LASTING_S))
         for name in names:
             point = fit_point([Spell(item, rows, noise)], name).point
-            gains = _gain(item, name, point, noise)
+            # Logarithm of the Bayes factor of each frame of a force of any direction at a point, (n,).
+            columns = _press(item, name, point) / noise[:, None]
+            gap, sd = item.residuals / noise, _FORCE_N_PER_KG * item.mass
+            x = np.einsum("nak,na->nk", columns, gap)
+            scaled = np.eye(3) + sd**2 * np.einsum("nak,nal->nkl", columns, columns)
+            size = sd**2 * np.linalg.solve(scaled, x[:, :, None])[:, :, 0]
+            gains = np.asarray(0.5 * (x * size).sum(axis=1) - 0.5 * np.linalg.slogdet(scaled)[1])
             gain, span = find_best_span(np.where(item.usable, gains, 0.0))
             inside = np.arange(span.start, span.stop)[item.usable[span]]
             if len(inside) < _FEWEST:
@@ -94,16 +100,6 @@ def _press(item: WrenchFit, segment: str, point: Array) -> Array:
     columns[:, :3] = np.eye(3)
     columns[:, 3:] = np.cross(arm[:, None], np.eye(3)).transpose(0, 2, 1)
     return columns
-
-
-def _gain(item: WrenchFit, segment: str, point: Array, noise: Array) -> Array:
-    """Logarithm of the Bayes factor of each frame of a force of any direction at a point, (n,)."""
-    columns = _press(item, segment, point) / noise[:, None]
-    gap, sd = item.residuals / noise, _FORCE_N_PER_KG * item.mass
-    x = np.einsum("nak,na->nk", columns, gap)
-    scaled = np.eye(3) + sd**2 * np.einsum("nak,nal->nkl", columns, columns)
-    size = sd**2 * np.linalg.solve(scaled, x[:, :, None])[:, :, 0]
-    return np.asarray(0.5 * (x * size).sum(axis=1) - 0.5 * np.linalg.slogdet(scaled)[1])
 
 
 def _make_contact(spell: Spell, segment: str, point: Array) -> Contact:

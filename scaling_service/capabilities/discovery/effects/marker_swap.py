@@ -14,7 +14,7 @@ from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Exchange
 from scaling_service.capabilities.discovery.laws.spots import Generators
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import make_clusters
 from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
 from scaling_service.capabilities.discovery.ordinary.sums import (
@@ -36,7 +36,7 @@ _RIDGE = 1e-9  # of a pose's own curvature, so that a frame may leave a directio
 KIND = "marker_swap"
 
 
-def find_exchanges(item: TrackedTrial) -> list[tuple[float, Candidate]]:
+def find_exchanges(item: MotionFit) -> list[tuple[float, Candidate]]:
     """The likeliest exchanges of two labels in a recording, with their log odds.
 
     With ``R`` what the residuals y of a frame weigh once the pose took what it likes, exchanging two markers
@@ -74,7 +74,7 @@ def find_exchanges(item: TrackedTrial) -> list[tuple[float, Candidate]]:
 
 
 def _follow_jumps(
-    item: TrackedTrial, first: NDArray[np.intp], second: NDArray[np.intp]
+    item: MotionFit, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> Iterator[tuple[int, slice]]:
     """Pairs that change places from one frame to the next, by continuity, and from when to when."""
     x = item.task.measured
@@ -92,7 +92,7 @@ def _follow_jumps(
 
 
 def _gain(
-    item: TrackedTrial,
+    item: MotionFit,
     generators: Generators,
     covariance: Array,
     rows: slice,

@@ -14,9 +14,9 @@ from scaling_service.capabilities.discovery.laws.inertial import differentiate_c
 from scaling_service.capabilities.discovery.laws.loads import Inertial
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_neutral_frames
-from scaling_service.numerics.multibody.laws import Array
 
 _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 

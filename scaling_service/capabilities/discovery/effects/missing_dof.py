@@ -16,12 +16,12 @@ from scaling_service.capabilities.discovery.laws.apply import name_freedom
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, FreeMotion
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import At, JointSpot
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.capabilities.discovery.ordinary.levels import weigh_level, weigh_marker
 from scaling_service.capabilities.discovery.ordinary.sums import White
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 KIND = "missing_dof"
 _EVERYDAY = {"rotation": math.radians(3.0), "translation": 0.004}
@@ -121,7 +121,7 @@ def _describe_motion(effect: Estimate, after: Fit) -> Mapping[str, float]:
     }
 
 
-def _list_courses(tracked: Sequence[TrackedTrial], candidate: Candidate) -> list[Array]:
+def _list_courses(tracked: Sequence[MotionFit], candidate: Candidate) -> list[Array]:
     """What the new coordinate does in every recording, (n,) each."""
     name = name_freedom(candidate)
     return [item.q[:, item.task.model.coordinate_names.index(name)] for item in tracked]

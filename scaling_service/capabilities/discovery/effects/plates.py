@@ -18,7 +18,7 @@ from scaling_service.capabilities.discovery.laws.loads import (
 )
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N")
 MOST_BIAS_N = 300.0  # chosen: half a person's weight is no bias

@@ -12,10 +12,10 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.laws.candidates import SHAPES, Candidate
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.reference import find_reference_folder, read_reference
-from scaling_service.numerics.multibody.laws import Array
 
 _AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
 

@@ -22,7 +22,7 @@ from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.swinging import still_skin
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
-from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
 from scaling_service.core.progress import report_nothing
 from scaling_service.core.threads import map_parallel
@@ -31,7 +31,7 @@ from scaling_service.model.trial import Trial
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class SearchTrial:
     """A trial, what it is for, and the ground's forces in it."""
 
     trial: Trial
@@ -47,7 +47,7 @@ class SearchContext:
     """
 
     model: BodyModel
-    recordings: Sequence[Recording] = ()
+    recordings: Sequence[SearchTrial] = ()
     settings: DiscoverySettings = field(default_factory=DiscoverySettings)
     cache: InertialLoadCache = field(default_factory=InertialLoadCache)
     advance: Callable[[], None] = report_nothing
@@ -59,7 +59,7 @@ class Fit:
 
     context: SearchContext
     effects: tuple[Estimate, ...] = ()
-    tracked: tuple[TrackedTrial, ...] = ()  # the recordings, tracked with all of these
+    tracked: tuple[MotionFit, ...] = ()  # the recordings, tracked with all of these
     wrenches: tuple[WrenchFit, ...] = ()  # those of them with forces
     astray: Mapping[str, float] = field(default_factory=dict)  # markers that draw the pose the less
 
@@ -111,7 +111,7 @@ def fit_recordings(
     starts = {item.name: item for item in near.tracked} if near else {}
     astray = near.astray if near else {}
 
-    def track_again(recording: Recording) -> TrackedTrial:
+    def track_again(recording: SearchTrial) -> MotionFit:
         return _track(context.model, recording, effects, starts.get(recording.trial.name), astray)
 
     found = tuple(map_parallel(track_again, context.recordings))
@@ -139,19 +139,19 @@ def fit_wrenches(fit: Fit) -> Fit:
 
 def _track(
     model: BodyModel,
-    recording: Recording,
+    recording: SearchTrial,
     effects: Sequence[Estimate],
-    near: TrackedTrial | None,
+    near: MotionFit | None,
     astray: Mapping[str, float],
-) -> TrackedTrial:
+) -> MotionFit:
     trial = correct_trial(recording.trial, effects)
     if near is not None:
         trial = still_skin(trial, near, effects)
     known = with_effects(model, effects, trial.name)
-    return TrackedTrial.of(known, trial, recording.role, near, astray)
+    return MotionFit.of(known, trial, recording.role, near, astray)
 
 
-def _fit_wrench(item: TrackedTrial, fit: Fit, contacts: ContactAssignment) -> WrenchFit:
+def _fit_wrench(item: MotionFit, fit: Fit, contacts: ContactAssignment) -> WrenchFit:
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
     here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(

@@ -27,11 +27,11 @@ from scaling_service.capabilities.discovery.laws.spots import (
     put_joint,
 )
 from scaling_service.capabilities.discovery.observations.wrench import find_middle_of_pressure
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Coordinate, Joint, Law
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import gather_inertias, with_inertias
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import TENSOR, Inertias
 from scaling_service.numerics.wrench import GRAVITY
 

@@ -11,8 +11,8 @@ from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
 from scaling_service.capabilities.discovery.laws.spots import At, Spot
 from scaling_service.capabilities.discovery.observations.wrench import Load
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Vector
-from scaling_service.numerics.multibody.laws import Array
 
 FREQUENCIES_HZ, DAMPINGS = (1.0, 30.0), (0.01, 0.9)
 SHAPES = ("frequency_hz", "damping")

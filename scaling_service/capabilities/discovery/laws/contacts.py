@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.candidates import Contact
 from scaling_service.capabilities.discovery.observations.wrench import FEET, WrenchFit
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import build_skew
 
 WANDER_M = {"foot": 0.06, "other": 0.02}
@@ -76,7 +76,11 @@ def fit_point(spells: Sequence[Spell], segment: str) -> Fitting:
     products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
     force that keeps its direction only noise would place the point: it stays in the middle.
     """
-    low, high = _bound_reach(spells[0].wrench, segment)
+    # Corners of the box (in the segment's frame, m) in which something could touch it, each (3,).
+    item = spells[0].wrench
+    own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
+    places = np.array([*own, np.array(item.model.segment(segment).com)])
+    low, high = places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
         point = _step_point(spells, segment, point, middle, (low, high))
@@ -123,13 +127,6 @@ def _compute_cost(spell: Spell, segment: str, point: Array) -> tuple[float, floa
     _, _, square = solve_force(spell, segment, point)
     weight = _compute_weights(spell, segment, point)
     return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
-
-
-def _bound_reach(item: WrenchFit, segment: str) -> tuple[Array, Array]:
-    """Corners of the box (in the segment's frame, m) in which something could touch it, each (3,)."""
-    own = [np.array(m.nominal) for m in item.model.markers if m.segment == segment]
-    places = np.array([*own, np.array(item.model.segment(segment).com)])
-    return places.min(axis=0) - _SKIN_M, places.max(axis=0) + _SKIN_M
 
 
 def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array, Array]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Segment
 from scaling_service.model.inertia import to_matrix
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import TENSOR
 
 

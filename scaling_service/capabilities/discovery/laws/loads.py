@@ -15,7 +15,7 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.observations.oscillator import simulate_oscillator
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 

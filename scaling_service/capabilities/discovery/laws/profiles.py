@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Term
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Constant:
     """The same in all frames."""
 
-    def values(self, item: TrackedTrial) -> Array:
+    def values(self, item: MotionFit) -> Array:
         """In every frame, (n,)."""
         return np.ones(len(item.q))
 
@@ -31,7 +31,7 @@ class Following:
 
     coordinate: str
 
-    def values(self, item: TrackedTrial) -> Array:
+    def values(self, item: MotionFit) -> Array:
         """In every frame, (n,)."""
         return np.asarray(item.q[:, item.task.model.coordinate_names.index(self.coordinate)])
 
@@ -44,6 +44,6 @@ Profile = Constant | Following
 ALWAYS = Constant()
 
 
-def evaluate_profiles(profiles: Sequence[Profile], item: TrackedTrial) -> Array:
+def evaluate_profiles(profiles: Sequence[Profile], item: MotionFit) -> Array:
     """Profiles in every frame of a recording, (n_profiles, n_frames)."""
     return np.array([profile.values(item) for profile in profiles])

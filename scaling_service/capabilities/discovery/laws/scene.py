@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.capabilities.discovery.laws.spots import find_turning_joints
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import GROUND, BodyModel, Segment, Vector
-from scaling_service.numerics.multibody.laws import Array
 
 _SOFT = 0.2
 """Of the way from a joint to the segment's farthest marker: nearer, a marker sits on bone (chosen:
@@ -33,16 +33,12 @@ class Scene:
     def groups_on(self, segment: str) -> tuple[tuple[str, ...], ...]:
         """What may move together there: each marker, those on its soft middle, and all of them."""
         markers = self.on(segment)
-        ends = self._ends(segment)
+        children = [find_joints_offset(child) for child in self.model.children(segment)]
+        ends = np.array([(0.0, 0.0, 0.0), *children])
         far = max((d for m in markers for d in self._from(m, ends)), default=0.0)
         soft = tuple(m for m in markers if min(self._from(m, ends)) > _SOFT * far) if len(ends) > 1 else ()
         together = [group for group in (soft, markers) if len(group) > 1]
         return (*((m,) for m in markers), *dict.fromkeys(together))
-
-    def _ends(self, segment: str) -> Array:
-        """The joints that carry a segment and that it carries, (n, 3), m, in its frame."""
-        children = [find_joints_offset(child) for child in self.model.children(segment)]
-        return np.array([(0.0, 0.0, 0.0), *children])
 
     def _from(self, marker: str, ends: Array) -> list[float]:
         """How far a marker is from each end, m."""

@@ -15,11 +15,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Joint, Law, Parameter, Segment, Term, Vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_scale
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Tree,
     compute_jacobian,
@@ -157,7 +157,7 @@ class Generators:
     volumes: tuple[tuple[int, VolumeSpot], ...]
 
     @classmethod
-    def of(cls, item: TrackedTrial, spots: Sequence[Spot]) -> Generators:
+    def of(cls, item: MotionFit, spots: Sequence[Spot]) -> Generators:
         """For a recording as it is tracked."""
         opened, names = with_parameters(item.task.model, spots)
         tree = compile_model(opened, item.markers)
@@ -172,7 +172,7 @@ class Generators:
             volumes,
         )
 
-    def at(self, item: TrackedTrial, rows: Frames) -> tuple[Array, Array, Array]:
+    def at(self, item: MotionFit, rows: Frames) -> tuple[Array, Array, Array]:
         """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), by floors."""
         poses = pose_links(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = place_tree_markers(self.tree, poses)

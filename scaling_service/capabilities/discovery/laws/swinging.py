@@ -9,9 +9,9 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.laws.candidates import Estimate, Swinging
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull, simulate_oscillator
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
+from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +24,7 @@ class Pulled:
     step: float
 
     @classmethod
-    def of(cls, item: TrackedTrial, markers: Sequence[str]) -> Pulled:
+    def of(cls, item: MotionFit, markers: Sequence[str]) -> Pulled:
         """As a tracked motion has them."""
         at = [item.markers.index(m) for m in markers]
         axes = item.poses.axes[item.task.tree.marker_link][at]
@@ -36,7 +36,7 @@ class Pulled:
         return np.asarray(np.einsum("majn,nmj->nma", self.axes, moved))
 
 
-def still_skin(trial: Trial, near: TrackedTrial, effects: Iterable[Estimate]) -> Trial:
+def still_skin(trial: Trial, near: MotionFit, effects: Iterable[Estimate]) -> Trial:
     """A recording less the swing of its skin, as the motion of another tracking has it."""
     markers = trial.markers
     for effect in effects:

@@ -10,10 +10,10 @@ from threading import Lock
 import numpy as np
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.wrench import compute_regressor_blocks

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 
@@ -27,14 +27,10 @@ def differentiate_places(places: Array, step: float) -> tuple[Array, Array]:
     """Velocity (m/s) and acceleration (m/s2) of points, shaped as ``places``, as :func:`compute_pull`."""
     flat = places.reshape(len(places), -1)
     smooth = filter_butterworth(
-        flat, rate_hz=1 / step, cutoff_hz=_choose_cutoff(step), order=2 * _PASS
+        flat, rate_hz=1 / step, cutoff_hz=min(CUTOFF_HZ, 0.4 / step), order=2 * _PASS
     ).values
     speed, acceleration = differentiate_spline(step * np.arange(len(flat)), smooth)
     return speed.reshape(places.shape), acceleration.reshape(places.shape)
-
-
-def _choose_cutoff(step: float) -> float:
-    return min(CUTOFF_HZ, 0.4 / step)
 
 
 def simulate_oscillator(pull: Array, step: float, frequency_hz: float, damping: float) -> tuple[Array, Array]:

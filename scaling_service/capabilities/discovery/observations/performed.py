@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.observations.wrench import FEET, ContactAssignment, WrenchFit
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import repeat_default_pose
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth
 
@@ -111,7 +111,7 @@ def _clip_to_range(model: BodyModel, k: int, values: Array) -> Array:
     return values
 
 
-def perform_movement(like: TrackedTrial, movement: str) -> TrackedTrial | None:
+def perform_movement(like: MotionFit, movement: str) -> MotionFit | None:
     """The same markers on the same body in another movement; None if it has none of its coordinates."""
     q = simulate_coordinates(like.task.model, movement)
     return None if q is None else _move_trial(like, q, movement)
@@ -124,7 +124,13 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     of pressure lies between them. None where the body has no two feet, or the plates no foot.
     """
     item = perform_movement(like.tracked, movement)
-    feet = _find_foot_markers(like.tracked)
+    # Columns of the markers of the right and of the left foot.
+    found = []
+    for side in _SIDES:
+        segments = [like.tracked.task.model.marker(m).segment for m in like.tracked.markers]
+        on = [k for k, name in enumerate(segments) if name.startswith(FEET) and name.endswith(side)]
+        found.append(np.array(on, dtype=np.intp))
+    feet = (found[0], found[1]) if len(found[0]) and len(found[1]) else None
     if item is None or feet is None:
         return None
     sides = _assign_sides(like, feet)
@@ -142,24 +148,14 @@ def perform_on_plates(like: WrenchFit, movement: str) -> WrenchFit | None:
     return replace(made, contacts=ContactAssignment(ground, made.contacts.usable, like.cutoff_hz))
 
 
-def _move_trial(like: TrackedTrial, q: Array, movement: str) -> TrackedTrial:
+def _move_trial(like: MotionFit, q: Array, movement: str) -> MotionFit:
     times: Array = np.arange(len(q)) / RATE_HZ
     places = pose_markers(like.task.tree, q, like.task.p)
     trial = Trial(name=movement, times=times, labels=like.markers, markers=places, rate_hz=RATE_HZ)
     return replace(like, trial=trial, role="fit", task=replace(like.task, measured=places), q=q)
 
 
-def _find_foot_markers(item: TrackedTrial) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Columns of the markers of the right and of the left foot."""
-    found = []
-    for side in _SIDES:
-        segments = [item.task.model.marker(m).segment for m in item.markers]
-        on = [k for k, name in enumerate(segments) if name.startswith(FEET) and name.endswith(side)]
-        found.append(np.array(on, dtype=np.intp))
-    return (found[0], found[1]) if len(found[0]) and len(found[1]) else None
-
-
-def _locate_feet(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _locate_feet(item: MotionFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
     """Where the feet are, (n, 2, 3), m; NaN where not seen."""
     return np.stack([item.task.measured[:, on].mean(axis=1) for on in feet], axis=1)
 
@@ -177,7 +173,7 @@ def _assign_sides(like: WrenchFit, feet: tuple[NDArray[np.intp], NDArray[np.intp
     return found
 
 
-def _keep_on_floor(item: TrackedTrial, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+def _keep_on_floor(item: MotionFit, feet: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
     """The coordinates with the lower foot kept on the floor; as they are where the root does not travel."""
     task, q = item.task, item.q.copy()
     height = _locate_feet(item, feet)[:, :, 1].min(axis=1)

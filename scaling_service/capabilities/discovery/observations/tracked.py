@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     Poses,
     place_tree_markers,
@@ -47,7 +47,7 @@ _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a directi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TrackedTrial:
+class MotionFit:
     """One trial, and the motion with which the model tracks it best."""
 
     trial: Trial  # not smoothed and not filled: what was measured
@@ -62,9 +62,9 @@ class TrackedTrial:
         model: BodyModel,
         trial: Trial,
         role: Role,
-        near: TrackedTrial | None = None,
+        near: MotionFit | None = None,
         astray: Mapping[str, float] = MappingProxyType({}),
-    ) -> TrackedTrial:
+    ) -> MotionFit:
         """Track a trial with a model, from where a model like this one did; TrialUnusable without markers.
 
         ``astray``: markers that wander by some factor more than others, which draw the pose the less.
@@ -198,7 +198,7 @@ def _weight_markers(task: Task, floor: Array, astray: Mapping[str, float]) -> di
     return {name: (typical / (astray.get(name, 1.0) * sd)) ** 2 for name, sd in pairs}
 
 
-def _carry_over_motion(task: Task, near: TrackedTrial | None) -> Array | None:
+def _carry_over_motion(task: Task, near: MotionFit | None) -> Array | None:
     """The motion of the same trial as it was tracked before, by names of coordinates; new ones at zero."""
     if near is None:
         return None

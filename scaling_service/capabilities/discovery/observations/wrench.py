@@ -16,13 +16,13 @@ from scaling_service.capabilities.discovery.observations.inertial_loads import (
     InertialLoads,
 )
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.filters import filter_butterworth
@@ -65,7 +65,7 @@ class ContactAssignment:
 class WrenchFit:
     """One trial with forces, its motion and what is left between the two."""
 
-    tracked: TrackedTrial
+    tracked: MotionFit
     model: BodyModel  # with mass, as it is in this trial
     contacts: ContactAssignment
     gravity: Array  # (3,), m/s2

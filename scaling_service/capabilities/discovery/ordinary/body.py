@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import JointSpot, MarkerSpot, SizeSpot, VolumeSpot
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.columns import Base, Spread
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import Segment
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.numerics.multibody.laws import Array
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "legs": ("femur", "thigh", "tibia", "shank", "fibula", "patella", "calcn", "foot", "toes", "talus"),
@@ -79,7 +79,7 @@ class Cluster:
         return np.asarray((3 * self.rows[:, None] + np.arange(3)).ravel())
 
 
-def make_clusters(item: TrackedTrial, share: float | None = None) -> list[Cluster]:
+def make_clusters(item: MotionFit, share: float | None = None) -> list[Cluster]:
     """How the markers of every segment wander: the loose share of skin, unless another is given."""
     people, model = read_people(), item.task.model
     told = tell_landmarks(model)

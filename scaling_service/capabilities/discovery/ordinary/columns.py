@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
 from scaling_service.capabilities.discovery.laws.profiles import ALWAYS, Profile
 from scaling_service.capabilities.discovery.laws.spots import Spot
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _NEGLIGIBLE = 1e-12  # share of a covariance's largest direction
 

@@ -32,7 +32,7 @@ from scaling_service.capabilities.discovery.ordinary.body import find_part
 from scaling_service.capabilities.discovery.ordinary.columns import factorise
 from scaling_service.capabilities.discovery.ordinary.levels import FACTORS, learn_level, weigh_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 NOISE = np.array([12.0, 12.0, 8.0, 10.0, 5.0, 15.0])
 """By what plates and motion disagree along each component, N and N m, in a person of 65 kg (Muller et al.
@@ -81,7 +81,7 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Evidence:
+class ForceEvidence:
     """Of some recordings: logarithm of how likely they are, and what is told of further numbers."""
 
     value: float
@@ -212,7 +212,7 @@ class WrenchTable:
         found[-count:] = np.eye(count)
         return found if each else found.sum(axis=1, keepdims=True)
 
-    def weigh(self, named: Array, extra: Array, sd: Array, touches: Sequence[Touch] = ()) -> Evidence:
+    def weigh(self, named: Array, extra: Array, sd: Array, touches: Sequence[Touch] = ()) -> ForceEvidence:
         """Evidence at the likeliest levels.
 
         ``named`` (n_columns, j): of unit variance; ``extra`` (n_columns, k): of independent deviations
@@ -229,7 +229,7 @@ class WrenchTable:
         scale = np.ones(columns.shape[2])
         owned = {owner: at + steady.shape[2] for owner, at in self.owners.items()}
         k = len(sd)
-        best = Evidence(
+        best = ForceEvidence(
             value=-math.inf,
             size=np.zeros(k),
             covariance=np.zeros((k, k)),
@@ -263,7 +263,7 @@ class WrenchTable:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(np.square(left / (by_noise * np.sqrt(self.weight))).mean(axis=0))
                 size, covariance = sd * strength[last], np.outer(sd, sd) * inverse[last, last]
-                best = Evidence(
+                best = ForceEvidence(
                     value=value,
                     size=size,
                     covariance=covariance,
@@ -304,7 +304,7 @@ class WrenchTable:
         return freed, 0.5 * float((independent[:, None] * np.log(values)).sum())
 
     def score_roughly(
-        self, none: Evidence, choice: Sequence[Sequence[int]], sds: Sequence[Array]
+        self, none: ForceEvidence, choice: Sequence[Sequence[int]], sds: Sequence[Array]
     ) -> list[Scored]:
         """Candidates (the numbers of their columns), each by itself, at the levels that hold without any."""
         by_noise = np.sqrt(self.weight) / (self.sd * none.levels)
@@ -318,7 +318,7 @@ class WrenchTable:
             found.append(Scored.of(own.T @ left, own.T @ own - along.T @ inner @ along, sd))
         return found
 
-    def score_livelier(self, none: Evidence, numbers: Sequence[int], sd: Array) -> float:
+    def score_livelier(self, none: ForceEvidence, numbers: Sequence[int], sd: Array) -> float:
         """How much likelier recordings are if everybody's share of a candidate is livelier here.
 
         What that costs is taken off. ``sd``: everybody's share where masses differ as between people.

@@ -9,9 +9,14 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
-from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable, measure_noise
+from scaling_service.capabilities.discovery.ordinary.forces import (
+    ForceEvidence,
+    Touch,
+    WrenchTable,
+    measure_noise,
+)
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 EVERYBODYS = ("wobbling_mass",)
 """What every living body has, so that only much more of it, or of a body that is quiet elsewhere, is named:
@@ -26,7 +31,7 @@ class Loads:
     """Candidates of the wrench against what is ordinary."""
 
     table: WrenchTable
-    none: Evidence  # without any of them
+    none: ForceEvidence  # without any of them
     scored: Sequence[Scored]  # each by itself beside what is named, everybody's share of it taken off
     mass: float  # log Bayes factor of the body's mass
     touched: Sequence[float]  # log Bayes factors of touches, alone or as one of all of the same segment

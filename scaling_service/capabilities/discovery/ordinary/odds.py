@@ -22,7 +22,7 @@ from scaling_service.capabilities.discovery.ordinary.levels import (
     weigh_level,
 )
 from scaling_service.capabilities.discovery.ordinary.sums import Sums
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _LIVELIER = 3.0  # times, from where the level of one place is learnt
 _PASSES = 6  # of learning levels (chosen: they settle to a per cent)

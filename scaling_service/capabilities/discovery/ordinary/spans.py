@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 
 def find_best_span(gains: Array) -> tuple[float, slice]:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.laws.profiles import evaluate_profiles
 from scaling_service.capabilities.discovery.laws.spots import Generators
-from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial, span
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span
 from scaling_service.capabilities.discovery.ordinary.body import Cluster
 from scaling_service.capabilities.discovery.ordinary.columns import Base
+from scaling_service.core.arrays import Array
 from scaling_service.model.people import read_people
-from scaling_service.numerics.multibody.laws import Array
 
 _LAG_S = 0.05  # after which noise of cameras is gone and skin is not (chosen)
 NONE_ASTRAY: Mapping[str, float] = MappingProxyType({})
@@ -34,7 +34,7 @@ class Sums:
     square: float  # of the residuals
 
 
-def place_in_segments(item: TrackedTrial, rows: NDArray[np.intp] | slice) -> Array:
+def place_in_segments(item: MotionFit, rows: NDArray[np.intp] | slice) -> Array:
     """Axes of every marker's segment in some frames, as rows, (n, m, 3, 3)."""
     return np.moveaxis(item.poses.axes[item.task.tree.marker_link][..., rows], -1, 0)
 
@@ -46,7 +46,7 @@ def turn_vectors(axes: Array, values: Array) -> Array:
     return np.asarray(turned[..., 0].reshape(values.shape))
 
 
-def weigh_frames(item: TrackedTrial, step_s: float) -> float:
+def weigh_frames(item: MotionFit, step_s: float) -> float:
     """How much of each frame is new, at times so far apart (s).
 
     Skin is seen anew after twice its time of correlation, and noise of cameras in every frame. Both are
@@ -69,7 +69,7 @@ def weigh_frames(item: TrackedTrial, step_s: float) -> float:
 class Look:
     """Some frames of a recording, every marker in the axes of its segment; m and rad."""
 
-    item: TrackedTrial
+    item: MotionFit
     rows: NDArray[np.intp]
     gap: Array  # (n, 3 m): measured minus model
     pose: Array  # (n, q, 3 m)
@@ -80,7 +80,7 @@ class Look:
     clusters: Sequence[Cluster]
 
     @classmethod
-    def of(cls, item: TrackedTrial, base: Base, generators: Generators, clusters: Sequence[Cluster]) -> Look:
+    def of(cls, item: MotionFit, base: Base, generators: Generators, clusters: Sequence[Cluster]) -> Look:
         """Frames at equal times."""
         rows = np.unique(np.linspace(0, len(item.q) - 1, min(FRAMES, len(item.q))).round().astype(np.intp))
         gap, pose, columns = generators.at(replace(item, floor=np.ones(len(item.markers))), rows)

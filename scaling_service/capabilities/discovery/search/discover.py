@@ -19,14 +19,14 @@ from scaling_service.capabilities.discovery.effects.catalogue import (
 )
 from scaling_service.capabilities.discovery.evidence.fit import (
     Fit,
-    Recording,
     SearchContext,
+    SearchTrial,
     fit_recordings,
 )
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.observations.tracked import ROLES
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.capabilities.discovery.ordinary.forces import Evidence, WrenchTable, measure_noise
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, WrenchTable, measure_noise
 from scaling_service.capabilities.discovery.ordinary.levels import SPREAD
 from scaling_service.capabilities.discovery.search.findings import (
     Findings,
@@ -76,7 +76,7 @@ class Discovery:
 
 def discover(
     model: BodyModel,
-    recordings: Sequence[Recording],
+    recordings: Sequence[SearchTrial],
     settings: DiscoverySettings = DiscoverySettings(),
     progress: Progress | None = None,
     notes: Sequence[str] = (),
@@ -88,7 +88,7 @@ def discover(
     ----------
     model : BodyModel
         Without parameters; with mass where forces are given.
-    recordings : sequence of Recording
+    recordings : sequence of SearchTrial
         Not smoothed, not filled.
     notes : sequence of str
         What is known already of what could not be tried.
@@ -116,7 +116,7 @@ def _summarise(
     search: Search,
     before: Fit,
     body: BodyTable,
-    forces: tuple[WrenchTable, Evidence] | None,
+    forces: tuple[WrenchTable, ForceEvidence] | None,
     notes: Sequence[str],
 ) -> Findings:
     """Where, what, how far the gap closed, and what is left."""
@@ -169,7 +169,7 @@ def _finish(one: Named, search: Search) -> NamedEffect:
 
 
 def _list_unexplained(
-    search: Search, body: BodyTable, forces: tuple[WrenchTable, Evidence] | None, yardstick: Yardstick
+    search: Search, body: BodyTable, forces: tuple[WrenchTable, ForceEvidence] | None, yardstick: Yardstick
 ) -> tuple[Unexplained, ...]:
     """Places that are livelier than others of the person, and those of what has the odds but no name."""
     limit, fit = search.settings.unexplained, search.fit

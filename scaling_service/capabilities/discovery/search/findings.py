@@ -9,7 +9,7 @@ from typing import Literal
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 Verdict = Literal["found", "nothing", "unexplained"]
 Observable = Literal["marker", "force", "moment"]

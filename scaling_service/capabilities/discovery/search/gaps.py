@@ -9,12 +9,12 @@ import numpy as np
 import scipy
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
-from scaling_service.capabilities.discovery.observations.tracked import Role, TrackedTrial, span, without_span
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role, span, without_span
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.sums import Look
 from scaling_service.capabilities.discovery.search.findings import Disagreement, Gap, Level, classify_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _NORMAL_95 = 1.96
 _DRAWS = 32  # of ordinary persons; chosen: over some thirty frames they tell a deviation to 3 %
@@ -86,7 +86,7 @@ class _Tally:
 
 def _tally(fit: Fit, role: Role | None, *, forces: bool) -> _Tally | None:
     """Of all places over the trials of a role; None where nothing is observed."""
-    items: Sequence[TrackedTrial | WrenchFit] = fit.wrenches if forces else fit.tracked
+    items: Sequence[MotionFit | WrenchFit] = fit.wrenches if forces else fit.tracked
     names = COMPONENTS if forces else tuple(dict.fromkeys(m for item in fit.tracked for m in item.markers))
     rows, trials, starts = [], [], []
     for item in items:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 OF_MODELS = ("segment_mass", "segment_com", "joint_centre_offset", "joint_axis_tilt", "coupled_motion")
 """What a generic model brings to all persons alike; sizes and markers' places are each person's own."""

@@ -19,7 +19,7 @@ from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate, Swinging
 from scaling_service.capabilities.discovery.laws.profiles import Following
 from scaling_service.capabilities.discovery.laws.spots import Generators, MarkerSpot
-from scaling_service.capabilities.discovery.observations.tracked import TrackedTrial
+from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import (
     Ordinary,
     expect_body,
@@ -30,7 +30,7 @@ from scaling_service.capabilities.discovery.ordinary.columns import Base, Combin
 from scaling_service.capabilities.discovery.ordinary.levels import MARKER, STILLEST, find_most, learn_level
 from scaling_service.capabilities.discovery.ordinary.odds import Scored, Table
 from scaling_service.capabilities.discovery.ordinary.sums import Look, Sums, White
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _WANDERING, _LASTING = 4, 4
 """Passes of learning levels: of what wanders, and of what lasts (chosen: they settle to some per cent)."""
@@ -273,7 +273,7 @@ def is_of_body(candidate: Candidate) -> bool:
 
 def _look(fit: Fit, base: Base) -> list[Look]:
     """At all recordings; what the same body needs is made once."""
-    known: list[tuple[TrackedTrial, Generators]] = []
+    known: list[tuple[MotionFit, Generators]] = []
     looks = []
     for item in fit.tracked:
         alike = (g for other, g in known if _are_of_same_body(item, other))
@@ -285,7 +285,7 @@ def _look(fit: Fit, base: Base) -> list[Look]:
     return looks
 
 
-def _are_of_same_body(one: TrackedTrial, other: TrackedTrial) -> bool:
+def _are_of_same_body(one: MotionFit, other: MotionFit) -> bool:
     """Whether two recordings are tracked by the same body with the same markers and coordinates."""
     alike = one.markers == other.markers and np.array_equal(one.task.free, other.task.free)
     return alike and one.task.model == other.task.model

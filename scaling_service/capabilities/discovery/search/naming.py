@@ -32,8 +32,8 @@ from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leaning
 from scaling_service.capabilities.discovery.search.markers import Ranked
+from scaling_service.core.arrays import Array
 from scaling_service.core.progress import Steps
-from scaling_service.numerics.multibody.laws import Array
 
 SHOWN = 30  # of what was not named (chosen)
 

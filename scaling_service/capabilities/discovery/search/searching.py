@@ -30,7 +30,7 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Reweighed,
     Swinging,
 )
-from scaling_service.capabilities.discovery.ordinary.forces import Evidence, Touch, WrenchTable
+from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared
@@ -38,8 +38,8 @@ from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
 from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
 from scaling_service.capabilities.dynamics.weight import Weight
+from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
-from scaling_service.numerics.multibody.laws import Array
 
 LOAD = "carried_load"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
@@ -203,7 +203,7 @@ class Search(Naming):
 
     # Forces
 
-    def search_forces(self) -> tuple[WrenchTable, Evidence] | None:
+    def search_forces(self) -> tuple[WrenchTable, ForceEvidence] | None:
         """What stands out of the forces; the last table."""
         if not self.fit.wrenches or not self.fit.scene.plates:
             return None

@@ -19,7 +19,7 @@ from scaling_service.capabilities.discovery.ordinary.body import make_clusters
 from scaling_service.capabilities.discovery.ordinary.columns import Base
 from scaling_service.capabilities.discovery.ordinary.forces import NOISE
 from scaling_service.capabilities.discovery.ordinary.sums import Look
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 
 _NEAREST = 6  # others that are looked at (chosen: the rest are further off)
 _NULL = 1e-9  # of a column's own square, so that two may be the same

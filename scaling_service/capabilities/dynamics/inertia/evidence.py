@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.inertia import compile_mechanism
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.wrench import compute_regressor_blocks, move_moment
 
 N_COMPONENTS = 6
@@ -40,7 +40,7 @@ class ForceRecording:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Evidence:
+class WrenchEquations:
     """Normal equations of the ground wrench about the root's origin, for each component by itself."""
 
     trial: str
@@ -57,7 +57,7 @@ class Evidence:
         return np.asarray(np.sqrt(np.clip(left, 0.0, None) / self.frames))
 
 
-def gather_evidence(model: BodyModel, recording: ForceRecording) -> Evidence:
+def gather_evidence(model: BodyModel, recording: ForceRecording) -> WrenchEquations:
     """Normal equations of one recording, over the frames that have a motion and all their forces."""
     dynamics, used = recording.dynamics, recording.used
     mechanism = compile_mechanism(model)
@@ -75,7 +75,7 @@ def gather_evidence(model: BodyModel, recording: ForceRecording) -> Evidence:
         slope += np.einsum("cnp,nc->cp", by_component, error)
     repeats = np.array([count_repeats(errors[:, c]) for c in range(N_COMPONENTS)])
     squares = np.nansum(errors**2, axis=0)
-    return Evidence(
+    return WrenchEquations(
         trial=dynamics.trial,
         frames=int(used.sum()),
         curvature=curvature,
@@ -110,7 +110,9 @@ def count_repeats(errors: Array) -> float:
     return float(np.clip(2.0 * positive.sum() - 1.0, 1.0, n))
 
 
-def gather(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]) -> tuple[Array, Array]:
+def gather(
+    evidence: Sequence[WrenchEquations], noise: Array, components: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     """Information (p, p) and slope (p,) of recordings together, over the components (6,) that count."""
     weights = [components / (noise**2 * e.repeats) for e in evidence]
     information = sum(np.einsum("c,cpq->pq", w, e.curvature) for w, e in zip(weights, evidence, strict=True))
@@ -119,7 +121,7 @@ def gather(evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bo
 
 
 def weigh_errors(
-    evidence: Sequence[Evidence], noise: Array, components: NDArray[np.bool_]
+    evidence: Sequence[WrenchEquations], noise: Array, components: NDArray[np.bool_]
 ) -> tuple[float, float]:
     """Sum of squared errors over their noise, and how many independent errors there are; see ``gather``."""
     squares = sum(float((e.squares / (noise**2 * e.repeats))[components].sum()) for e in evidence)

@@ -18,8 +18,8 @@ from scipy import sparse
 
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
-    Evidence,
     ForceRecording,
+    WrenchEquations,
     estimate_noise,
     gather,
     gather_evidence,
@@ -30,18 +30,18 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
     InertialPrior,
     PriorSpread,
     Solution,
-    WrenchFit,
+    WrenchError,
     describe_combinations,
     describe_parameters,
     make_inertial_prior,
 )
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.inertia import compile_whole_tree, gather_inertias, to_matrix, with_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
 from scaling_service.numerics.multibody.tree import pose_links
 
@@ -279,7 +279,7 @@ def identify_inertia(
         parameters=describe_parameters(model, changed, prior, solution),
         combinations=describe_combinations(prior, solution),
         fits=tuple(
-            WrenchFit(
+            WrenchError(
                 trial=e.trial,
                 held_out=out,
                 frames=e.frames,
@@ -328,7 +328,7 @@ def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
 def _solve(
     model: BodyModel,
     prior: InertialPrior,
-    evidence: Sequence[Evidence],
+    evidence: Sequence[WrenchEquations],
     components: NDArray[np.bool_],
     noise_known: Array | None,
 ) -> Solution:

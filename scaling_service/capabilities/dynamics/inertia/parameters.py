@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import null_space
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import gather_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
 
 MASS_SD = 0.10
@@ -75,7 +75,16 @@ def make_inertial_prior(
     Symmetric: segments ``…_r`` and ``…_l`` change alike, each in units of its own spread, mirrored.
     """
     inertias = gather_inertias(model)
-    sd = _list_deviations(inertias, spread)
+    # Standard deviations of `PARTS`, (n, 10).
+    mass, tensor = inertias.mass, inertias.tensor
+    squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
+    sizes = np.sqrt(np.clip(squares, 0.0, None))  # length times root of mass
+    lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
+    # The square of a length has twice its relative deviation; a product of two has root two of it.
+    second = [
+        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
+    ]
+    sd = np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
     scale = np.zeros((sd.size, sd.size))
     for k, slopes in enumerate(_differentiate_parameters(inertias)):
         rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
@@ -86,19 +95,6 @@ def make_inertial_prior(
     return InertialPrior(
         segments=model.segment_names, mean=inertias.parameters(), sd=sd, scale=scale, basis=basis
     )
-
-
-def _list_deviations(inertias: Inertias, spread: PriorSpread) -> Array:
-    """Standard deviations of ``PARTS``, (n, 10)."""
-    mass, tensor = inertias.mass, inertias.tensor
-    squares = 0.5 * np.trace(tensor, axis1=1, axis2=2)[:, None] - np.diagonal(tensor, axis1=1, axis2=2)
-    sizes = np.sqrt(np.clip(squares, 0.0, None))  # length times root of mass
-    lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
-    # The square of a length has twice its relative deviation; a product of two has root two of it.
-    second = [
-        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
-    ]
-    return np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
 
 
 def _differentiate_parameters(inertias: Inertias) -> Array:
@@ -194,7 +190,7 @@ class Combination:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class WrenchFit:
+class WrenchError:
     """How well the ground wrench of one recording is explained."""
 
     trial: str
@@ -213,7 +209,7 @@ class InertialIdentification:
     model: BodyModel  # with the identified inertia
     parameters: tuple[InertialParameter, ...]  # ten for each segment with mass
     combinations: tuple[Combination, ...]  # those that were free to move, best determined first
-    fits: tuple[WrenchFit, ...]  # fitted and held-out recordings
+    fits: tuple[WrenchError, ...]  # fitted and held-out recordings
     components: tuple[bool, ...]  # which components of the wrench were used
     # (6,), N and N m: standard deviation of the wrench's error that was assumed or found; NaN for components
     # not used

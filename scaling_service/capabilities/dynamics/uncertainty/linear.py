@@ -30,13 +30,13 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
     STENCIL,
+    LoadedMotion,
     NoiseOn,
     PointBody,
-    Recording,
     Reference,
     difference_twice,
 )
-from scaling_service.numerics.multibody.laws import Array
+from scaling_service.core.arrays import Array
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,
@@ -164,7 +164,7 @@ class LinearUncertainty:
 
 
 def propagate_linearly(
-    recording: Recording,
+    recording: LoadedMotion,
     levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0),
     noise_on: NoiseOn = "rotations",
 ) -> LinearUncertainty:
@@ -174,14 +174,22 @@ def propagate_linearly(
     spread = factor_noise(reference.low_pass.autocovariance(len(LAGS) - 1))
     covariances, apart, spreads = [], [], []
     for block in compute_wrench_jacobians(reference):
-        covariances.append(_compute_wrench_covariance(block, spread))
+        # Of coordinates with independent noise of unit size, shape (n, 6, 6).
+        factors = np.einsum("ls,lvcn->nsvc", spread, block.by_lag, optimize=True)
+        joined = factors.reshape(len(factors), -1, 6)
+        covariances.append(np.asarray(joined.transpose(0, 2, 1) @ joined))
         away, wide = _compute_marker_spread(reference, block)
         apart.append(away)
         spreads.append(wide)
     covariance = np.concatenate(covariances)
     away = np.concatenate(apart)
     wide = np.concatenate(spreads) * np.sqrt(reference.low_pass.autocovariance(0)[0])
-    sizes = _choose_sizes(error, away, wide, 1.0 + max(levels) + BEYOND)
+    # Sizes of noise from none to one whose expected error is `reach` times the reference's.
+    reach = 1.0 + max(levels) + BEYOND
+    largest = error / float(wide.mean())
+    while _expect_distance(away, largest * wide).mean() < reach * error:
+        largest *= 1.5
+    sizes = np.linspace(0.0, largest, _GRID)
     errors = np.array([_expect_distance(away, size * wide).mean() for size in sizes])
     # the reference's own place on the curve: the frames used only
     errors *= error / errors[0]
@@ -200,13 +208,6 @@ def factor_noise(autocovariance: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
-def _compute_wrench_covariance(block: WrenchJacobian, spread: Array) -> Array:
-    """Of coordinates with independent noise of unit size, shape (n, 6, 6)."""
-    factors = np.einsum("ls,lvcn->nsvc", spread, block.by_lag, optimize=True)
-    joined = factors.reshape(len(factors), -1, 6)
-    return np.asarray(joined.transpose(0, 2, 1) @ joined)
-
-
 def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple[Array, Array]:
     """Of all markers seen in all frames: distance from the model's, and spread for unit size of the noise.
 
@@ -219,14 +220,6 @@ def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple
     seen = reference.seen[:, block.rows] > 0
     wide = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
     return np.linalg.norm(away, axis=1)[seen], wide[seen]
-
-
-def _choose_sizes(error: float, away: Array, wide: Array, reach: float) -> Array:
-    """Sizes of noise from none to one whose expected error is ``reach`` times the reference's."""
-    largest = error / float(wide.mean())
-    while _expect_distance(away, largest * wide).mean() < reach * error:
-        largest *= 1.5
-    return np.linspace(0.0, largest, _GRID)
 
 
 def _expect_distance(away: Array, wide: Array) -> Array:

@@ -21,10 +21,10 @@ from scaling_service.capabilities.dynamics.uncertainty.linear import (
     compute_wrench_jacobians,
     factor_noise,
 )
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording, Reference
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model.inertia import compile_mechanism, gather_inertias
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
@@ -75,7 +75,7 @@ class MarkerUncertainty:
 
 
 def propagate_marker_errors(
-    recording: Recording, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
+    recording: LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
 
@@ -224,7 +224,7 @@ class FrameChoice:
 
 
 def choose_frames(
-    recording: Recording, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
+    recording: LoadedMotion, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
 ) -> FrameChoice:
     """The windows that tell most of the inertial parameters, given how uncertain each frame is.
 
@@ -259,7 +259,7 @@ def choose_frames(
 
 
 def _gather_information(
-    recording: Recording,
+    recording: LoadedMotion,
     reference: Reference,
     uncertainty: MarkerUncertainty,
     picked: NDArray[np.intp],
@@ -271,7 +271,14 @@ def _gather_information(
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
     blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.body.p)
     regressor = np.concatenate([block.ground for block in blocks])
-    scale = _list_table_sd(recording)
+    # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
+    inertias = gather_inertias(recording.model)
+    result = np.empty((len(inertias.mass), N_PARAMETERS))
+    mass = inertias.mass
+    result[:, 0] = MASS_SHARE * mass
+    result[:, 1:4] = PLACE_M * mass[:, None]
+    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
+    scale = result.ravel()
     root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
     whitened = root @ (regressor * scale)
     pieces = {}
@@ -279,17 +286,6 @@ def _gather_information(
         own = whitened[place == number].reshape(-1, len(scale))
         pieces[number] = own.T @ own
     return pieces
-
-
-def _list_table_sd(recording: Recording) -> Array:
-    """Standard deviation of all inertial parameters before the recording, shape (10 n_segments,)."""
-    inertias = gather_inertias(recording.model)
-    result = np.empty((len(inertias.mass), N_PARAMETERS))
-    mass = inertias.mass
-    result[:, 0] = MASS_SHARE * mass
-    result[:, 1:4] = PLACE_M * mass[:, None]
-    result[:, 4:] = TENSOR_SHARE * np.einsum("kii->k", inertias.tensor)[:, None] / 3.0
-    return result.ravel()
 
 
 def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:

@@ -10,10 +10,10 @@ from functools import partial
 import numpy as np
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.model.forces import CONTACT_N
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import cross, pose_links
 
 UNIFORM_RANGE = np.sqrt(12.0)
@@ -144,18 +144,15 @@ def draw_levels(
         added = relative * database.error_m
         shares = stream(seed, "uncertainty", "level", str(relative)).random(samples)
         wanted = database.error_m + added * shares
-        drawn = order[_find_nearest(database.errors_m[order], wanted)]
+        # The place of the nearest value for each that is wanted.
+        ascending = database.errors_m[order]
+        after = np.clip(np.searchsorted(ascending, wanted), 1, len(ascending) - 1)
+        before = after - 1
+        nearer = wanted - ascending[before] < ascending[after] - wanted
+        drawn = order[np.where(nearer, before, after)]
         spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
         found.append(Level(added, spread, len(np.unique(drawn))))
     return tuple(found)
-
-
-def _find_nearest(ascending: Array, wanted: Array) -> Array:
-    """The place of the nearest value for each that is wanted."""
-    after = np.clip(np.searchsorted(ascending, wanted), 1, len(ascending) - 1)
-    before = after - 1
-    nearer = wanted - ascending[before] < ascending[after] - wanted
-    return np.where(nearer, before, after)
 
 
 def fit_slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -207,12 +204,6 @@ def draw_plate_dispersion(
     reference: Reference, noise: PlateNoise, samples: int, seed: int, executor: Executor
 ) -> Array:
     """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
-    plates = _prepare_plates(reference, noise)
-    rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
-    return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
-
-
-def _prepare_plates(reference: Reference, noise: PlateNoise) -> _Plates:
     used = reference.used
     _, residual = reference.residual(reference.q)
     poses = pose_links(reference.body.tree, reference.q[:, used], reference.body.p)
@@ -228,7 +219,7 @@ def _prepare_plates(reference: Reference, noise: PlateNoise) -> _Plates:
     load = np.linalg.norm(force, axis=1)
     sigma = np.where(loaded, np.maximum(noise.share * load, noise.least_n) / SIGMAS, 0.0)[:, None]
     spread = np.where(loaded, noise.centre_m / SIGMAS, 0.0)[:, None]
-    return _Plates(
+    plates = _Plates(
         residual=residual[:, used],
         force=force,
         lever=centre - root,
@@ -236,6 +227,8 @@ def _prepare_plates(reference: Reference, noise: PlateNoise) -> _Plates:
         centre=spread,
         scale=reference.scale,
     )
+    rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
+    return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
 
 
 def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:

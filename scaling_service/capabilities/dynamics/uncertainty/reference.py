@@ -18,12 +18,12 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import (
     report_no_frame,
     scale_indicator,
 )
+from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import sum_mass, to_matrix
 from scaling_service.model.results import Motion
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,
@@ -186,7 +186,7 @@ makes it here."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Recording:
+class LoadedMotion:
     """One recording with its external loads."""
 
     model: BodyModel  # with mass, as inverse kinematics used it
@@ -220,7 +220,7 @@ class Reference:
     scale: Array  # (6,), N and N m: body weight, and body weight times stature
 
     @classmethod
-    def of(cls, recording: Recording, noise_on: NoiseOn = "rotations") -> Reference:
+    def of(cls, recording: LoadedMotion, noise_on: NoiseOn = "rotations") -> Reference:
         """Filter and arrange a recording; noise goes on those coordinates that the markers determine.
 
         Refuses a cutoff or stature that does not suit, loads on another clock, and a recording without a
@@ -246,13 +246,19 @@ class Reference:
             raise report_no_frame(motion.trial)
         measured, seen = _list_measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
+        names = set(motion.estimated)
+        chosen = [
+            k
+            for k, coordinate in enumerate(model.coordinates)
+            if coordinate.name in names and (noise_on == "all" or coordinate.kind == "rotation")
+        ]
         return cls(
             trial=motion.trial,
             body=PointBody.of(model, motion.markers),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),
-            varied=_list_varied(model, motion, noise_on),
+            varied=np.array(chosen, dtype=np.intp),
             spans=spans,
             measured=measured,
             seen=seen,
@@ -310,16 +316,6 @@ class Reference:
             for start, stop in self.spans
             for at in range(start, stop - 2 * HALO, BLOCK)
         ]
-
-
-def _list_varied(model: BodyModel, motion: Motion, noise_on: NoiseOn) -> NDArray[np.intp]:
-    names = set(motion.estimated)
-    chosen = [
-        k
-        for k, coordinate in enumerate(model.coordinates)
-        if coordinate.name in names and (noise_on == "all" or coordinate.kind == "rotation")
-    ]
-    return np.array(chosen, dtype=np.intp)
 
 
 def _list_measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:

@@ -22,12 +22,12 @@ from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
     draw_plate_dispersion,
     fit_slopes_through_zero,
 )
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion as LoadedMotion
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
-from scaling_service.capabilities.dynamics.uncertainty.reference import Recording as Recording
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import Serial
-from scaling_service.numerics.multibody.laws import Array
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
@@ -103,7 +103,7 @@ class WrenchUncertainty:
 
 
 def propagate(
-    recording: Recording,
+    recording: LoadedMotion,
     settings: UncertaintySettings = UncertaintySettings(),
     *,
     executor: Executor | None = None,

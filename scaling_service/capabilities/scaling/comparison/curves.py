@@ -11,11 +11,12 @@ import numpy as np
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
 from scaling_service.capabilities.scaling.comparison.geometry import list_joint_angles
 from scaling_service.capabilities.scaling.result import Results
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
 from scaling_service.model.anatomy.frames import SIDES, Side
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import Curves as CohortCurves

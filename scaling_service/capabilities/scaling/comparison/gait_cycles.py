@@ -15,9 +15,9 @@ import scipy
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.motion.clinical_angles import Cycle
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.frames import Side
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.results import Array
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
@@ -92,7 +92,12 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
     """
     marker = ""
     try:
-        pelvis = _follow_pelvis(trial)
+        # Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden.
+        found = [_find_middle(trial, names) for names in _PELVIS]
+        best = _find_seen_longest([where for where in found if where is not None])
+        if best is None:
+            raise _NoWalking("no marker of the pelvis is seen")
+        pelvis = best
         marker, foot = _follow_foot(trial, side)
         direction, travels = _find_direction(trial, pelvis)
         ahead = (foot - pelvis) @ direction
@@ -123,15 +128,6 @@ def _explain_too_few(contacts: int, side: Side) -> str:
     if contacts < 2:
         return f"{contacts} contact{'s' if contacts != 1 else ''} of the {foot}, and a stride needs two"
     return f"between the {contacts} contacts of the {foot} markers are hidden"
-
-
-def _follow_pelvis(trial: Trial) -> Array:
-    """Middle of the pelvis' markers that are seen longest, (n_frames, 3), m; NaN where one is hidden."""
-    found = [_find_middle(trial, names) for names in _PELVIS]
-    best = _find_seen_longest([where for where in found if where is not None])
-    if best is None:
-        raise _NoWalking("no marker of the pelvis is seen")
-    return best
 
 
 def _find_middle(trial: Trial, names: Sequence[str]) -> Array | None:

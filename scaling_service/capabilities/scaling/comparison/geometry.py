@@ -10,11 +10,15 @@ import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths, straighten
 from scaling_service.model.body import GROUND, BodyModel, Marker, Vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import Tilt, tilt_of
-from scaling_service.model.results import Array, Calibration, Motion
+from scaling_service.model.results import (
+    Calibration,
+    Motion,
+)
 from scaling_service.numerics.multibody.tree import pose_markers
 
 _CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

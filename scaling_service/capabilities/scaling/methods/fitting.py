@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
@@ -37,7 +38,6 @@ from scaling_service.numerics.least_squares.problem import (
     compute_total_cost,
     find_seen,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
 
@@ -85,6 +85,7 @@ def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
 
 
 Progress = Callable[[int, float], None]
+"""Called with the number of a step and what it left, m2."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -14,11 +14,12 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.placement import with_axis, with_centre
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import build_femur_frame
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model.body import BodyModel
 from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.poses import evaluate_marker, list_model_values
 from scaling_service.model.subject import Session
@@ -31,7 +32,6 @@ from scaling_service.numerics.multibody.functional import (
     join_poses,
     measure_ranges_of_motion,
 )
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
 
 FOREIGN_M = 0.03
@@ -288,7 +288,12 @@ def with_functional(
     """
     notes = []
     for side, centre in joints.hips.items():
-        model = with_centre(model, f"femur_{side}", _in_pelvis(model, joints, centre))
+        cluster, values = joints.posture.cluster("pelvis"), list_model_values(model)
+        known = [name for name in cluster.labels if name in model.marker_names]
+        local = [evaluate_marker(model.marker(name), values) for name in known]
+        rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
+        x, y, z = (float(v) for v in rotation.T @ (centre - position))
+        model = with_centre(model, f"femur_{side}", ((x, y, z)))
     tilts: dict[str, Tilt] = {}
     for side, axis in joints.knees.items():
         joint = model.segment(f"tibia_{side}").joint_name
@@ -298,15 +303,6 @@ def with_functional(
         except _NotFound as doubt:
             notes.append(f"MB: {joint}: the epicondyles in its place: {doubt}")
     return model, tilts, tuple(notes)
-
-
-def _in_pelvis(model: BodyModel, joints: FunctionalJoints, centre: Array) -> Vector:
-    cluster, values = joints.posture.cluster("pelvis"), list_model_values(model)
-    known = [name for name in cluster.labels if name in model.marker_names]
-    local = [evaluate_marker(model.marker(name), values) for name in known]
-    rotation, position = fit_rigid(np.array(local), np.array([joints.posture.points[n] for n in known]))
-    x, y, z = (float(v) for v in rotation.T @ (centre - position))
-    return (x, y, z)
 
 
 def _tilt(points: Points, axis: Array, side: str, settings: CalibrationSettings) -> Tilt:

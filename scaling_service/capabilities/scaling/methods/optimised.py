@@ -21,6 +21,7 @@ from scaling_service.capabilities.scaling.methods.fitting import (
 )
 from scaling_service.capabilities.scaling.sizes.measurements import AXES, read_fitted_factor
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Segment
@@ -40,7 +41,6 @@ from scaling_service.numerics.least_squares.estimator import (
     Uncertainty,
     estimate_uncertainty,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 SELECTED_COORDINATES = {"PSIS": "xz", "ASIS": "xz", "LFE": "", "MFE": "xz", "FH": "xz", "LM": "", "MM": "x"}
 """Local coordinates that MB_lam frees, by landmark without its side (Puchaud 2019, table 1)."""
@@ -177,15 +177,6 @@ def _list_parameters(freed: BodyModel, p: Array, doubt: Uncertainty) -> tuple[Es
     return tuple(found)
 
 
-def _list_factors(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float, float]]:
-    factors = {}
-    for segment in start.model.segment_names:
-        x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
-        kx, ky, kz = read_fitted_factor(values, segment)
-        factors[segment] = (kx * x, ky * y, kz * z)
-    return factors
-
-
 def _list_tilts(start: Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
     fitted = {
         joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
@@ -282,11 +273,16 @@ class Optimised:
         values = {p.name: p.value for p in estimated}
         warnings = [*start.warnings, *self._note_kept_knees(start.model)]
         warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
+        factors = {}
+        for segment in start.model.segment_names:
+            x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
+            kx, ky, kz = read_fitted_factor(values, segment)
+            factors[segment] = (kx * x, ky * y, kz * z)
         return Calibration(
             method=self.name,
             model=fold(freed, values),
             generic=start.generic,
-            scale_factors=_list_factors(start, values),
+            scale_factors=factors,
             axis_tilts=_list_tilts(start, values),
             parameters=estimated,
             cost=fit.error(solution),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.anthropometry import DimensionPrior
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
@@ -22,7 +23,6 @@ from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
-from scaling_service.numerics.multibody.laws import Array
 
 _UNKNOWN_M = 0.2  # SD of a tracking marker about where the standing trial shows it: as good as nothing
 _LIKE = 0.01  # chosen: relative SD between segments of one dimension, such as both bones of a forearm

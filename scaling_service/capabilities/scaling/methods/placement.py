@@ -11,6 +11,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.ranges import list_joint_coordinates, list_unshown
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task, guess_start
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Vector
@@ -20,7 +21,6 @@ from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen, find_shown
-from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.sweep import MotionSolution, SweepSettings
 from scaling_service.numerics.multibody.tree import pose_links
 
@@ -136,7 +136,19 @@ def place_markers(model: BodyModel, trial: Trial, placement: MarkerPlacement) ->
 
     OpenSim 4 documentation, "How Scaling Works"; compared with its ScaleTool in the tests.
     """
-    pose = _average(trial, placement.time_range)
+    # One frame: the mean position of each marker over the frames of the range that show it.
+    rows = select_frames(trial, placement.time_range)
+    chosen = trial.markers[rows]
+    shown = find_shown(chosen)
+    mean = np.full(chosen.shape[1:], np.nan)
+    mean[shown] = np.nanmean(chosen[:, shown], axis=0)
+    pose = Trial(
+        name=trial.name,
+        times=trial.times[rows][:1],
+        labels=trial.labels,
+        markers=mean[None],
+        rate_hz=trial.rate_hz,
+    )
     q = _solve_static_pose(model, pose, placement)
     free = [m.name for m in model.markers if m.name not in placement.fixed]
     found = _average_local_places(model, pose, q, {name: model.marker(name).segment for name in free})
@@ -184,22 +196,6 @@ def select_frames(trial: Trial, time_range: tuple[float, float] | None) -> slice
     first = max(int(np.searchsorted(times, start + _SAME_TIME)) - 1, 0)
     last = int(np.searchsorted(times, max(end, times[first]) - _SAME_TIME))
     return slice(first, min(last, len(times) - 1) + 1)
-
-
-def _average(trial: Trial, time_range: tuple[float, float] | None) -> Trial:
-    """One frame: the mean position of each marker over the frames of the range that show it."""
-    rows = select_frames(trial, time_range)
-    chosen = trial.markers[rows]
-    shown = find_shown(chosen)
-    mean = np.full(chosen.shape[1:], np.nan)
-    mean[shown] = np.nanmean(chosen[:, shown], axis=0)
-    return Trial(
-        name=trial.name,
-        times=trial.times[rows][:1],
-        labels=trial.labels,
-        markers=mean[None],
-        rate_hz=trial.rate_hz,
-    )
 
 
 def _solve_static_pose(model: BodyModel, pose: Trial, placement: MarkerPlacement) -> Array:

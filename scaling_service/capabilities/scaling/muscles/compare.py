@@ -11,13 +11,14 @@ import numpy as np
 from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents.results import MuscleDifference, MuscleDocument, MuscleQuantity
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
-from scaling_service.model.results import Array, Motion
+from scaling_service.model.results import Motion
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 MOST_FRAMES = 2000
@@ -82,7 +83,14 @@ def compare_muscles(
     ``trials``: those that are looked at.
     Raises SubjectInvalid: the model is none of OpenSim, or has no muscles, or no movement was recorded.
     """
-    _check(loaded, trials)
+    if not loaded.session.subject.model.lower().endswith(".osim"):
+        raise _report_no_muscles("is no .osim model")
+    if not trials:
+        raise SubjectInvalid(
+            "muscles are compared over movements, and none was recorded",
+            field="trials",
+            remedy="Name evaluation trials",
+        )
     forces, notes = _gather_forces(loaded, trials)
     found: dict[str, dict[str, MuscleCourses]] = {}
     for k, (method, (model, text)) in enumerate(models.items()):
@@ -102,17 +110,6 @@ def compare_muscles(
         for peak in _list_largest(_list_peaks(found[reference], found[method], quantity, (reference, method)))
     ]
     return MuscleComparison(reference, found, tuple(differences), notes)
-
-
-def _check(loaded: Loaded, trials: Sequence[str]) -> None:
-    if not loaded.session.subject.model.lower().endswith(".osim"):
-        raise _report_no_muscles("is no .osim model")
-    if not trials:
-        raise SubjectInvalid(
-            "muscles are compared over movements, and none was recorded",
-            field="trials",
-            remedy="Name evaluation trials",
-        )
 
 
 def _report_no_muscles(what: str) -> SubjectInvalid:

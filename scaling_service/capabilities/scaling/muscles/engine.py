@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.documents.engines import EngineMuscle, EngineMuscleDocument
 from scaling_service.files.limbs import Skeleton
@@ -18,7 +19,6 @@ from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.muscles import Musculature
 from scaling_service.model.poses import sweep_coordinates
-from scaling_service.model.trial import Array
 
 STEPS = 25  # of each range; chosen: 5 degrees of a range of 120
 LENGTH_M, WRAPPING_LENGTH_M, ARM_M = 1e-3, 3e-3, 2e-3

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.files.osim.models import read_osim
 from scaling_service.files.osim.muscles import measure_muscles, read_musculature, set_parameters
 from scaling_service.model.body import BodyModel
 from scaling_service.model.muscles import Muscle
 from scaling_service.model.poses import sweep_coordinates
-from scaling_service.model.trial import Array
 
 _STEPS = 10  # of each coordinate's range (Modenese et al. 2016 took ten)
 _WORKING = (0.5, 1.5)

@@ -12,10 +12,14 @@ import numpy as np
 from scaling_service.bones.morph import SurfaceMap, map_surface, measure_distances
 from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
+from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.files.osim.muscles import Attachment, Wrap, move_attachments, read_attachments
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.results import Array, Calibration, JointMove
+from scaling_service.model.results import (
+    Calibration,
+    JointMove,
+)
 from scaling_service.model.trial import Bone
 
 

@@ -19,10 +19,10 @@ from functools import partial
 
 import numpy as np
 
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.body import Vector
-from scaling_service.numerics.multibody.laws import Array
 
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
 """The two ends of a distance, each the mean of some points."""

@@ -9,6 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.centres import (
     BodySizes,
     Centre,
@@ -23,7 +24,6 @@ from scaling_service.model.anatomy.markers import SACRUM, find_canonical, strip_
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.laws import Array
 
 _MIDDLES: Mapping[str, tuple[str, str]] = MappingProxyType({"knee": ("LFE", "MFE"), "ankle": ("LM", "MM")})
 """Joints whose centre is measured at the middle of two landmarks, on the model as on the person."""

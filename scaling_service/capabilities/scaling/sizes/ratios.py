@@ -21,6 +21,7 @@ from scaling_service.capabilities.scaling.sizes.measurements import (
     measure_distances,
 )
 from scaling_service.capabilities.scaling.sizes.points import PersonPoints, name_points
+from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.centres import (
     Points,
     Size,
@@ -28,7 +29,6 @@ from scaling_service.model.anatomy.centres import (
     look_up_landmark_sd,
     read_pelvis,
 )
-from scaling_service.numerics.multibody.laws import Array
 
 _UNKNOWN_SD = 0.05
 """Chosen: relative, of a distance whose ends no single frame shows with all that they rest on."""

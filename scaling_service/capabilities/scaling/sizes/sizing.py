@@ -30,6 +30,7 @@ from scaling_service.capabilities.scaling.sizes.points import (
 )
 from scaling_service.capabilities.scaling.sizes.ratios import Ratios, estimate_centre_sds, measure_ratios
 from scaling_service.capabilities.shared.settings import CalibrationSettings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
@@ -40,7 +41,6 @@ from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
-from scaling_service.numerics.multibody.laws import Array
 
 _WORDS: Mapping[str, str] = MappingProxyType(
     {

@@ -16,11 +16,10 @@ from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
 
-_OFF_M = (
-    1e-3  # how far a facet departs from its sphere; chosen: three persons' rms are 0.3-0.5 mm, half a voxel
-)
+_OFF_M = 1e-3
+"""How far a facet departs from its sphere; chosen: three persons' rms are 0.3-0.5 mm, and half a voxel."""
 _ODDS = 8.0
-"""Density of a place on the sphere over one elsewhere, where both are as likely: chosen, 20 mm of bone over
+"""Density of a place on the sphere over one elsewhere, both as likely: chosen, 20 mm of bone over
 the root of 2 pi times what a facet departs."""
 _NONE, _WHOLE = (float(np.cos(np.deg2rad(angle))) for angle in (45.0, 20.0))
 """Normals further off do not belong to the sphere, and nearer ones do; chosen about the 35 degrees of fits."""
@@ -35,8 +34,8 @@ _CELL_M = 2e-3  # chosen: what lies in one counts as one place, of which a facet
 class LikelySphere:
     """The mean of a sphere's centre, (3,), and of its radius, m, in the surface's own frame.
 
-    ``deviation`` m: root mean square distance in space. ``area`` m2: expected to lie on it. ``rms`` m: of what
-    lies near it.
+    ``deviation`` m: root mean square distance in space. ``area`` m2: expected to lie on it. ``rms`` m: of
+    what lies near it.
     """
 
     centre: Array

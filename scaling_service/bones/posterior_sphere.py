@@ -22,7 +22,7 @@ _ODDS = 8.0
 """Density of a place on the sphere over one elsewhere, both as likely: chosen, 20 mm of bone over
 the root of 2 pi times what a facet departs."""
 _NONE, _WHOLE = (float(np.cos(np.deg2rad(angle))) for angle in (45.0, 20.0))
-"""Normals further off do not belong to the sphere, and nearer ones do; chosen about the 35 degrees of fits."""
+"""Normals further off do not belong to the sphere, nearer ones do; chosen about the 35 degrees of fits."""
 
 _REACH_M = 8e-3  # of the first search to either side; chosen: above the 7 mm by which starts differ
 _LEAST_REACH_M = 2e-3  # of the second, which spans three deviations
@@ -115,7 +115,7 @@ def _gather(surface: Surface, within: NDArray[np.bool_]) -> tuple[Array, Array, 
     """Means of places (n, 3) and normals (n, 3) of the vertices in each cell, and the cells' areas (n,)."""
     places, areas = surface.smooth[within], surface.areas[within]
     of = np.unique(np.floor(places / _CELL_M).astype(np.intp), axis=0, return_inverse=True)[1].ravel()
-    whole = np.bincount(of, areas)
+    whole = np.bincount(of, areas).astype(float)
     points, normals = (
         np.column_stack([np.bincount(of, areas * column) for column in values.T]) / whole[:, None]
         for values in (places, surface.normals[within])

@@ -27,7 +27,7 @@ def make_ball(share: float) -> tuple[Surface, np.ndarray]:
 
 def test_a_whole_ball_is_found_from_beside_it() -> None:
     surface, centre = make_ball(1.1)
-    found = average_spheres(surface, [*centre, 0.003, -0.004, 0.002], USUAL)
+    found = average_spheres(surface, centre + np.array([0.003, -0.004, 0.002]), USUAL)
     assert np.linalg.norm(found.centre - centre) < 2e-4
     assert found.radius == pytest.approx(RADIUS, abs=5e-4)
     assert found.covered == pytest.approx(1.0, abs=0.2)

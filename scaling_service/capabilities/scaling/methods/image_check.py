@@ -68,7 +68,8 @@ def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float
     places = evidence.landmarks if skin else imaged
     if not set(span.ends) <= places.keys():
         return None
-    apart = float(np.linalg.norm(np.subtract(*(places[end] for end in span.ends))))
+    first, second = (np.array(places[end]) for end in span.ends)
+    apart = float(np.linalg.norm(first - second))
     variance = 0.0
     for end in span.ends:
         variance += float(np.mean(np.square(people.place_sd(end[1:]))))

@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line, deviate_sphere
+from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line
 from scaling_service.bones.fits import (
     CylinderOnBone,
     SphereOnBone,
     find_spheres,
-    place_sphere,
     refine_cylinder,
     refine_sphere,
 )
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side
+from scaling_service.bones.posterior_sphere import LikelySphere, Usual, average_spheres
+from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, Sphere
 from scaling_service.bones.shapes import span_plane, spread_directions
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
@@ -37,10 +37,11 @@ FACET_RADII_M = (0.013, 0.030)  # of the hollow that sits on the heel bone; chos
 FACET_AREA = 0.3  # least area of it as a share of the squared radius; chosen, three adults have 0.5-1.1
 
 _FACET_AT, _FACET_SD = (-0.55, -1.0, 0.5), (0.3, 0.4, 0.25)
-_FACET_SIZE = 0.85
-"""Where the centre of the facet's sphere lies from the ankle's, forward, up and lateral, and its radius, in
-radii of the trochlea. Four persons have -0.42 to -0.73, -0.77 to -1.32 and 0.40 to 0.60, and 0.76 to 1.02;
-the deviations are the whole range, which each of them is within when the others set it."""
+"""Where the centre of the facet's sphere lies from the ankle's, forward, up and lateral, in radii of the
+trochlea. Four persons have -0.42 to -0.73, -0.77 to -1.32 and 0.40 to 0.60; the deviations are the whole
+range, which each of them is within when the others set it."""
+_HEAD_SIZE, _FACET_SIZE = (0.67, 0.06), (0.9, 0.15)
+"""Radii of head and facet over the trochlea's, mean and deviation: four persons' 0.59-0.74 and 0.76-1.08."""
 _ANOTHER_M = 10e-3  # chosen: half a facet's radius; nearer ones are one hollow
 _FACET_UNLIKE = 16.3  # squared deviations in space that one of a thousand exceeds
 
@@ -91,11 +92,11 @@ def find_talus_landmarks(
     supported = found.support > 0
     along = (surface.points[supported] - found.point) @ axis
     centre = found.point + axis * 0.5 * float(np.quantile(along, 0.02) + np.quantile(along, 0.98))
-    head, behind, facet = _find_subtalar_spheres(
+    head, facet = _find_subtalar_spheres(
         surface, centre, axis if named_side != "l" else -axis, up, found.radius
     )
     spheres = {
-        name: place_sphere(surface, ball)
+        name: Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered))
         for name, ball in (("head", head), ("heel_facet", facet))
         if ball is not None
     }
@@ -109,9 +110,8 @@ def find_talus_landmarks(
             spheres["heel_facet"].centre,
             forward / np.linalg.norm(forward),
         )
-        ends = deviate_sphere(surface, head), deviate_sphere(behind, facet)
-        off["subtalar_centre"] = ends[1]
-        turns["subtalar"] = deviate_line(float(np.linalg.norm(forward)), *ends)
+        off["subtalar_centre"] = facet.deviation
+        turns["subtalar"] = deviate_line(float(np.linalg.norm(forward)), head.deviation, facet.deviation)
         words["subtalar_centre"] = "centre of the sphere on the facet that sits on the heel bone"
     deviations, axis_deviations = add_definitions(off, turns)
     missing = "head" if head is None else "facet that sits on the heel bone"
@@ -153,16 +153,18 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
 
 def _find_subtalar_spheres(
     surface: Surface, ankle: Array, lateral: Array, up: Array, radius: float
-) -> tuple[SphereOnBone | None, Surface, SphereOnBone | None]:
-    """Its head; what lies behind the ankle's axis, and the hollow on it that sits on the heel bone.
+) -> tuple[LikelySphere | None, LikelySphere | None]:
+    """Its head, and the hollow behind the ankle's axis that sits on the heel bone.
 
     ``lateral`` (3,): along the ankle's axis. ``radius``: of the trochlea, m. Of the hollows the one counts
     whose area and place are likeliest together; one is sought where it usually is, too, and a deviation
-    beside it.
+    beside it. Where they are found is where the mean over all spheres is sought.
     """
-    head = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, lateral)), None)
-    if head is None:
-        return None, surface, None
+    ball = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, lateral)), None)
+    if ball is None:
+        return None, None
+    mean, sd = radius * np.array(_HEAD_SIZE)
+    head = average_spheres(surface, ball.centre, Usual(radius=mean, radius_sd=sd))
     to_head = head.centre - ankle
     forward = to_head - float(to_head @ lateral) * lateral
     forward = forward / np.linalg.norm(forward)
@@ -174,7 +176,7 @@ def _find_subtalar_spheres(
     tried = find_spheres(behind, FACET_RADII_M, hollow=True)
     spread = radius * np.diag(_FACET_SD) @ axes
     for start in usual + np.vstack([np.zeros(3), spread, -spread]):
-        there = refine_sphere(behind, start, _FACET_SIZE * radius, hollow=True)
+        there = refine_sphere(behind, start, _FACET_SIZE[0] * radius, hollow=True)
         if there is None or not FACET_RADII_M[0] <= there.radius <= FACET_RADII_M[1]:
             continue
         if all(np.linalg.norm(there.centre - other.centre) > _ANOTHER_M for other in tried):
@@ -186,7 +188,11 @@ def _find_subtalar_spheres(
         likely = area * np.exp(-0.5 * unlike)
         if area > FACET_AREA and unlike < _FACET_UNLIKE and likely > best:
             best, facet = likely, sphere
-    return head, behind, facet
+    if facet is None:
+        return head, None
+    mean, sd = radius * np.array(_FACET_SIZE)
+    place = Usual(radius=mean, radius_sd=sd, centre=usual, axes=axes, spread=radius * np.array(_FACET_SD))
+    return head, average_spheres(behind, facet.centre, place, hollow=True)
 
 
 def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:

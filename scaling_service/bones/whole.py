@@ -319,9 +319,12 @@ def collect_evidence(
     return ImageEvidence(
         centres={name: _to_vector(bone.points[point]) for name, (bone, point) in centres.items()},
         axes={name: _to_vector(bone.axes[joint]) for name, (bone, joint) in axes.items()},
-        deviations={name: bone.deviations[point] for name, (bone, point) in centres.items()},
+        deviations={name: bone.deviations[point] for name, (bone, point) in centres.items()}
+        | {name: bone.deviations[point] for name, bone, point in _list_marker_landmarks(found)},
         axis_deviations={name: bone.axis_deviations[joint] for name, (bone, joint) in axes.items()},
-        landmarks=dict(_list_marker_landmarks(found)),
+        landmarks={
+            name: _to_vector(bone.points[point]) for name, bone, point in _list_marker_landmarks(found)
+        },
         markers=dict(markers),
         source="landmarks of bone meshes",
         bones=dict(bones),
@@ -340,12 +343,13 @@ def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Bon
                 yield f"{joint}_{bone.side}", bone, point
 
 
-def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Vector]]:
+def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, BoneLandmarks, str]]:
+    """Markers over bone, their bones and points."""
     for bone in found.values():
         letter = (bone.side or "").upper()
         for point, marker in _LANDMARKS.get(bone.bone, {}).items():
             if point in bone.points:
-                yield f"{letter}{marker}", _to_vector(bone.points[point])
+                yield f"{letter}{marker}", bone, point
 
 
 def _to_vector(point: Array) -> Vector:

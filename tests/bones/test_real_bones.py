@@ -78,9 +78,10 @@ def test_ankle(person: Person) -> None:
     assert degrees(person.found["talus_r"].axes["ankle"], person.right("ankle_r")) <= 5.0
     talus = person.found["talus_r"]
     off = person.centre("subtalar_r") - talus.points["subtalar_centre"] * 1e3
-    assert np.linalg.norm(np.cross(off, talus.axes["subtalar"])) <= (5.0 if person.rough else 1.0)
+    beside = np.linalg.norm(np.cross(off, talus.axes["subtalar"]))
+    assert beside <= 1.7e3 * np.sqrt(2.0 / 3.0) * talus.deviations["subtalar_centre"]  # across the axis
     # Experts and STAPLE differ by 2 and 3 degrees on computed tomography, by 11 on the rough bone.
-    assert degrees(talus.axes["subtalar"], person.right("subtalar_r")) <= (11.0 if person.rough else 7.0)
+    assert degrees(talus.axes["subtalar"], person.right("subtalar_r")) <= 5.0
     malleoli = person.found["tibia_r"].points["ankle_centre_malleoli"] * 1e3 - person.centre("ankle_r")
     assert 3.0 < np.linalg.norm(malleoli) < 12.0  # tips lie lateral, proximal and behind
 
@@ -98,7 +99,7 @@ def test_the_subtalar_axis_stays_on_worse_meshes(person: Person, faces: int | No
     vertices = vertices + 1e-3 * noise_mm * np.random.default_rng(1).normal(size=vertices.shape)
     found = find_landmarks({"tibia_r": person.meshes["tibia_r"], "talus_r": (vertices, triangles)})["talus_r"]
     moved = degrees(found.axes["subtalar"], person.found["talus_r"].axes["subtalar"])
-    assert moved < min(5.0, np.rad2deg(found.axis_deviations["subtalar"]))
+    assert moved < 3.0
 
 
 def test_a_heel_bone_is_no_talus(person: Person, shared_data: Path) -> None:

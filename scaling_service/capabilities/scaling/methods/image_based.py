@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
 from scaling_service.capabilities.scaling.methods.image_points import (
     doubt_sizes,
     find_epicondyles,
@@ -345,7 +346,8 @@ class ImageBased:
         imaged segments are placed from the standing trial. Where no leg is imaged whole, the bones at hand
         size their segments, and the rest follows as in persons with such bones.
 
-        Raises SubjectInvalid: there are no images, or they show no length of the model.
+        Raises SubjectInvalid: there are no images, they show no length of the model, or landmarks lie apart
+        as no markers of this person do.
         """
         assert start is not None
         evidence = session.images
@@ -356,8 +358,10 @@ class ImageBased:
                 remedy="Give `bones:` in the subject file, or choose a marker-based method",
             )
         clock = time.perf_counter()
-        found = _scale(session, settings, start, evidence)
-        return replace(_state_deviations(found, evidence), wall_s=time.perf_counter() - clock)
+        doubts = doubt_landmarks(evidence, session.static)
+        found = _state_deviations(_scale(session, settings, start, evidence), evidence)
+        warnings = (*found.warnings, *doubts)
+        return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
 
 
 EB = ImageBased()

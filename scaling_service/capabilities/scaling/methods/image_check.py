@@ -1,0 +1,104 @@
+"""Bones against the standing trial: whether landmarks of a bone lie as far apart as the markers over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.people import People, read_people
+from scaling_service.model.trial import ImageEvidence, Trial
+
+_DOUBTFUL, _IMPOSSIBLE = 3.0, 6.0  # deviations before it is said, and before it is refused; chosen
+_IMPOSSIBLE_SHARE = 0.3  # chosen: beside them, as of lengths between joints: what no marker is misplaced by
+_REMEDY = "check that bones and recordings are of one person, the labels, and the unit of the bones"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Span:
+    """Two landmarks of one bone. ``outwards``: whether skin lies outwards of both, along their line."""
+
+    words: str
+    ends: tuple[str, str]
+    bone: str
+    outwards: bool = False
+
+
+_PELVIS = (
+    _Span(words="between the front spines", ends=("RASIS", "LASIS"), bone="pelvis"),
+    _Span(words="between the rear spines", ends=("RPSIS", "LPSIS"), bone="pelvis"),
+    _Span(words="from right front to rear spine", ends=("RASIS", "RPSIS"), bone="pelvis", outwards=True),
+    _Span(words="from left front to rear spine", ends=("LASIS", "LPSIS"), bone="pelvis", outwards=True),
+)
+_LEG = (
+    ("between the epicondyles", "LFE", "MFE", "femur", True),
+    ("between the malleoli", "LM", "MM", "tibia", True),
+    ("from the fibula's head to its malleolus", "FH", "LM", "tibia", False),
+)
+_SPANS = _PELVIS + tuple(
+    _Span(
+        words=f"{words} of the {side} leg",
+        ends=(side[0].upper() + first, side[0].upper() + second),
+        bone=f"{bone}_{side[0]}",
+        outwards=outwards,
+    )
+    for side in ("right", "left")
+    for words, first, second, bone, outwards in _LEG
+)
+
+
+def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str]:
+    """A warning for each distance in the image that markers do not have, as far as they can be misplaced.
+
+    Between the image's own markers where it shows them, else between landmarks: over spines with skin as
+    people have it, over knees and ankles with any, so that only markers nearer than the bone are told.
+    Palpation and what the image leaves open make the deviation (``people.yaml``). Raises SubjectInvalid: six
+    deviations and 30 % apart, so that bones and recordings are not of one person.
+    """
+    return [] if standing is None else list(_compare(evidence, standing))
+
+
+def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:
+    """Distance of markers by the image, its deviation, m, and whether skin may widen it; None if unseen."""
+    imaged = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
+    skin = not set(span.ends) <= imaged.keys()
+    places = evidence.landmarks if skin else imaged
+    if not set(span.ends) <= places.keys():
+        return None
+    first, second = (np.array(places[end]) for end in span.ends)
+    apart = float(np.linalg.norm(first - second))
+    variance = 0.0
+    for end in span.ends:
+        variance += float(np.mean(np.square(people.place_sd(end[1:]))))
+        variance += evidence.deviations.get(end, 0.0) ** 2 / 3.0 if skin else people.image_marker**2
+    if skin and span.outwards and span.bone == "pelvis":
+        for mean, sd in (people.skin_over_asis, people.skin_over_psis):
+            apart, variance = apart + mean, variance + sd**2
+    return apart, float(np.sqrt(variance)), skin and span.outwards and span.bone != "pelvis"
+
+
+def _compare(evidence: ImageEvidence, standing: Trial) -> Iterator[str]:
+    people = read_people()
+    shown = {find_canonical(label) or label: label for label in standing.shown_labels}
+    for span in _SPANS:
+        found = _expect(evidence, span, people)
+        if found is None or not set(span.ends) <= shown.keys():
+            continue
+        expected, sd, widened = found
+        ends = [standing.position(shown[end]) for end in span.ends]
+        marked = float(np.nanmedian(np.linalg.norm(ends[0] - ends[1], axis=1)))
+        if widened and marked > expected:
+            continue
+        off = abs(marked - expected)
+        if off <= _DOUBTFUL * sd:
+            continue
+        said = (
+            f"{span.words} markers would stand {1e3 * expected:.0f} ± {1e3 * sd:.0f} mm apart by the image, "
+            f"and are {1e3 * marked:.0f} mm apart in the standing trial"
+        )
+        if off > _IMPOSSIBLE * sd and off > _IMPOSSIBLE_SHARE * expected:
+            raise SubjectInvalid(said, field=f"bones.{span.bone}", remedy=_REMEDY[0].upper() + _REMEDY[1:])
+        yield f"EB: {said}: {_REMEDY}"

@@ -18,7 +18,7 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from tests.oracle.coverage import Errors, measure, record
-from tests.oracle.persons import World, draw_person
+from scaling_service.studies.benchmark.persons import World, draw_person
 
 N_PERSONS = 24
 

@@ -1,0 +1,242 @@
+"""Make every case, have our program and OpenSim answer it, and judge all entries alike."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.core.progress import Progress, report_part, show_nothing
+from scaling_service.core.text import suggest_name
+from scaling_service.documents.writing import code_version, write_json
+from scaling_service.studies.benchmark.document import (
+    DOCUMENT,
+    BenchmarkDocument,
+    EntryPart,
+    MetricPart,
+    TaskPart,
+)
+from scaling_service.studies.benchmark.parts import (
+    OPENSIM,
+    OURS,
+    TIME_LIMIT_S,
+    Case,
+    NoAnswer,
+    ProgramFailed,
+    Task,
+)
+from scaling_service.studies.benchmark.tasks import TASKS
+
+Judged = dict[str, float] | str
+"""The metrics of an answer, or why there are none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a run's files are.
+
+    ``entries``: name to the folder of its answers; ours and OpenSim's lie under ``out``.
+    """
+
+    data: Path
+    out: Path
+    entries: Mapping[str, Path]
+
+
+def run_benchmark(
+    data: Path,
+    out: Path,
+    *,
+    tasks: Collection[str] = (),
+    entries: Sequence[Path] = (),
+    seed: int = 0,
+    workers: int = 2,
+    report: Progress = show_nothing,
+) -> BenchmarkDocument:
+    """Run tasks and write ``cases``, ``entries`` and ``benchmark.json`` under a folder.
+
+    ``data``: folder of public recordings by name; a task whose data are absent is left out, and said to be.
+    ``tasks``: names; all unless given. ``entries``: folders of other programs' answers, called by their
+    names.
+    ``seed``: of the virtual persons. ``workers``: cases at a time.
+    Raises InputError: a task or entry does not exist. Raises DependencyMissing: OpenSim is not installed.
+    """
+    if find_spec("opensim") is None:
+        raise DependencyMissing(
+            "the benchmark reads models and motions by OpenSim, which is not installed",
+            field="opensim",
+            remedy="Install it with `pip install scaling-service[opensim]`",
+        )
+    chosen = [_find_task(name) for name in tasks] or list(TASKS.values())
+    folders = {name: out / "entries" / name for name in (OURS, OPENSIM)}
+    for entry in entries:
+        if not entry.is_dir() or entry.name in folders:
+            raise InputError(
+                f"'{entry.name}' is no folder, or another entry's name",
+                file=entry,
+                field="--entry",
+                remedy="Name folders of answers (TASK/CASE/files), each with a name of its own",
+            )
+        folders[entry.name] = entry
+    place, start = Place(data=data, out=out, entries=folders), time.monotonic()
+    left_out = {task.name: lack for task in chosen if (lack := _find_lack(task, data))}
+    ready = [task for task in chosen if task.name not in left_out]
+    done = [
+        _run_task(task, place, seed, workers, report_part(report, k / len(ready), 1.0 / len(ready)))
+        for k, task in enumerate(ready)
+    ]
+    places = {
+        name: float(np.mean([e.place for task in done for e in task.entries if e.entry == name]))
+        for name in (folders if done else ())
+    }
+    document = BenchmarkDocument(
+        code_version=code_version(),
+        seed=seed,
+        tasks=done,
+        left_out=left_out,
+        places=dict(sorted(places.items(), key=lambda item: item[1])),
+        wall_s=time.monotonic() - start,
+    )
+    write_json(out / DOCUMENT, document)
+    return document
+
+
+def _find_task(name: str) -> Task:
+    if name not in TASKS:
+        guess = suggest_name(name, TASKS, cutoff=0.5)
+        raise InputError(
+            f"there is no task '{name}'", field="--tasks", remedy=f"{guess}There are {', '.join(TASKS)}"
+        )
+    return TASKS[name]
+
+
+def _find_lack(task: Task, data: Path) -> str:
+    """Folders of the data that a task needs and that are absent, in words."""
+    absent = [name for name in task.needs if not (data / name).exists()]
+    return f"{', '.join(absent)} not in {data}" if absent else ""
+
+
+def _run_task(task: Task, place: Place, seed: int, workers: int, report: Progress) -> TaskPart:
+    """Answers first, for some judges hold one against OpenSim's; then the judging."""
+    start = time.monotonic()
+    report(f"{task.name}: making the cases", 0.0)
+    inputs = place.out / "cases" / task.name
+    inputs.mkdir(parents=True, exist_ok=True)
+    cases = task.cases(place.data, inputs, seed)
+    asked = [(case, name) for name in (OPENSIM, OURS) for case in cases]
+    said: dict[tuple[str, str], str] = {}
+    judged: dict[tuple[str, str], Judged] = {}
+
+    def answer(item: tuple[Case, str]) -> str:
+        case, name = item
+        return _answer(case, name, place.entries[name] / task.name / case.name)
+
+    def judge(item: tuple[Case, str]) -> Judged:
+        case, name = item
+        key = name, case.name
+        if said.get(key):
+            return said[key]
+        folders = [place.entries[n] / task.name / case.name for n in (name, OPENSIM)]
+        try:
+            return dict(case.judge(*folders)) if folders[0].is_dir() else "no answer"
+        except NoAnswer as reason:
+            return str(reason)
+
+    with ThreadPoolExecutor(workers) as pool:
+        for k, ((case, name), text) in enumerate(zip(asked, pool.map(answer, asked), strict=True), 1):
+            said[name, case.name] = text
+            report(f"{task.name}: {case.name} by {name}", 0.9 * k / len(asked))
+        every = [(case, name) for name in place.entries for case in cases]
+        for (case, name), found in zip(every, pool.map(judge, every), strict=True):
+            judged[name, case.name] = found
+    report(f"{task.name}: judged", 1.0)
+    return TaskPart(
+        name=task.name,
+        title=task.title,
+        truth=task.truth,
+        cases=[case.name for case in cases],
+        metrics=[MetricPart(key=m.key, title=m.title, digits=m.digits) for m in task.metrics],
+        entries=rank_entries(task, [case.name for case in cases], list(place.entries), judged),
+        wall_s=time.monotonic() - start,
+    )
+
+
+def rank_entries(
+    task: Task, cases: Sequence[str], names: Sequence[str], judged: Mapping[tuple[str, str], Judged]
+) -> list[EntryPart]:
+    """Every entry's means and mean place, best first; equal figures share a place.
+
+    ``judged``: (entry, case) to metrics or a reason.
+    """
+    first = task.metrics[0].key
+    places: dict[str, list[float]] = {name: [] for name in names}
+    for case in cases:
+        figures = []
+        for name in names:
+            found = judged[name, case]
+            figures.append(np.inf if isinstance(found, str) else found[first])
+        for name, figure in zip(names, figures, strict=True):
+            lower, equal = sum(f < figure for f in figures), sum(f == figure for f in figures)
+            places[name].append(lower + (equal + 1) / 2)
+    parts = []
+    for name in names:
+        own = {case: found for case in cases if not isinstance(found := judged[name, case], str)}
+        keys = [m.key for m in task.metrics if any(m.key in found for found in own.values())]
+        parts.append(
+            EntryPart(
+                entry=name,
+                answered=len(own),
+                values={
+                    key: float(np.mean([found[key] for found in own.values() if key in found]))
+                    for key in keys
+                },
+                place=float(np.mean(places[name])),
+                cases=own,
+                failures={case: found for case in cases if isinstance(found := judged[name, case], str)},
+            )
+        )
+    return sorted(parts, key=lambda part: part.place)
+
+
+def _answer(case: Case, name: str, folder: Path) -> str:
+    """Have an entry answer a case into a folder; returns why it did not, or nothing."""
+    make = case.ours if name == OURS else case.opensim
+    if make is None:
+        return "OpenSim has no tool for it"
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        make(folder, partial(_run_program))
+    except (ProgramFailed, InputError) as error:
+        return str(error)
+    return ""
+
+
+def _run_program(words: Sequence[object], answer: Path) -> Path:
+    """Our program as a user runs it; the folder of its results is made in the answer's."""
+    out = answer / "written"
+    command = [sys.executable, "-m", "scaling_service", *map(str, words), "--out", str(out)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT_S, env=_environment()
+        )
+    except subprocess.TimeoutExpired:
+        raise ProgramFailed(f"no answer within {TIME_LIMIT_S:g} s") from None
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or [f"exit {done.returncode}"]
+        raise ProgramFailed(lines[-1])
+    return out
+
+
+def _environment() -> dict[str, str]:
+    """The environment of a case: one thread a library, for cases run beside each other."""
+    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

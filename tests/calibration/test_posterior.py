@@ -17,8 +17,8 @@ from scaling_service.model.document import from_document, to_document
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
-from tests.oracle.coverage import Errors, measure, record
 from scaling_service.studies.benchmark.persons import World, draw_person
+from tests.oracle.coverage import Errors, measure, record
 
 N_PERSONS = 24
 

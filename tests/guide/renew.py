@@ -19,7 +19,15 @@ import numpy as np
 import yaml
 
 from scaling_service.guide.pages import FIGURES
-from tests.guide.bones import angle_error_deg, read_bones, read_poses, share_covered
+from scaling_service.report.tables import Table, to_cell
+from scaling_service.studies.benchmark.document import DOCUMENT, BenchmarkDocument, make_tables, read_document
+from scaling_service.studies.benchmark.parts import OURS
+from scaling_service.studies.benchmark.tasks.living_bone import (
+    measure_angle_error_deg,
+    measure_coverage,
+    read_bones,
+)
+from tests.guide.bones import read_poses
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
 
@@ -60,8 +68,9 @@ def measure_pins() -> dict[str, Any]:
             for model, folder in ((box / "model.osim", "before"), (out / "found" / "model.json", "after")):
                 _run("ik", model, box / f"{trial}.trc", "--poses", "--out", out / folder)
                 poses = read_poses(out / folder / f"{trial}_poses.sto", list(true))
-                errors.append(angle_error_deg(poses, true))
-            covered = share_covered(out / "before", trial, true)
+                errors.append(measure_angle_error_deg(poses, true))
+            motions = [out / "before" / f"{trial}_ik{kind}.mot" for kind in ("", "_sd")]
+            covered = measure_coverage(*motions, true)
         ratios.append(errors[1] / errors[0])
         coverage.append(covered)
         named = ", ".join(kinds) or verdict["verdict"]
@@ -191,12 +200,46 @@ def measure_study(paper: str) -> dict[str, Any]:
     }
 
 
+def measure_benchmark() -> dict[str, Any]:
+    """Every task's table, and the whole, from one run on the real recordings."""
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch) / "judged"
+        _run("benchmark", "--data", _data(""), "--out", out)
+        return describe_benchmark(read_document(out / DOCUMENT))
+
+
+def describe_benchmark(document: BenchmarkDocument) -> dict[str, Any]:
+    """The tables of a run as the guide shows them, and where our program failed."""
+    names = [*(task.name for task in document.tasks), "whole"]
+    tables = dict(zip(names, map(_describe_table, make_tables(document)), strict=True))
+    ours = {task.name: next(e for e in task.entries if e.entry == OURS) for task in document.tasks}
+    failed = [
+        f"{name}: {case.replace('_', ' ')}"
+        for name, entry in ours.items()
+        for case in (*entry.failures, *(c for c, found in entry.cases.items() if found.get("wrong")))
+    ]
+    minutes = document.wall_s / 60.0
+    return {
+        **tables,
+        "minutes": minutes,
+        "failed": "; ".join(failed) or "none",
+        "version": document.code_version,
+    }
+
+
+def _describe_table(table: Table) -> dict[str, Any]:
+    """A table without tones."""
+    rows = [[to_cell(cell).text for cell in (row.header, *row.cells)] for row in table.rows]
+    return {"columns": list(table.columns), "rows": rows}
+
+
 MEASURES: Mapping[str, Callable[[], dict[str, Any]]] = {
     **{paper: partial(measure_study, paper) for paper in PAPERS},
     "pins": measure_pins,
     "clinic": measure_clinic,
     "image": measure_image,
     "persons": measure_persons,
+    "benchmark": measure_benchmark,
 }
 
 

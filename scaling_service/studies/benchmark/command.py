@@ -40,6 +40,10 @@ _Entries = Annotated[
     ),
 ]
 _Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Of the virtual persons.")]
+_Keep = Annotated[
+    bool,
+    typer.Option(help="Judge what was answered before under --out, and compute only what is absent there."),
+]
 _Workers = Annotated[
     int | None,
     typer.Option(min=1, metavar="N", help="Cases at a time; unless given, one per processor core."),
@@ -52,6 +56,7 @@ def benchmark(
     tasks: _Tasks = "",
     entry: _Entries = None,
     seed: _Seed = 0,
+    keep_answers: _Keep = False,
     workers: _Workers = None,
 ) -> None:
     """Ask what is known to be true, of this program, of OpenSim's tools, and of any other program.
@@ -73,6 +78,7 @@ def benchmark(
             tasks=[name for name in tasks.split(",") if name],
             entries=entry or (),
             seed=seed,
+            keep_answers=keep_answers,
             workers=workers or count_cores(),
             report=report,
         )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,6 +138,14 @@ def read_answer(folder: Path, name: str = "answer.json") -> dict[str, Any]:
     if not isinstance(found, dict):
         raise NoAnswer(f"{name} is no JSON object")
     return found
+
+
+def copy_inputs(files: Iterable[Path], box: Path) -> Path:
+    """Copy what is asked into a case's folder, and return the folder."""
+    box.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        shutil.copyfile(file, box / file.name)
+    return box
 
 
 def match_times(found: Array, wanted: Array) -> NDArray[np.intp]:

@@ -45,12 +45,14 @@ Judged = dict[str, float] | str
 class Place:
     """Where a run's files are.
 
-    ``entries``: name to the folder of its answers; ours and OpenSim's lie under ``out``.
+    ``entries``: name to the folder of its answers; ours and OpenSim's lie under ``out``. ``keep``: whether
+    what is there is judged as it is.
     """
 
     data: Path
     out: Path
     entries: Mapping[str, Path]
+    keep: bool
 
 
 def run_benchmark(
@@ -60,6 +62,7 @@ def run_benchmark(
     tasks: Collection[str] = (),
     entries: Sequence[Path] = (),
     seed: int = 0,
+    keep_answers: bool = False,
     workers: int = 2,
     report: Progress = show_nothing,
 ) -> BenchmarkDocument:
@@ -68,7 +71,8 @@ def run_benchmark(
     ``data``: folder of public recordings by name; a task whose data are absent is left out, and said to be.
     ``tasks``: names; all unless given. ``entries``: folders of other programs' answers, called by their
     names.
-    ``seed``: of the virtual persons. ``workers``: cases at a time.
+    ``seed``: of the virtual persons. ``keep_answers``: judge what our program and OpenSim
+    answered before, where there is something. ``workers``: cases at a time.
     Raises InputError: a task or entry does not exist. Raises DependencyMissing: OpenSim is not installed.
     """
     if find_spec("opensim") is None:
@@ -88,7 +92,7 @@ def run_benchmark(
                 remedy="Name folders of answers (TASK/CASE/files), each with a name of its own",
             )
         folders[entry.name] = entry
-    place, start = Place(data=data, out=out, entries=folders), time.monotonic()
+    place, start = Place(data=data, out=out, entries=folders, keep=keep_answers), time.monotonic()
     left_out = {task.name: lack for task in chosen if (lack := _find_lack(task, data))}
     ready = [task for task in chosen if task.name not in left_out]
     done = [
@@ -139,7 +143,8 @@ def _run_task(task: Task, place: Place, seed: int, workers: int, report: Progres
 
     def answer(item: tuple[Case, str]) -> str:
         case, name = item
-        return _answer(case, name, place.entries[name] / task.name / case.name)
+        folder = place.entries[name] / task.name / case.name
+        return "" if place.keep and folder.is_dir() else _answer(case, name, folder)
 
     def judge(item: tuple[Case, str]) -> Judged:
         case, name = item

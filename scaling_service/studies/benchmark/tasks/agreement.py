@@ -22,6 +22,7 @@ from scaling_service.studies.benchmark.parts import (
     Task,
     Traced,
     ask_opensim,
+    copy_inputs,
     match_times,
     rms,
     trace_model,
@@ -53,15 +54,14 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     }
     cases = []
     for name, paths in files.items():
-        box = folder / name
-        box.mkdir(parents=True, exist_ok=True)
+        box = copy_inputs(paths.values(), folder / name)
         document = {
             "subject": {"id": name},
             "trials": {
                 "static": str(paths["static"].resolve()),
                 "evaluation": [str(paths["walk"].resolve())],
             },
-            **{key: str(paths[key].resolve()) for key in ("model", "marker_set", "scale_setup")},
+            **{key: paths[key].name for key in ("model", "marker_set", "scale_setup")},
         }
         write_subject(box, document)
         cases.append(

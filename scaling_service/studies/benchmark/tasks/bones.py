@@ -26,10 +26,12 @@ from scaling_service.studies.benchmark.parts import (
     Task,
     read_answer,
 )
-from scaling_service.studies.benchmark.tasks.images import IMAGED
+from scaling_service.studies.benchmark.tasks.images import IMAGED, read_expert
 
 Bones = dict[str, trimesh.Trimesh]
 Place = Callable[[Array], Array]
+Change = Callable[[Bones, Array], tuple[Bones, Place]]
+"""Bones, and the direction from knee to hip, to changed bones and where their points then are."""
 
 TIGHT_MM, LOOSE_MM = 0.5, 5.0
 """Chosen: a motion changes nothing; holes, noise and cuts move what they touch, within what raters differ by
@@ -44,7 +46,7 @@ def _read(file: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def _turn(bones: Bones) -> tuple[Bones, Place]:
+def _turn(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     turn = Rotation.random(random_state=1)
     shift = np.array([300.0, -900.0, 1500.0])
     moved = {
@@ -57,7 +59,7 @@ def _stay(points: Array) -> Array:
     return points
 
 
-def _add_noise(bones: Bones) -> tuple[Bones, Place]:
+def _add_noise(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     rng = np.random.default_rng(1)
     return {
         s: trimesh.Trimesh(m.vertices + rng.normal(0.0, 0.5, m.vertices.shape), m.faces, process=False)
@@ -65,38 +67,31 @@ def _add_noise(bones: Bones) -> tuple[Bones, Place]:
     }, _stay
 
 
-def _turn_inside_out(bones: Bones) -> tuple[Bones, Place]:
+def _turn_inside_out(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     return {s: trimesh.Trimesh(m.vertices, m.faces[:, ::-1], process=False) for s, m in bones.items()}, _stay
 
 
-def _cut(bones: Bones, share: float, *, top: bool) -> tuple[Bones, Place]:
-    """The femur alone without a share of its length at one end; proximal is the end with the head."""
+def _cut(bones: Bones, up: Array, share: float, *, top: bool) -> tuple[Bones, Place]:
+    """The femur alone, without a share of its length at one end."""
     femur = bones["femur_r"]
-    across = femur.vertices - femur.vertices.mean(axis=0)
-    along = np.linalg.svd(across, full_matrices=False)[2][0]
-    height = across @ along
-    # the head lies off the shaft's line, so the proximal end is the one whose far end is narrower about it
-    ends = [across[height < np.quantile(height, 0.04)], across[height > np.quantile(height, 0.96)]]
-    wide = [float(np.ptp(end - np.outer(end @ along, along), axis=0).max()) for end in ends]
-    if wide[1] > wide[0]:  # condyles are wider than head and trochanter
-        height = -height
-    level = np.ptp(height) * share
+    height = femur.vertices @ up
+    level = float(np.ptp(height)) * share
     kept = height < height.max() - level if top else height > height.min() + level
     faces = femur.faces[kept[femur.faces].all(axis=1)]
     return {"femur_r": trimesh.Trimesh(femur.vertices, faces, process=True)}, _stay
 
 
-def _mirror(bones: Bones) -> tuple[Bones, Place]:
+def _mirror(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     femur = bones["femur_r"]
     flipped = trimesh.Trimesh(femur.vertices * [-1, 1, 1], femur.faces[:, ::-1], process=False)
     return {"femur_r": flipped}, _stay
 
 
-def _exchange(bones: Bones) -> tuple[Bones, Place]:
+def _exchange(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     return {"femur_r": bones["tibia_r"]}, _stay
 
 
-def _double(bones: Bones) -> tuple[Bones, Place]:
+def _double(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     femur = bones["femur_r"]
     other = femur.copy()
     other.apply_translation([90.0, 0.0, 0.0])
@@ -105,8 +100,8 @@ def _double(bones: Bones) -> tuple[Bones, Place]:
     return {"femur_r": trimesh.Trimesh(vertices, faces, process=False)}, _stay
 
 
-VARIANTS: Mapping[str, tuple[Callable[[Bones], tuple[Bones, Place]], float | str, tuple[str, ...]]] = {
-    "clean": (lambda bones: (bones, _stay), TIGHT_MM, ("hip_centre", "knee_centre")),
+VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
+    "clean": (lambda bones, _up: (bones, _stay), TIGHT_MM, ("hip_centre", "knee_centre")),
     "turned": (_turn, TIGHT_MM, ("hip_centre", "knee_centre")),
     "inside_out": (_turn_inside_out, TIGHT_MM, ("hip_centre", "knee_centre")),
     "noise": (_add_noise, LOOSE_MM, ("hip_centre", "knee_centre")),
@@ -124,8 +119,10 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     cases = []
     for person, where in IMAGED.items():
         bones = {s: _read(data / where / f"{s}.stl") for s in ("femur_r", "tibia_r")}
+        expert = read_expert(data / person if person == "jia_mri" else data / where)
+        up = np.subtract(expert["hip_r"]["centre_mm"], expert["knee_r"]["centre_mm"])
         for variant, (change, within, must) in VARIANTS.items():
-            changed, place = change(bones)
+            changed, place = change(bones, up / np.linalg.norm(up))
             box = folder / f"{person}_{variant}"
             box.mkdir(parents=True, exist_ok=True)
             files = {slot: box / f"{slot}.stl" for slot in changed}

@@ -22,6 +22,7 @@ from scaling_service.studies.benchmark.parts import (
     NoAnswer,
     Run,
     Task,
+    copy_inputs,
     read_answer,
     trace_model,
 )
@@ -80,7 +81,7 @@ def make_marker_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     box = folder / "jia_mri"
     write_jia(data, box)
     write_subject(box, describe_jia())
-    judge = partial(judge_markers, _read_expert(data / "jia_mri"), data / "jia_mri" / "image_markers.csv")
+    judge = partial(judge_markers, read_expert(data / "jia_mri"), data / "jia_mri" / "image_markers.csv")
     ours, theirs = (
         partial(scale, box, "walking02") for scale in (partial(scale_by_ours, "MAP"), scale_by_opensim)
     )
@@ -111,16 +112,24 @@ def judge_markers(
 
 
 def make_bone_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
-    """Femur, tibia and talus of three persons."""
+    """Femur, tibia and talus of three persons, and an ankle in pieces."""
     cases = []
     for name, where in IMAGED.items():
-        bones = {slot: data / where / f"{slot}.stl" for slot in ("femur_r", "tibia_r", "talus_r")}
-        (folder / name).mkdir(parents=True, exist_ok=True)
-        note = {"units": "mm", **{slot: str(path.resolve()) for slot, path in bones.items()}}
-        (folder / name / "bones.json").write_text(json.dumps(note, indent=1), encoding="utf-8")
-        truth = _read_expert(data / ("jia_mri" if name == "jia_mri" else where))
+        bones = _copy_bones(data / where, ("femur_r", "tibia_r", "talus_r"), folder / name)
+        truth = read_expert(data / ("jia_mri" if name == "jia_mri" else where))
         cases.append(Case(name=name, judge=partial(judge_bones, truth), ours=partial(find_landmarks, bones)))
+    pieces = data / "bones" / "ankle_wbct"
+    ankle = json.loads((pieces / "truth.json").read_text(encoding="utf-8"))["talocrural"]
+    bones = _copy_bones(pieces, ("tibia_r", "talus_r"), folder / pieces.name)
+    cases.append(
+        Case(name=pieces.name, judge=partial(judge_ankle, ankle), ours=partial(find_landmarks, bones))
+    )
     return cases
+
+
+def _copy_bones(source: Path, slots: Sequence[str], box: Path) -> dict[str, Path]:
+    copy_inputs([source / f"{slot}.stl" for slot in slots], box)
+    return {slot: box / f"{slot}.stl" for slot in slots}
 
 
 def find_landmarks(bones: Mapping[str, Path], answer: Path, run: Run) -> None:
@@ -149,6 +158,13 @@ def judge_bones(expert: Mapping[str, Mapping[str, Any]], answer: Path, _opensim:
     }
 
 
+def judge_ankle(cylinder: Mapping[str, Any], answer: Path, _opensim: Path) -> Mapping[str, float]:
+    """The ankle of a distal shank and a talus, against the trochlea's cylinder."""
+    tibia = read_answer(answer, "landmarks.json").get("tibia_r", {})
+    off = _measure_gap(tibia, "ankle_centre_mm", cylinder)
+    return {"centres": off, "ankle": off}
+
+
 def _measure_gap(bone: Mapping[str, Any], key: str, expert: Mapping[str, Any]) -> float:
     if not isinstance(bone.get(key), list):
         raise NoAnswer(f"landmarks.json has no {key}")
@@ -156,7 +172,8 @@ def _measure_gap(bone: Mapping[str, Any], key: str, expert: Mapping[str, Any]) -
     return float(np.linalg.norm(found - expert["centre_mm"]))
 
 
-def _read_expert(folder: Path) -> Mapping[str, Mapping[str, Any]]:
+def read_expert(folder: Path) -> Mapping[str, Mapping[str, Any]]:
+    """Joint to its centre (mm) and axes in the image, as the expert has them."""
     text = (folder / "reference_joints.json").read_text(encoding="utf-8")
     expert: Mapping[str, Mapping[str, Any]] = json.loads(text)["manual"]
     return expert
@@ -177,8 +194,9 @@ FROM_MARKERS = Task(
 FROM_BONES = Task(
     name="images",
     title="Joint centres from CT and MRI bones",
-    truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy",
-    needs=("jia_mri", "bones/LHDL_CT", "bones/TLEM2_CT"),
+    truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy; "
+    "of ankle_wbct, a cylinder fitted to the trochlea",
+    needs=("jia_mri", "bones/LHDL_CT", "bones/TLEM2_CT", "bones/ankle_wbct"),
     metrics=(
         Metric(key="centres", title="centres, mm"),
         Metric(key="hip", title="hip, mm"),

@@ -20,6 +20,7 @@ from scaling_service.studies.benchmark.parts import (
     Run,
     Task,
     ask_opensim,
+    copy_inputs,
     trace_model,
     wrap,
 )
@@ -32,7 +33,7 @@ UNSOUND = ("knee_pins", "knee_pins_cutting", "knee_fluoroscopy")
 """Here bone frames or markers are not the same in all recordings; see the data's own notes."""
 
 
-def make_cases(data: Path, _folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     """Every recording that is held out, of every sound set; the model is given and stays as it is."""
     cases = []
     for box in sorted(p.parent for p in (data / "living_bone").glob("*/subject.yaml")):
@@ -40,9 +41,11 @@ def make_cases(data: Path, _folder: Path, _seed: int) -> Sequence[Case]:
             continue
         subject = yaml.safe_load((box / "subject.yaml").read_text(encoding="utf-8"))
         for trial in (Path(name).stem for name in subject["trials"]["evaluation"]):
-            files = box / "model.osim", box / f"{trial}.trc"
+            name = f"{box.name}_{trial}"
+            asked = copy_inputs([box / "model.osim", box / f"{trial}.trc"], folder / name)
+            files = asked / "model.osim", asked / f"{trial}.trc"
             case = Case(
-                name=f"{box.name}_{trial}",
+                name=name,
                 judge=partial(judge_bones, box, trial),
                 ours=partial(track_by_ours, *files),
                 opensim=partial(track_by_opensim, *files),

@@ -25,15 +25,18 @@ from scaling_service.studies.benchmark.parts import (
     Task,
     Traced,
     ask_opensim,
+    copy_inputs,
     match_times,
     trace_model,
     wrap,
 )
 
+TRUTH = "truth.mot"
+
 CHECKS = ("motion_follows", "coordinates_are", "motion_is_steady", "distances_are")
 
 
-def make_cases(data: Path, _folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     """All that ask for a motion, or for a scaled model."""
     cases = []
     for file in sorted((data / "wild" / "models").glob("*/case.json")):
@@ -42,14 +45,16 @@ def make_cases(data: Path, _folder: Path, _seed: int) -> Sequence[Case]:
         if words[0] not in ("ik", "scale") or not checks:
             continue
         box, scales = file.parent, words[0] == "scale"
+        asked = [path for path in box.iterdir() if path.name not in (file.name, TRUTH)]
+        copied = copy_inputs(asked, folder / box.name)
         tool = None
         if not scales or (box / "setup_scale.xml").is_file():
-            tool = partial(answer_by_opensim, box, scales)
+            tool = partial(answer_by_opensim, copied, scales)
         cases.append(
             Case(
                 name=box.name,
                 judge=partial(judge_case, box, checks),
-                ours=partial(answer_by_ours, box, words),
+                ours=partial(answer_by_ours, copied, words),
                 opensim=tool,
             )
         )

@@ -10,14 +10,16 @@ import json
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from scipy.spatial.transform import Rotation
 
+from scaling_service.files.sto import read_sto
 from scaling_service.guide.pages import FIGURES
 from scaling_service.report.tables import Table, to_cell
 from scaling_service.studies.benchmark.document import DOCUMENT, BenchmarkDocument, make_tables, read_document
@@ -27,7 +29,6 @@ from scaling_service.studies.benchmark.tasks.living_bone import (
     measure_coverage,
     read_bones,
 )
-from tests.guide.bones import read_poses
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
 
@@ -94,6 +95,16 @@ def measure_pins() -> dict[str, Any]:
             "rows": rows,
         },
     }
+
+
+def read_poses(file: Path, bones: Sequence[str]) -> dict[str, np.ndarray]:
+    """Found rotation of every bone in every frame, (n, 3, 3), from ``--poses``."""
+    table = read_sto(file)
+    found = {}
+    for bone in bones:
+        angles = np.column_stack([table.column(f"{bone}_O{axis}") for axis in "xyz"])
+        found[bone] = Rotation.from_euler("XYZ", angles, degrees=True).as_matrix()
+    return found
 
 
 def measure_persons() -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.flags import Only, Out, Workers, read_names, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Tables, Workers, read_names, with_flags
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 
@@ -50,6 +50,7 @@ def batch(
             help=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         ),
     ] = None,
+    tables: Tables = "",
     workers: Workers = None,
     force: Annotated[bool, typer.Option("--force", help="Do again what is done and unchanged.")] = False,
 ) -> None:
@@ -65,7 +66,9 @@ def batch(
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
     from scaling_service.capabilities.cohort.screen import show_cohort, show_progress
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(tables, out)
     chosen = None if methods is None else tuple(read_names(methods))
     with show_progress() as watcher:
         try:
@@ -74,6 +77,7 @@ def batch(
             )
         except KeyboardInterrupt:
             raise Interrupted(watcher.ended, watcher.count, out) from None
+    write_tables(result.tables, result.document)
     show_cohort(result.document, out, result.files)
     if any(subject.status == "failed" for subject in result.document.subjects):
         raise typer.Exit(EXIT_SOME_FAILED)

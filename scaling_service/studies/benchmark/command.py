@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from scaling_service.capabilities.shared.flags import Out, make_folder_parser
+from scaling_service.capabilities.shared.flags import Out, Tables, make_folder_parser
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running
 
 _Data = Annotated[
@@ -57,6 +57,7 @@ def benchmark(
     entry: _Entries = None,
     seed: _Seed = 0,
     keep_answers: _Keep = False,
+    tables: Tables = "",
     workers: _Workers = None,
 ) -> None:
     """Ask what is known to be true, of this program, of OpenSim's tools, and of any other program.
@@ -67,10 +68,12 @@ def benchmark(
 
     [bold]Example[/bold]: scaling-service benchmark --data data --tasks persons,living_bone --out judged
     """
+    from scaling_service.capabilities.shared.tables import make_table_writer
     from scaling_service.core.threads import count_cores
-    from scaling_service.studies.benchmark.document import DOCUMENT, make_tables
+    from scaling_service.studies.benchmark.document import DOCUMENT, make_tables, tabulate_figures
     from scaling_service.studies.benchmark.run import run_benchmark
 
+    write_tables = make_table_writer(tables, out)
     with running(out) as report:
         document = run_benchmark(
             data,
@@ -82,6 +85,7 @@ def benchmark(
             workers=workers or count_cores(),
             report=report,
         )
+    write_tables(tabulate_figures(document), document)
     console = make_console()
     for table in make_tables(document):
         print_table(console, table)

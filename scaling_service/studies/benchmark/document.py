@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part
 from scaling_service.report.tables import Row, Table
 
@@ -59,6 +60,19 @@ class BenchmarkDocument(Part):
     left_out: dict[str, str] = Field(description="Task to what its data lack.")
     places: dict[str, float] = Field(description="Entry to its mean place over the tasks, best first.")
     wall_s: float
+
+
+def tabulate_figures(document: BenchmarkDocument) -> dict[str, ResultTable]:
+    """Every metric of every case and entry; the metric's title names the unit."""
+    rows = tuple(
+        (task.name, case, entry.entry, titles[key], value)
+        for task in document.tasks
+        for titles in [{metric.key: metric.title for metric in task.metrics}]
+        for entry in task.entries
+        for case, found in entry.cases.items()
+        for key, value in found.items()
+    )
+    return {"benchmark": ResultTable("Benchmark", ("task", "case", "entry", "metric", "value"), rows)}
 
 
 def make_tables(document: BenchmarkDocument) -> Iterator[Table]:

@@ -111,6 +111,7 @@ def run_benchmark(
         places=dict(sorted(places.items(), key=lambda item: item[1])),
         wall_s=time.monotonic() - start,
     )
+    out.mkdir(parents=True, exist_ok=True)
     write_json(out / DOCUMENT, document)
     return document
 

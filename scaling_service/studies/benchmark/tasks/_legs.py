@@ -88,13 +88,12 @@ def _write_setup(markers: list[str], last_s: float) -> str:
 
 
 def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run) -> None:
-    """Our model and motion with its deviations."""
+    """Our model, and the motion that the model, used again, has in a recording, with its deviations."""
     result = run(["scale", folder / "subject.yaml", "--method", method], answer) / method
+    followed = run(["ik", result / "model.json", folder / f"{moving}.trc"], answer / "again")
     (result / "model.osim").replace(answer / "model.osim")
-    (result / f"{moving}_ik.mot").replace(answer / f"{moving}.mot")
-    if (result / f"{moving}_ik_sd.mot").is_file():
-        (result / f"{moving}_ik_sd.mot").replace(answer / f"{moving}_sd.mot")
-    (result / "scaling.json").replace(answer / "scaling.json")
+    (followed / f"{moving}_ik.mot").replace(answer / f"{moving}.mot")
+    (followed / f"{moving}_ik_sd.mot").replace(answer / f"{moving}_sd.mot")
 
 
 def scale_by_opensim(folder: Path, moving: str, answer: Path, _run: Run) -> None:

@@ -1,4 +1,4 @@
-"""The joint posterior on persons whose bodies are known, drawn by code of its own (``tests/oracle``)."""
+"""The joint posterior on persons whose bodies are known, drawn by code of its own."""
 
 from __future__ import annotations
 

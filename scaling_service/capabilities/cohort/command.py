@@ -16,15 +16,7 @@ EXIT_SOME_FAILED = 1
 
 
 class Interrupted(Exception):
-    """A batch was stopped from the keyboard; the subjects that ended are done."""
-
-    def __init__(self, ended: int, count: int, out: Path) -> None:
-        super().__init__(
-            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
-            "run the same command to go on"
-            if ended
-            else "interrupted; no subject was done"
-        )
+    """A command was stopped from the keyboard; the text says what is kept."""
 
 
 _Cohort = Annotated[
@@ -76,7 +68,12 @@ def batch(
                 cohort, out, chosen, settings, worker_count=workers, force=force, watcher=watcher
             )
         except KeyboardInterrupt:
-            raise Interrupted(watcher.ended, watcher.count, out) from None
+            raise Interrupted(
+                f"interrupted; {watcher.ended} of {watcher.count} subjects had ended. What is done is kept "
+                f"under {out}: run the same command to go on"
+                if watcher.ended
+                else "interrupted; no subject was done"
+            ) from None
     write_tables(result.tables, result.document)
     show_cohort(result.document, out, result.files)
     if any(subject.status == "failed" for subject in result.document.subjects):

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
+from scaling_service.capabilities.cohort.command import Interrupted
 from scaling_service.capabilities.shared.flags import Out, Tables, make_folder_parser
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running
 
@@ -75,16 +76,21 @@ def benchmark(
 
     write_tables = make_table_writer(tables, out)
     with running(out) as report:
-        document = run_benchmark(
-            data,
-            out,
-            tasks=[name for name in tasks.split(",") if name],
-            entries=entry or (),
-            seed=seed,
-            keep_answers=keep_answers,
-            workers=workers or count_cores(),
-            report=report,
-        )
+        try:
+            document = run_benchmark(
+                data,
+                out,
+                tasks=[name for name in tasks.split(",") if name],
+                entries=entry or (),
+                seed=seed,
+                keep_answers=keep_answers,
+                workers=workers or count_cores(),
+                report=report,
+            )
+        except KeyboardInterrupt:
+            raise Interrupted(
+                f"interrupted; what is answered is kept under {out}: go on with --keep-answers"
+            ) from None
     write_tables(tabulate_figures(document), document)
     console = make_console()
     for table in make_tables(document):

@@ -34,8 +34,8 @@ class ProgramFailed(Exception):
     """Our program ended with an error; the text is what it said last."""
 
 
-Run = Callable[[Sequence[object], Path], Path]
-"""Runs our program with such words in a folder, and returns the folder of its results."""
+Run = Callable[[Sequence[object]], Path]
+"""Runs our program with such words, and returns a new folder with its results, which goes in the end."""
 
 Answer = Callable[[Path, Run], None]
 """Writes an answer's files into a folder."""

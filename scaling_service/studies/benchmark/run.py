@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -36,6 +38,11 @@ from scaling_service.studies.benchmark.parts import (
     Task,
 )
 from scaling_service.studies.benchmark.tasks import TASKS
+
+FAILED = "failed.txt"
+"""In an answer's folder: why there is none."""
+
+_WRITTEN = "written"
 
 Judged = dict[str, float] | str
 """The metrics of an answer, or why there are none."""
@@ -139,32 +146,19 @@ def _run_task(task: Task, place: Place, seed: int, workers: int, report: Progres
     inputs.mkdir(parents=True, exist_ok=True)
     cases = task.cases(place.data, inputs, seed)
     asked = [(case, name) for name in (OPENSIM, OURS) for case in cases]
-    said: dict[tuple[str, str], str] = {}
-    judged: dict[tuple[str, str], Judged] = {}
 
-    def answer(item: tuple[Case, str]) -> str:
+    def answer(item: tuple[Case, str]) -> None:
         case, name = item
         folder = place.entries[name] / task.name / case.name
-        return "" if place.keep and folder.is_dir() else _answer(case, name, folder)
-
-    def judge(item: tuple[Case, str]) -> Judged:
-        case, name = item
-        key = name, case.name
-        if said.get(key):
-            return said[key]
-        folders = [place.entries[n] / task.name / case.name for n in (name, OPENSIM)]
-        try:
-            return dict(case.judge(*folders)) if folders[0].is_dir() else "no answer"
-        except NoAnswer as reason:
-            return str(reason)
+        if not (place.keep and folder.is_dir()):
+            _answer(case, name, folder)
 
     with ThreadPoolExecutor(workers) as pool:
-        for k, ((case, name), text) in enumerate(zip(asked, pool.map(answer, asked), strict=True), 1):
-            said[name, case.name] = text
+        for k, ((case, name), _) in enumerate(zip(asked, pool.map(answer, asked), strict=True), 1):
             report(f"{task.name}: {case.name} by {name}", 0.9 * k / len(asked))
         every = [(case, name) for name in place.entries for case in cases]
-        for (case, name), found in zip(every, pool.map(judge, every), strict=True):
-            judged[name, case.name] = found
+        found = pool.map(lambda item: _judge(item[0], item[1], place, task), every)
+        judged = {(name, case.name): each for (case, name), each in zip(every, found, strict=True)}
     report(f"{task.name}: judged", 1.0)
     return TaskPart(
         name=task.name,
@@ -214,22 +208,39 @@ def rank_entries(
     return sorted(parts, key=lambda part: part.place)
 
 
-def _answer(case: Case, name: str, folder: Path) -> str:
-    """Have an entry answer a case into a folder; returns why it did not, or nothing."""
+def _answer(case: Case, name: str, folder: Path) -> None:
+    """Have an entry answer a case into a folder, which is there once it is done; a failure is noted in it."""
     make = case.ours if name == OURS else case.opensim
     if make is None:
-        return "OpenSim has no tool for it"
-    folder.mkdir(parents=True, exist_ok=True)
+        return
+    part = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    (part / _WRITTEN).mkdir(parents=True)
     try:
-        make(folder, partial(_run_program))
+        make(part, partial(_run_program, part / _WRITTEN))
     except (ProgramFailed, InputError) as error:
-        return str(error)
-    return ""
+        (part / FAILED).write_text(str(error), encoding="utf-8")
+    shutil.rmtree(part / _WRITTEN)
+    shutil.rmtree(folder, ignore_errors=True)
+    part.replace(folder)
 
 
-def _run_program(words: Sequence[object], answer: Path) -> Path:
-    """Our program as a user runs it; the folder of its results is made in the answer's."""
-    out = answer / "written"
+def _judge(case: Case, name: str, place: Place, task: Task) -> Judged:
+    """An entry's metrics of a case, or why there are none."""
+    own, opensim = (place.entries[n] / task.name / case.name for n in (name, OPENSIM))
+    if not own.is_dir():
+        return "OpenSim has no tool for it" if name == OPENSIM and case.opensim is None else "no answer"
+    if (own / FAILED).is_file():
+        return (own / FAILED).read_text(encoding="utf-8")
+    try:
+        return dict(case.judge(own, opensim))
+    except NoAnswer as reason:
+        return str(reason)
+
+
+def _run_program(written: Path, words: Sequence[object]) -> Path:
+    """Our program as a user runs it, its results in a new folder."""
+    out = Path(tempfile.mkdtemp(dir=written)) / "out"
     command = [sys.executable, "-m", "scaling_service", *map(str, words), "--out", str(out)]
     try:
         done = subprocess.run(

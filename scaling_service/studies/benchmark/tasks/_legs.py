@@ -89,8 +89,8 @@ def _write_setup(markers: list[str], last_s: float) -> str:
 
 def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run) -> None:
     """Our model, and the motion that the model, used again, has in a recording, with its deviations."""
-    result = run(["scale", folder / "subject.yaml", "--method", method], answer) / method
-    followed = run(["ik", result / "model.json", folder / f"{moving}.trc"], answer / "again")
+    result = run(["scale", folder / "subject.yaml", "--method", method]) / method
+    followed = run(["ik", result / "model.json", folder / f"{moving}.trc"])
     (result / "model.osim").replace(answer / "model.osim")
     (followed / f"{moving}_ik.mot").replace(answer / f"{moving}.mot")
     (followed / f"{moving}_ik_sd.mot").replace(answer / f"{moving}_sd.mot")

@@ -78,7 +78,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
 def answer_by_ours(box: Path, walk: str, answer: Path, run: Run) -> None:
     """The set-up's measurements, then the walk by least squares as OpenSim takes it."""
     words = ["scale", box / "subject.yaml", "--method", "MB", "--smooth-hz", "0"]
-    written = run(words, answer) / "MB"
+    written = run(words) / "MB"
     (written / "model.osim").replace(answer / "model.osim")
     (written / f"{walk}_ik.mot").replace(answer / "walk.mot")
 

@@ -26,7 +26,7 @@ from scaling_service.studies.benchmark.parts import (
     Task,
     read_answer,
 )
-from scaling_service.studies.benchmark.tasks.images import IMAGED, read_expert
+from scaling_service.studies.benchmark.tasks.images import find_bone, list_imaged
 
 Bones = dict[str, trimesh.Trimesh]
 Place = Callable[[Array], Array]
@@ -117,10 +117,9 @@ VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
 def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     """Every variant of the right femur and tibia of three persons."""
     cases = []
-    for person, where in IMAGED.items():
-        bones = {s: _read(data / where / f"{s}.stl") for s in ("femur_r", "tibia_r")}
-        expert = read_expert(data / person if person == "jia_mri" else data / where)
-        up = np.subtract(expert["hip_r"]["centre_mm"], expert["knee_r"]["centre_mm"])
+    for person, (where, expert) in list_imaged(data).items():
+        bones = {s: _read(find_bone(where, s)) for s in ("femur_r", "tibia_r")}
+        up = expert["hip_r"][0] - expert["knee_r"][0]
         for variant, (change, within, must) in VARIANTS.items():
             changed, place = change(bones, up / np.linalg.norm(up))
             box = folder / f"{person}_{variant}"
@@ -141,7 +140,7 @@ def answer_by_ours(files: Mapping[str, Path], answer: Path, run: Run) -> None:
     """Landmarks, or that the bones were refused."""
     slots = [word for slot, path in files.items() for word in (f"--{slot}", path)]
     try:
-        written = run(["landmarks", "--units", "mm", *slots], answer)
+        written = run(["landmarks", "--units", "mm", *slots])
     except ProgramFailed as reason:
         (answer / "answer.json").write_text(json.dumps({"refused": str(reason)}), encoding="utf-8")
         return
@@ -187,7 +186,7 @@ TASK = Task(
     name="bones",
     title="Bones as they are found",
     truth="the program's own answer for the clean bones, moved with them; wrong bones must be refused",
-    needs=("jia_mri", "bones/LHDL_CT", "bones/TLEM2_CT"),
+    needs=("jia_mri/bones",),
     metrics=(WRONG,),
     cases=make_cases,
 )

@@ -164,7 +164,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
 
 def search(box: Path, answer: Path, run: Run) -> None:
     """Our search, with the model as it is."""
-    written = run(["discover", box / "subject.yaml", "--start", "none", "--no-report"], answer)
+    written = run(["discover", box / "subject.yaml", "--start", "none", "--no-report"])
     (written / "discovery.json").replace(answer / "discovery.json")
 
 
@@ -192,7 +192,7 @@ TASK = Task(
     name="hidden",
     title="Effects hidden in real recordings",
     truth="what was done to the files of a squatting and walking person; the person's own faults are unknown",
-    needs=("opencap_squat",),
+    needs=("opencap_squat/manually_scaled.osim",),
     metrics=(WRONG, Metric(key="others", title="other names")),
     cases=make_cases,
 )

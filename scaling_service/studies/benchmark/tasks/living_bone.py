@@ -56,7 +56,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
 
 def track_by_ours(model: Path, recording: Path, answer: Path, run: Run) -> None:
     """Motion and its deviations, of a model that is given."""
-    written, trial = run(["ik", model, recording], answer), recording.stem
+    written, trial = run(["ik", model, recording]), recording.stem
     (written / f"{trial}_ik.mot").replace(answer / f"{trial}.mot")
     (written / f"{trial}_ik_sd.mot").replace(answer / f"{trial}_sd.mot")
 

@@ -63,7 +63,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
 
 def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: Run) -> None:
     """As the case says it is run."""
-    written = run([box / word if (box / word).exists() else word for word in words], answer)
+    written = run([box / word if (box / word).exists() else word for word in words])
     if words[0] == "scale":
         written = next(path for path in written.iterdir() if (path / "model.osim").is_file())
         (written / "model.osim").replace(answer / "model.osim")

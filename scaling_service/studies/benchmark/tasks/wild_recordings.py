@@ -168,7 +168,7 @@ TASK = Task(
     name="wild_recordings",
     title="One recording as laboratories write it, and break it",
     truth="the program's own answer for the plain files; mirrored or ambiguous ones must be refused",
-    needs=("jia_mri",),
+    needs=("jia_mri/Static.c3d", "jia_mri/Walking02.c3d"),
     metrics=(WRONG,),
     cases=make_cases,
 )

@@ -37,7 +37,7 @@ PALPATION = {"ASIS": 0.006, "PSIS": 0.006, "LFE": 0.005, "MFE": 0.005, "FH": 0.0
 """Of each axis; Della Croce 2005, trained examiners."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class World:
     """What differs between laboratories and people: factors on the sizes above."""
 
@@ -48,7 +48,7 @@ class World:
     noise_m: float = 0.0003
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Person:
     """The truth, in the frames of the bones, and the recordings.
 

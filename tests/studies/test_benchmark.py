@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scaling_service.cli import main
+from scaling_service.cli.app import EXIT_INPUT
 from scaling_service.core.errors import InputError
 from scaling_service.files.osim.models import write_osim
 from scaling_service.files.sto import tabulate_motion, write_sto
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.studies.benchmark.document import make_tables, tabulate_figures
+from scaling_service.studies.benchmark.document import make_tables, read_document, tabulate_figures
 from scaling_service.studies.benchmark.parts import (
     OPENSIM,
     OURS,
@@ -171,3 +173,20 @@ def test_what_cannot_be_run_is_said(tmp_path: Path) -> None:
     assert document.tasks == []
     assert set(document.left_out) == {"images", "hidden"}
     assert "jia_mri" in document.left_out["images"]
+
+
+@needs_opensim
+def test_the_command_says_what_it_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["benchmark", "--data", str(tmp_path), "--tasks", "images,wild_models", "--tables", "csv"]
+    assert main([*given, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "left out  images: jia_mri/bones not in" in said
+    assert "left out  wild_models: wild/models not in" in said
+    document = read_document(tmp_path / "out" / "benchmark.json")
+    assert set(document.left_out) == {"images", "wild_models"}
+    assert (tmp_path / "out/tables/benchmark.csv").read_text(
+        encoding="utf-8"
+    ) == "task,case,entry,metric,value\n"
+    assert (
+        main([*given[:-2], "--entry", str(tmp_path / "absent"), "--out", str(tmp_path / "out")]) == EXIT_INPUT
+    )

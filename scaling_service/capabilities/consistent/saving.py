@@ -69,7 +69,7 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
     lengths = tuple((name, document.lengths_before_mm[name], v) for name, v in document.lengths_mm.items())
     model = results.result.model
     motions = {
-        recording.name: tabulate_coordinates(
+        f"motion_{recording.name}": tabulate_coordinates(
             recording.name, _write_motion_part(recording, tracked, model), model, system="consistent"
         )
         for recording, tracked in zip(results.recordings, results.result.consistent, strict=True)

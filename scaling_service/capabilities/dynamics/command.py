@@ -42,13 +42,13 @@ def dynamics(
     """
     with running(out) as progress:
         from scaling_service.capabilities.dynamics.run import dynamics as compute
-        from scaling_service.capabilities.dynamics.saving import save_dynamics
+        from scaling_service.capabilities.dynamics.saving import save_dynamics, tabulate_loads
         from scaling_service.capabilities.shared.tables import make_table_writer
 
         write_tables = make_table_writer(tables, out)
         results = compute(subject, chosen, settings, progress=progress)
         document = save_dynamics(results, out, report=report)
-        write_tables(results.tables, document)
+        write_tables({**results.tables, **tabulate_loads(results)}, document)
     show(document, out)
 
 

@@ -118,7 +118,7 @@ class Tracked:
     @property
     def tables(self) -> dict[str, ResultTable]:
         """The errors, and the coordinates of every trial by its name."""
-        return {"errors": self.errors, **{name: self.coordinates(name) for name in self.trials}}
+        return {"errors": self.errors, **{f"motion_{name}": self.coordinates(name) for name in self.trials}}
 
     def __repr__(self) -> str:
         return f"Tracked by model '{self.loaded.session.model.name}'\n{self.errors!r}"

@@ -181,7 +181,9 @@ class Results:
     def tables(self) -> dict[str, ResultTable]:
         """All of these, and the coordinates of every method's motions, by name."""
         motions = {
-            f"{method}_{trial}": tabulate_coordinates(trial, motion, scaling.calibration.model, system=method)
+            f"motion_{method}_{trial}": tabulate_coordinates(
+                trial, motion, scaling.calibration.model, system=method
+            )
             for method, scaling in self.scalings.items()
             for trial, motion in scaling.motions.items()
         }

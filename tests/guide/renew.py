@@ -265,14 +265,17 @@ def _run(*words: object) -> None:
     run_program([str(word) for word in words], ROOT)
 
 
+def write_figure(name: str, measured: dict[str, Any]) -> None:
+    """Put what was measured under its name into ``figures.json``."""
+    figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
+    figures = dict(sorted({**figures, name: measured}.items()))
+    FIGURES.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
 def main(names: list[str]) -> None:
     """Measure, and write after each, so that what is done stays."""
     for name in names or list(MEASURES):
-        measured = MEASURES[name]()
-        figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
-        figures[name] = measured
-        lines = (f"{json.dumps(k)}: {json.dumps(figures[k], ensure_ascii=False)}" for k in sorted(figures))
-        FIGURES.write_text("{" + ",\n ".join(lines) + "}\n", encoding="utf-8")
+        write_figure(name, MEASURES[name]())
         sys.stdout.write(f"{name} measured\n")
 
 

@@ -229,12 +229,13 @@ def describe_benchmark(document: BenchmarkDocument) -> dict[str, Any]:
         for name, entry in ours.items()
         for case in (*entry.failures, *(c for c, found in entry.cases.items() if found.get("wrong")))
     ]
+    behind = [t.title for t in document.tasks if ours[t.name].place > min(e.place for e in t.entries)]
     minutes = document.wall_s / 60.0
     return {
         **tables,
         "minutes": minutes,
         "failed": "; ".join(failed) or "none",
-        "version": document.code_version,
+        "behind": "; ".join(behind) or "none",
     }
 
 

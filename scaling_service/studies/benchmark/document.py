@@ -91,8 +91,13 @@ def make_tables(document: BenchmarkDocument) -> Iterator[Table]:
             for entry in task.entries
         ]
         yield Table(caption="", columns=columns, rows=rows, note=f"Truth: {task.truth}")
-    rows = [Row(entry, [f"{place:.2f}"]) for entry, place in document.places.items()]
-    yield Table(caption="", columns=["All tasks", "mean place"], rows=rows)
+    cases = sum(len(task.cases) for task in document.tasks)
+    answered = {
+        name: sum(e.answered for task in document.tasks for e in task.entries if e.entry == name)
+        for name in document.places
+    }
+    rows = [Row(n, [f"{answered[n]}/{cases}", f"{place:.2f}"]) for n, place in document.places.items()]
+    yield Table(caption="", columns=["All tasks", "answered", "mean place"], rows=rows)
 
 
 def format_value(values: dict[str, float], metric: MetricPart) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -67,3 +67,14 @@ class ResultTable:
     def _repr_html_(self) -> str:
         table = self.to_frame().to_html(index=False, float_format="{:.4g}".format, border=0, na_rep="–")
         return f"<b>{escape(self.title)}</b>{table}"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class MotionTable(ResultTable):
+    """Coordinates over time; the first column is ``time_s``.
+
+    ``trial``: the recording. ``system``: what the motion is by, such as the method of scaling.
+    """
+
+    trial: str = field(kw_only=True)
+    system: str = field(kw_only=True)

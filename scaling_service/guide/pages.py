@@ -52,6 +52,7 @@ PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "method-forces",
             "method-effects",
             "studies",
+            "benchmark",
         ),
         "Notebooks": (
             "notebook-scale",

@@ -13,6 +13,7 @@ from rich.markup import escape
 from scaling_service.capabilities.shared.flags import Only, Out, with_flags
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
+from scaling_service.studies.benchmark.command import benchmark
 
 if TYPE_CHECKING:
     from scaling_service.report.tables import Table
@@ -151,4 +152,4 @@ def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, fil
     list_files(console, out, [", ".join(files)])
 
 
-COMMANDS = (reproduce,)
+COMMANDS = (reproduce, benchmark)

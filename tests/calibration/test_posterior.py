@@ -1,4 +1,4 @@
-"""The joint posterior on persons whose bodies are known, drawn by code of its own (``tests/oracle``)."""
+"""The joint posterior on persons whose bodies are known, drawn by code of its own."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from scaling_service.model.document import from_document, to_document
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
+from scaling_service.studies.benchmark.persons import World, draw_person
 from tests.oracle.coverage import Errors, measure, record
-from tests.oracle.persons import World, draw_person
 
 N_PERSONS = 24
 

@@ -12,8 +12,8 @@ from scaling_service.capabilities.scaling.departures import state_departures
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.model.document import from_document, to_document
+from scaling_service.studies.benchmark.persons import draw_person
 from tests.oracle.coverage import record
-from tests.oracle.persons import draw_person
 
 
 def test_a_method_is_as_far_off_as_the_posterior_has_it_and_its_model_says_so() -> None:

@@ -19,6 +19,9 @@ import numpy as np
 import yaml
 
 from scaling_service.guide.pages import FIGURES
+from scaling_service.report.tables import Table, to_cell
+from scaling_service.studies.benchmark.document import DOCUMENT, BenchmarkDocument, make_tables, read_document
+from scaling_service.studies.benchmark.parts import OURS
 from tests.living_bone.errors import Way, judge_sets
 from tests.oracle.coverage import measure
 from tests.safety.running import find_data, run_program
@@ -192,12 +195,47 @@ def measure_study(paper: str) -> dict[str, Any]:
     }
 
 
+def measure_benchmark() -> dict[str, Any]:
+    """Every task's table, and the whole, from one run on the real recordings."""
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch) / "judged"
+        _run("benchmark", "--data", _data(""), "--out", out)
+        return describe_benchmark(read_document(out / DOCUMENT))
+
+
+def describe_benchmark(document: BenchmarkDocument) -> dict[str, Any]:
+    """The tables of a run as the guide shows them, and where our program failed."""
+    names = [*(task.name for task in document.tasks), "whole"]
+    tables = dict(zip(names, map(_describe_table, make_tables(document)), strict=True))
+    ours = {task.name: next(e for e in task.entries if e.entry == OURS) for task in document.tasks}
+    failed = [
+        f"{name}: {case.replace('_', ' ')}"
+        for name, entry in ours.items()
+        for case in (*entry.failures, *(c for c, found in entry.cases.items() if found.get("wrong")))
+    ]
+    behind = [t.title for t in document.tasks if ours[t.name].place > min(e.place for e in t.entries)]
+    minutes = document.wall_s / 60.0
+    return {
+        **tables,
+        "minutes": minutes,
+        "failed": "; ".join(failed) or "none",
+        "behind": "; ".join(behind) or "none",
+    }
+
+
+def _describe_table(table: Table) -> dict[str, Any]:
+    """A table without tones."""
+    rows = [[to_cell(cell).text for cell in (row.header, *row.cells)] for row in table.rows]
+    return {"columns": list(table.columns), "rows": rows}
+
+
 MEASURES: Mapping[str, Callable[[], dict[str, Any]]] = {
     **{paper: partial(measure_study, paper) for paper in PAPERS},
     "pins": measure_pins,
     "clinic": measure_clinic,
     "image": measure_image,
     "persons": measure_persons,
+    "benchmark": measure_benchmark,
 }
 
 
@@ -212,14 +250,17 @@ def _run(*words: object) -> None:
     run_program([str(word) for word in words], ROOT)
 
 
+def write_figure(name: str, measured: dict[str, Any]) -> None:
+    """Put what was measured under its name into ``figures.json``."""
+    figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
+    figures = dict(sorted({**figures, name: measured}.items()))
+    FIGURES.write_text(json.dumps(figures, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
 def main(names: list[str]) -> None:
     """Measure, and write after each, so that what is done stays."""
     for name in names or list(MEASURES):
-        measured = MEASURES[name]()
-        figures = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.is_file() else {}
-        figures[name] = measured
-        lines = (f"{json.dumps(k)}: {json.dumps(figures[k], ensure_ascii=False)}" for k in sorted(figures))
-        FIGURES.write_text("{" + ",\n ".join(lines) + "}\n", encoding="utf-8")
+        write_figure(name, MEASURES[name]())
         sys.stdout.write(f"{name} measured\n")
 
 

@@ -8,7 +8,7 @@ import tomllib
 
 import yaml
 
-from tests.guide.draw import HTTP, PAGE, ROOT, describe_http, draw_layers
+from tests.guide.draw import FIGURE, HTTP, PAGE, ROOT, describe_http, draw_benchmark, draw_layers
 
 CONTRIBUTING = (ROOT / ".github" / "CONTRIBUTING.md").read_text(encoding="utf-8")
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -20,6 +20,10 @@ def test_the_drawing_is_of_the_layers() -> None:
 
 def test_the_page_on_http_is_of_the_routes() -> None:
     assert describe_http() == HTTP.read_text(encoding="utf-8"), "run `python -m tests.guide.draw`"
+
+
+def test_the_figure_is_of_the_measured_benchmark() -> None:
+    assert draw_benchmark() == FIGURE.read_text(encoding="utf-8"), "run `python -m tests.guide.draw`"
 
 
 def test_the_walk_of_a_recording_goes_where_it_says() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import threading
 import time
 from collections.abc import Mapping
@@ -25,7 +23,7 @@ from scaling_service.capabilities.cohort.outcomes import (
     select_possible_methods,
 )
 from scaling_service.capabilities.cohort.run import BatchResult, summarise_cohort
-from scaling_service.capabilities.cohort.saving import write_table
+from scaling_service.capabilities.cohort.saving import tabulate_outcomes
 from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, SubjectSummary, summarise
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.subject.loading import Loaded
@@ -113,14 +111,14 @@ def test_virtual_people_are_measured_against_the_truth(people, alone):
 
 
 def test_the_table_of_angles_has_every_curve_in_degrees(alone):
-    rows = list(csv.DictReader(io.StringIO(write_table("angles.csv", alone.outcomes))))
+    rows = tabulate_outcomes("angles.csv", alone.outcomes).to_frame().to_dict("records")
     assert len(rows) == 3 * 2 * 8
     row = next(r for r in rows if (r["subject"], r["method"]) == ("virtual_1", "MB_am"))
     curve = alone.outcomes[1].summary.methods["MB_am"].curves[row["coordinate"]]
     assert [float(row[f"deg_at_{k}_percent"]) for k in (0, 50, 100)] == pytest.approx(
         np.degrees([curve[k] for k in (0, 50, 100)]), abs=1e-4
     )
-    lengths = list(csv.DictReader(io.StringIO(write_table("lengths.csv", alone.outcomes))))
+    lengths = tabulate_outcomes("lengths.csv", alone.outcomes).to_frame().to_dict("records")
     assert {r["method"] for r in lengths} == {*METHODS, TRUTH}
 
 

@@ -18,7 +18,7 @@ from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
-from tests.oracle.persons import RATE_HZ, Person, World, draw_person
+from scaling_service.studies.benchmark.persons import RATE_HZ, Person, World, draw_person
 
 SEGMENTS = {
     "femur_r": "femur_r",

@@ -13,7 +13,7 @@ from scaling_service.recording.identity.body import propose_standing_bodies
 from scaling_service.recording.identity.identify import Identification, identify
 from scaling_service.recording.identity.landmarks import list_landmarks
 from scaling_service.recording.orientation import apply, decide
-from tests.oracle.persons import RATE_HZ, Person, draw_person
+from scaling_service.studies.benchmark.persons import RATE_HZ, Person, draw_person
 
 CORE = {side + name for side in "RL" for name in ("ASIS", "PSIS", "LFE", "MFE", "LM", "MM")}
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.flags import Only, Out, Workers, read_names, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Tables, Workers, read_names, with_flags
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 
@@ -16,15 +16,7 @@ EXIT_SOME_FAILED = 1
 
 
 class Interrupted(Exception):
-    """A batch was stopped from the keyboard; the subjects that ended are done."""
-
-    def __init__(self, ended: int, count: int, out: Path) -> None:
-        super().__init__(
-            f"interrupted; {ended} of {count} subjects had ended. What is done is kept under {out}: "
-            "run the same command to go on"
-            if ended
-            else "interrupted; no subject was done"
-        )
+    """A command was stopped from the keyboard; the text says what is kept."""
 
 
 _Cohort = Annotated[
@@ -50,6 +42,7 @@ def batch(
             help=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         ),
     ] = None,
+    tables: Tables = "",
     workers: Workers = None,
     force: Annotated[bool, typer.Option("--force", help="Do again what is done and unchanged.")] = False,
 ) -> None:
@@ -65,7 +58,9 @@ def batch(
     """
     from scaling_service.capabilities.cohort.run import batch as run_batch
     from scaling_service.capabilities.cohort.screen import show_cohort, show_progress
+    from scaling_service.capabilities.shared.tables import make_table_writer
 
+    write_tables = make_table_writer(tables, out)
     chosen = None if methods is None else tuple(read_names(methods))
     with show_progress() as watcher:
         try:
@@ -73,7 +68,13 @@ def batch(
                 cohort, out, chosen, settings, worker_count=workers, force=force, watcher=watcher
             )
         except KeyboardInterrupt:
-            raise Interrupted(watcher.ended, watcher.count, out) from None
+            raise Interrupted(
+                f"interrupted; {watcher.ended} of {watcher.count} subjects had ended. What is done is kept "
+                f"under {out}: run the same command to go on"
+                if watcher.ended
+                else "interrupted; no subject was done"
+            ) from None
+    write_tables(result.tables, result.document)
     show_cohort(result.document, out, result.files)
     if any(subject.status == "failed" for subject in result.document.subjects):
         raise typer.Exit(EXIT_SOME_FAILED)

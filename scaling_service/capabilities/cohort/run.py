@@ -25,7 +25,13 @@ from scaling_service.capabilities.cohort.outcomes import (
     run_members,
     select_possible_methods,
 )
-from scaling_service.capabilities.cohort.saving import check_names, refuse_foreign, save_cohort
+from scaling_service.capabilities.cohort.saving import (
+    TABLES,
+    check_names,
+    refuse_foreign,
+    save_cohort,
+    tabulate_outcomes,
+)
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
@@ -170,6 +176,12 @@ class BatchResult:
         columns = ("subject", "status", "methods", "reason")
         rows = tuple((s.id, s.status, ", ".join(s.methods), s.reason) for s in self.document.subjects)
         return ResultTable("The cohort", columns, rows)
+
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """How every subject ended, and lengths, errors and mean curves of all."""
+        every = {name.removesuffix(".csv"): tabulate_outcomes(name, self.outcomes) for name in TABLES}
+        return {"subjects": self.subjects, **every}
 
     def __repr__(self) -> str:
         return repr(self.subjects)

@@ -13,6 +13,7 @@ from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.capabilities.cohort.words import summarise
 from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.numerics.statistics.waveforms import NODES
 from scaling_service.report.onefile import Report
@@ -27,7 +28,8 @@ def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: P
     with all_or_nothing(folder) as scratch:
         write_json(scratch / DOCUMENT, document)
         for name in TABLES:
-            (scratch / name).write_text(write_table(name, outcomes), encoding="utf-8")
+            table = tabulate_outcomes(name, outcomes).to_frame()
+            (scratch / name).write_text(table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
         report = Report(
             kind="batch", name=DOCUMENT, summary=summarise(document), document=document, beside=list(TABLES)
         )
@@ -74,10 +76,8 @@ TABLES: Mapping[str, tuple[tuple[str, ...], Callable[[SubjectSummary], Iterable[
 """File to its columns after the subject's and its groups, and to where the rows come from."""
 
 
-def write_table(name: str, outcomes: Sequence[Outcome]) -> str:
-    """One of :data:`TABLES` as CSV over the members that are done; labels stand in columns ``group_…``."""
-    import pandas  # only here and after all work: it takes half a second
-
+def tabulate_outcomes(name: str, outcomes: Sequence[Outcome]) -> ResultTable:
+    """One of :data:`TABLES` over the members that are done; labels stand in columns ``group_…``."""
     columns, read = TABLES[name]
     groups = dict.fromkeys(f"group_{group}" for outcome in outcomes for group in outcome.groups)
     rows = [
@@ -86,8 +86,8 @@ def write_table(name: str, outcomes: Sequence[Outcome]) -> str:
         if o.summary is not None
         for row in read(o.summary)
     ]
-    frame = pandas.DataFrame(rows, columns=["subject", *groups, *columns])
-    return str(frame.to_csv(index=False, lineterminator="\n"))
+    names = ("subject", *groups, *columns)
+    return ResultTable(name.removesuffix(".csv"), names, tuple(tuple(map(row.get, names)) for row in rows))
 
 
 def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
 from scaling_service.capabilities.shared.screen import (
     list_files,
     make_console,
@@ -27,6 +27,7 @@ def consistent(
     out: Out,
     chosen: ForceSettings,
     settings: Annotated[Settings, Only("up", "forward")] = UNSMOOTHED,
+    tables: Tables = "",
     report: Report = True,
 ) -> None:
     """Find the motion, geometry and inertia that markers and ground forces agree on.
@@ -38,10 +39,13 @@ def consistent(
     """
     with running(out) as progress:
         from scaling_service.capabilities.consistent.run import consistent as compute
-        from scaling_service.capabilities.consistent.saving import save_consistent
+        from scaling_service.capabilities.consistent.saving import save_consistent, tabulate_consistent
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         results = compute(subject, chosen, settings, progress=progress)
         document = save_consistent(results, out, report=report)
+        write_tables(tabulate_consistent(results, document), document)
     show(document, out)
 
 

@@ -22,9 +22,11 @@ from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.capabilities.consistent.words import summarise, write_headline
 from scaling_service.capabilities.dynamics.saving import record_dynamics_provenance, write_massive_model
 from scaling_service.capabilities.motion.saving import write_motion
+from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.core.arrays import Array
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
@@ -58,6 +60,32 @@ def save_consistent(
         if report:
             (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
     return document
+
+
+def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument) -> dict[str, ResultTable]:
+    """Errors in the three ways, lengths before and after, and the consistent motions, by name."""
+    errors = tuple(
+        (name, "held out" if trial.held_out else "used to fit", way, *wrench.model_dump().values(), off)
+        for name, trial in document.trials.items()
+        for (way, wrench), off in zip(
+            trial.ground_wrench_rmse, trial.marker_rms_mm.model_dump().values(), strict=True
+        )
+    )
+    components = tuple(GroundWrench.model_fields)
+    lengths = tuple((name, document.lengths_before_mm[name], v) for name, v in document.lengths_mm.items())
+    model = results.result.model
+    motions = {
+        f"motion_{recording.name}": tabulate_coordinates(
+            recording.name, _write_motion_part(recording, tracked, model), model, system="consistent"
+        )
+        for recording, tracked in zip(results.recordings, results.result.consistent, strict=True)
+    }
+    columns = ("trial", "role", "way", *components, "markers_mm")
+    return {
+        "errors": ResultTable("RMS error", columns, errors),
+        "lengths": ResultTable("Segment lengths", ("segment", "start_mm", "found_mm"), lengths),
+        **motions,
+    }
 
 
 def _make_report(results: ConsistentResults, document: ConsistentDocument) -> Report:

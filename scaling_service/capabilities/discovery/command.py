@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
 from scaling_service.capabilities.shared.screen import (
     list_files,
     make_console,
@@ -32,6 +32,7 @@ def discover(
     out: Out,
     chosen: DiscoverSettings,
     settings: Annotated[Settings, Only("up", "forward", "seed")] = AS_MEASURED,
+    tables: Tables = "",
     report: Report = True,
     everything: Annotated[
         bool, typer.Option("--all", help="Deprecated: all that is named is shown anyway.")
@@ -73,24 +74,30 @@ def discover(
     if everything:
         warnings.warn("--all of discover does nothing any more and will go", DeprecationWarning, stacklevel=2)
     if subject.is_dir() or subject.suffix.lower() == ".csv":
-        _discover_recurring(subject, out, chosen, settings, report=report)
+        _discover_recurring(subject, out, chosen, settings, report=report, tables=tables)
         return
     with running(out) as progress:
         from scaling_service.capabilities.discovery.run import discover as compute
         from scaling_service.capabilities.discovery.saving import save_discovery
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         results = compute(subject, chosen, settings, progress=progress)
         document = save_discovery(results, out, report=report, progress=progress)
+        write_tables(results.tables, document)
     show(document, out)
 
 
 def _discover_recurring(
-    cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool
+    cohort: Path, out: Path, chosen: DiscoverSettings, settings: Settings, *, report: bool, tables: str
 ) -> None:
     with running(out) as progress:
         from scaling_service.capabilities.discovery.recurring import FILE_NAME, discover_recurring
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         found = discover_recurring(cohort, out, chosen, settings, report=report, progress=progress)
+        write_tables({"recurring": found.effects}, found.document)
     console, document = make_console(), found.document
     console.print(str(found.effects), markup=False, highlight=False, soft_wrap=True)
     say(console, "Verdict", "bold", [f"{document.headline}."])

@@ -129,6 +129,11 @@ class DiscoverResults:
         )
         return ResultTable("The missing effects", ("kind", "where", "parameter", "value", "sd"), rows)
 
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """What was named, number by number."""
+        return {"effects": self.effects}
+
     def __repr__(self) -> str:
         return f"{self.document.headline}\n{self.effects!r}"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, with_flags
+from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
 from scaling_service.capabilities.shared.screen import (
     list_files,
     make_console,
@@ -30,6 +30,7 @@ def dynamics(
     out: Out,
     chosen: DynamicsSettings,
     settings: Annotated[Settings, Only("up", "forward", "seed")] = UNSMOOTHED,
+    tables: Tables = "",
     report: Report = True,
 ) -> None:
     """Check a model against the ground's forces: joint loads, residuals, their uncertainty.
@@ -41,10 +42,13 @@ def dynamics(
     """
     with running(out) as progress:
         from scaling_service.capabilities.dynamics.run import dynamics as compute
-        from scaling_service.capabilities.dynamics.saving import save_dynamics
+        from scaling_service.capabilities.dynamics.saving import save_dynamics, tabulate_loads
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         results = compute(subject, chosen, settings, progress=progress)
         document = save_dynamics(results, out, report=report)
+        write_tables({**results.tables, **tabulate_loads(results)}, document)
     show(document, out)
 
 

@@ -113,6 +113,11 @@ class DynamicsResults:
         rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
         return ResultTable("RMS of the residual", ("trial", *units), rows)
 
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """The residuals of all recordings."""
+        return {"residuals": self.residuals}
+
     def __repr__(self) -> str:
         return f"{self.residuals!r}\n{self.verdict}"
 

@@ -26,6 +26,7 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.files.osim.models import write_osim
 from scaling_service.files.sto import Table, write_sto
@@ -116,6 +117,17 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
         data=np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
         in_degrees=False,
     )
+
+
+def tabulate_loads(results: DynamicsResults) -> dict[str, ResultTable]:
+    """Joint loads and the residual of every recording over time, N and N m; see ``<trial>_id.sto``."""
+    tables = {}
+    for name, found in results.trials.items():
+        sto = _tabulate_forces(name, found, results.prepared.model)
+        units = ("N" if c.endswith("_force") or c.startswith("residual_f") else "Nm" for c in sto.columns[1:])
+        columns = ("time_s", *(f"{c}_{unit}" for c, unit in zip(sto.columns[1:], units, strict=True)))
+        tables[f"loads_{name}"] = ResultTable(name, columns, tuple(map(tuple, sto.data.tolist())))
+    return tables
 
 
 def write_massive_model(

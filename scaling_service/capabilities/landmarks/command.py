@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scaling_service.capabilities.shared.flags import Out
+from scaling_service.capabilities.shared.flags import Out, Tables
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running, say
 from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.landmarks.document import BoneDocument, LandmarksDocument
+    from scaling_service.capabilities.landmarks.document import LandmarksDocument
 
 
 def _make_bone_option(name: str, words: str) -> typer.models.OptionInfo:
@@ -48,6 +49,7 @@ def landmarks(
         ),
     ] = None,
     units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
+    tables: Tables = "",
 ) -> None:
     """Find joint centres, axes and bony landmarks on surfaces of bones or in a segmentation.
 
@@ -65,29 +67,29 @@ def landmarks(
     if segmentation is not None:
         given["segmentation"] = segmentation
     with running(out) as progress:
+        from scaling_service.capabilities.landmarks.document import tabulate_points
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         document = landmark_bones(given, units=units, progress=progress)
         path = save_landmarks(document, out)
+        write_tables({"landmarks": tabulate_points(document)}, document)
     _show(document, out, path.name)
 
 
 def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     """A table of what was found, then what was refused or is doubtful."""
+    from scaling_service.capabilities.landmarks.document import tabulate_points
+
     rows: list[Row] = []
     notes = list(document.warnings)
-    for bone_name in BONE_NAMES:
-        bone: BoneDocument | None = getattr(document, bone_name)
-        if bone is None:
-            continue
-        rows.append(Row(bone_name))
-        for field, value in bone:
-            if field.endswith("_mm") and isinstance(value, tuple):
-                point = field.removesuffix("_mm")
-                cells = [*(f"{x:.1f}" for x in value), f"{bone.deviations_mm[point]:.1f}"]
-                rows.append(Row(f"  {point}", cells))
-        notes += [f"{bone_name}: no {what}: {why}" for what, why in bone.refused.items()]
-        notes += [f"{bone_name}: {warning}" for warning in bone.warnings]
+    for bone, points in groupby(tabulate_points(document).rows, key=lambda row: row[0]):
+        rows.append(Row(bone))
+        rows += [Row(f"  {point}", [f"{value:.1f}" for value in values]) for _, point, *values in points]
+    for name, found in document.bones.items():
+        notes += [f"{name}: no {what}: {why}" for what, why in found.refused.items()]
+        notes += [f"{name}: {warning}" for warning in found.warnings]
     console = make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
     print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))

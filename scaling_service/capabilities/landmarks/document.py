@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from scaling_service.core.tables import ResultTable
 from scaling_service.documents.base import Part
 
 LANDMARKS_SCHEMA_VERSION = 1
@@ -120,3 +121,21 @@ class LandmarksDocument(Part):
     femur_l: FemurDocument | None = None
     tibia_l: TibiaDocument | None = None
     talus_l: TalusDocument | None = None
+
+    @property
+    def bones(self) -> dict[str, BoneDocument]:
+        """Those that were given, by name."""
+        every = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: bone for name, bone in every.items() if isinstance(bone, BoneDocument)}
+
+
+def tabulate_points(document: LandmarksDocument) -> ResultTable:
+    """Every point of every bone in the image's axes with its deviation, mm."""
+    rows = tuple(
+        (name, point, *value, bone.deviations_mm[point])
+        for name, bone in document.bones.items()
+        for field, value in bone
+        if field.endswith("_mm") and isinstance(value, tuple)
+        for point in [field.removesuffix("_mm")]
+    )
+    return ResultTable("Landmarks", ("bone", "point", "x_mm", "y_mm", "z_mm", "sd_mm"), rows)

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.shared.flags import Out, with_flags
+from scaling_service.capabilities.shared.flags import Out, Tables, with_flags
 from scaling_service.capabilities.shared.screen import (
     describe_understood,
     list_files,
@@ -45,6 +45,7 @@ def ik(
         Path | None,
         typer.Option(metavar="FILE", help="OpenSim markers to add to an .osim model.", readable=False),
     ] = None,
+    tables: Tables = "",
 ) -> None:
     """Use a scaled model again: the motion of any recordings, with its standard deviations.
 
@@ -57,9 +58,12 @@ def ik(
     with running(out) as progress:
         from scaling_service.capabilities.motion.run import ik as compute
         from scaling_service.capabilities.motion.saving import save_motions
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         tracked = compute(model, recordings, options, marker_set=marker_set, progress=progress)
         document = save_motions(tracked, out)
+        write_tables(tracked.tables, document)
     show(document, out)
 
 

@@ -23,6 +23,7 @@ from scaling_service.capabilities.motion.everyday import (
 from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.options import MotionOptions
+from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import (
     CoordinateSd,
@@ -30,13 +31,12 @@ from scaling_service.capabilities.motion.uncertainty import (
     estimate_coordinate_sd,
     list_skin_fields,
 )
-from scaling_service.capabilities.motion.unshown import hide_unshown
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.core.tables import ResultTable
+from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.recording import READERS
 from scaling_service.model.anatomy.frames import SIDES
@@ -92,24 +92,17 @@ class Tracked:
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
 
-    def coordinates(self, trial: str) -> ResultTable:
+    def coordinates(self, trial: str) -> MotionTable:
         """Coordinates of a trial over time with their standard deviations, degrees and m.
 
         What markers do not show is NaN, its deviation infinite.
 
         Raises KeyError: no recording is called so.
         """
-        model = self.loaded.session.model
-        tracked, kinds = self.trials[trial], {c.name: c.kind for c in model.coordinates}
-        motion = tracked.motion
-        q = hide_unshown(motion, model, motion.q)
-        sd = np.where(np.isnan(q), np.inf, tracked.uncertainty.sd)
-        columns, values = ["time_s"], [motion.times]
-        for k, name in enumerate(motion.coordinates):
-            unit, factor = ("deg", 180.0 / np.pi) if kinds[name] == "rotation" else ("m", 1.0)
-            columns += [f"{name}_{unit}", f"{name}_sd_{unit}"]
-            values += [factor * q[:, k], factor * sd[:, k]]
-        return ResultTable(trial, tuple(columns), tuple(map(tuple, np.column_stack(values))))
+        tracked = self.trials[trial]
+        return tabulate_coordinates(
+            trial, tracked.motion, self.loaded.session.model, tracked.uncertainty.sd, system="markers"
+        )
 
     @property
     def errors(self) -> ResultTable:
@@ -119,6 +112,11 @@ class Tracked:
             for name, t in self.trials.items()
         )
         return ResultTable("Kinematic error", ("trial", "mean_mm", "rms_mm", "max_mm"), rows)
+
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """The errors, and the coordinates of every trial by its name."""
+        return {"errors": self.errors, **{f"motion_{name}": self.coordinates(name) for name in self.trials}}
 
     def __repr__(self) -> str:
         return f"Tracked by model '{self.loaded.session.model.name}'\n{self.errors!r}"

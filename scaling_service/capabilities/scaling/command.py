@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
-from scaling_service.capabilities.shared.flags import Out, Report, SubjectFile, read_names, with_flags
+from scaling_service.capabilities.shared.flags import (
+    Out,
+    Report,
+    SubjectFile,
+    Tables,
+    read_names,
+    with_flags,
+)
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.screen import (
     list_files,
@@ -33,6 +40,7 @@ def scale(
     method: Annotated[
         str, typer.Option(metavar="|".join(list_method_names()), help="How to scale.")
     ] = "MB_am",
+    tables: Tables = "",
 ) -> None:
     """Scale a subject's model by one method.
 
@@ -41,7 +49,8 @@ def scale(
 
     [bold]Example[/bold]: scaling-service scale S01.yaml --method MB_am --out results
     """
-    _compare(subject, out, (method,), settings, ComparisonOptions(**options.model_dump()), comparison=False)
+    chosen = ComparisonOptions(**options.model_dump())
+    _compare(subject, out, (method,), settings, chosen, comparison=False, tables=tables)
 
 
 @with_flags
@@ -56,6 +65,7 @@ def compare(
             metavar="M,M,…", help=f"Of {', '.join(list_method_names())}; all that can be done unless given."
         ),
     ] = None,
+    tables: Tables = "",
     report: Report = True,
 ) -> None:
     """Scale a subject's model by several methods and compare them.
@@ -68,7 +78,7 @@ def compare(
     scaling-service compare S01.yaml --methods MB,MB_am --up +z --out results
     """
     chosen = None if methods is None else tuple(read_names(methods))
-    _compare(subject, out, chosen, settings, options, comparison=True, report=report)
+    _compare(subject, out, chosen, settings, options, comparison=True, report=report, tables=tables)
 
 
 def _compare(
@@ -80,13 +90,17 @@ def _compare(
     *,
     comparison: bool,
     report: bool = False,
+    tables: str,
 ) -> None:
     with running(out) as progress:
         from scaling_service.capabilities.scaling.run import compare
         from scaling_service.capabilities.scaling.saving import save
+        from scaling_service.capabilities.shared.tables import make_table_writer
 
+        write_tables = make_table_writer(tables, out)
         results = compare(subject, methods, settings, options, progress=progress)
         document = save(results, out, comparison=comparison, report=report, progress=progress)
+        write_tables(results.tables, document)
     show(document, out)
 
 

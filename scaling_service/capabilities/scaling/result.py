@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
+from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     MethodEvidence,
@@ -179,6 +180,18 @@ class Results:
             for p in scaling.calibration.parameters
         )
         return ResultTable("Fitted numbers", columns, rows)
+
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """All of these, and the coordinates of every method's motions, by name."""
+        motions = {
+            f"motion_{method}_{trial}": tabulate_coordinates(
+                trial, motion, scaling.calibration.model, system=method
+            )
+            for method, scaling in self.scalings.items()
+            for trial, motion in scaling.motions.items()
+        }
+        return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 
     @property
     def verdict(self) -> Verdict:

@@ -46,6 +46,15 @@ Out = Annotated[
         parser=make_folder_parser("--out"),
     ),
 ]
+Tables = Annotated[
+    str,
+    typer.Option(
+        metavar="FORMAT,…",
+        help="Tables of the results under tables/, with units and source: csv, parquet, "
+        "bids (motions under Motion-BIDS' names).",
+        show_default=False,
+    ),
+]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Whether to write report.html.")]
 Workers = Annotated[
     int | None,

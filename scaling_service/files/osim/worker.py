@@ -20,6 +20,7 @@ from scaling_service.files.osim.library import list_unknown, load
 from scaling_service.files.osim.muscle_paths import list_points, measure, move_points, set_lengths
 from scaling_service.files.osim.musculature import describe
 from scaling_service.files.osim.to_opensim import write
+from scaling_service.files.osim.tools import scale, trace, track
 from scaling_service.model.document import from_document, to_document
 
 
@@ -46,6 +47,9 @@ OPERATIONS: Mapping[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "attachments": list_points,
     "move attachments": move_points,
     "muscle parameters": set_lengths,
+    "scale": scale,
+    "track": track,
+    "trace": trace,
 }
 
 

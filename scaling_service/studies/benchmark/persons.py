@@ -11,8 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+Places = Mapping[str, tuple[str, Array]]
+"""Marker to its segment and its place there, m."""
 
 RATE_HZ = 50.0
 SIDES = {"r": 1.0, "l": -1.0}
@@ -32,7 +37,7 @@ PALPATION = {"ASIS": 0.006, "PSIS": 0.006, "LFE": 0.005, "MFE": 0.005, "FH": 0.0
 """Of each axis; Della Croce 2005, trained examiners."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class World:
     """What differs between laboratories and people: factors on the sizes above."""
 
@@ -43,7 +48,7 @@ class World:
     noise_m: float = 0.0003
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Person:
     """The truth, in the frames of the bones, and the recordings.
 
@@ -52,17 +57,17 @@ class Person:
 
     sex: str
     height: float
-    bones: Mapping[str, np.ndarray]
+    bones: Mapping[str, Array]
     lengths: Mapping[str, float]
-    places: Mapping[str, tuple[str, np.ndarray]]
-    trials: Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarray]]]
-    centres: Mapping[str, Mapping[str, np.ndarray]]
-    angles: Mapping[str, Mapping[str, np.ndarray]]
+    places: Mapping[str, tuple[str, Array]]
+    trials: Mapping[str, tuple[Array, Mapping[str, Array]]]
+    centres: Mapping[str, Mapping[str, Array]]
+    angles: Mapping[str, Mapping[str, Array]]
     segments: Mapping[str, str] = field(default_factory=dict)
-    skin: Mapping[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    skin: Mapping[tuple[str, str], Array] = field(default_factory=dict)
 
 
-def _hip(width: float, depth: float, leg: float) -> np.ndarray:
+def _hip(width: float, depth: float, leg: float) -> Array:
     """Mean of Harrington 2007 (several predictors) and Hara 2016, right side, from mid-ASIS."""
     harrington = [
         -0.24 * depth - 0.0099,
@@ -70,7 +75,7 @@ def _hip(width: float, depth: float, leg: float) -> np.ndarray:
         0.28 * depth + 0.16 * width + 0.0079,
     ]
     hara = [0.011 - 0.063 * leg, -0.009 - 0.078 * leg, 0.008 + 0.086 * leg]
-    return (np.array(harrington) + np.array(hara)) / 2.0
+    return np.add(harrington, hara) / 2.0
 
 
 def draw_person(seed: int, world: World = World()) -> Person:
@@ -87,9 +92,9 @@ def draw_person(seed: int, world: World = World()) -> Person:
     leg = femur + shank + 0.085
     common, own = np.sqrt(HIP_SIDES), np.sqrt(1 - HIP_SIDES)
     shared = rng.normal(size=3)
-    bones: dict[str, np.ndarray] = {}
+    bones: dict[str, Array] = {}
     lengths: dict[str, float] = {}
-    bony: dict[str, tuple[str, np.ndarray, np.ndarray]] = {}  # landmark: segment, place, outward skin
+    bony: dict[str, tuple[str, Array, Array]] = {}  # landmark: segment, place, outward skin
     axis: dict[str, Rotation] = {}
     for s, sign in SIDES.items():
         S = s.upper()
@@ -113,7 +118,7 @@ def draw_person(seed: int, world: World = World()) -> Person:
         head = np.array([-0.020, -0.055, sign * (knee / 2 - 0.002)])
         bony[f"{S}FH"] = (f"tibia_{s}", head, 0.012 * out)
     lengths["inter_hip"] = float(np.linalg.norm(bones["hip_r"] - bones["hip_l"]))
-    places: dict[str, tuple[str, np.ndarray]] = {}
+    places: dict[str, tuple[str, Array]] = {}
     for name, (segment, at, skin) in bony.items():
         off = world.palpation * PALPATION[name[1:]] * rng.normal(size=3)
         places[name] = (segment, at + skin + off)
@@ -126,12 +131,12 @@ def draw_person(seed: int, world: World = World()) -> Person:
             height_share, turn = rng.uniform(0.25, 0.75), np.radians(rng.uniform(-30, 60))
             at = np.array([0.055 * np.sin(turn), -height_share * shank, sign * 0.055 * np.cos(turn)])
             places[f"{s.upper()}SH{k + 1}"] = (f"tibia_{s}", at)
-    skin = _draw_skin(places, world.skin, rng)
+    laws = _draw_skin(places, world.skin, rng)
     trials, centres, angles = {}, {}, {}
     for trial, q in _moves(rng).items():
         poses = _pose(q, bones, lengths, axis)
         markers = {}
-        slide = _slide(places, skin, q, len(q["time"]), world.skin, rng)
+        slide = _slide(places, laws, q, len(q["time"]), world.skin, rng)
         for name, (segment, at) in places.items():
             R, origin = poses[segment]
             local = at + slide[name]
@@ -152,7 +157,7 @@ def draw_person(seed: int, world: World = World()) -> Person:
         centres=centres,
         angles=angles,
         segments={n: segment for n, (segment, _) in places.items()},
-        skin=skin,
+        skin=laws,
     )
 
 
@@ -178,7 +183,7 @@ def _drivers(segment: str) -> list[str]:
     return [*own, f"knee_angle_{s}"]
 
 
-def _draw_skin(places, size, rng):
+def _draw_skin(places: Places, size: float, rng: np.random.Generator) -> dict[tuple[str, str], Array]:
     """Marker and driver to mm per rad along the segment's axes."""
     found = {}
     for segment in dict.fromkeys(s for s, _ in places.values()):
@@ -194,30 +199,44 @@ def _draw_skin(places, size, rng):
     return found
 
 
-def _slide(places, skin, q, n, size, rng):
-    out = {}
+def _slide(
+    places: Places,
+    skin: Mapping[tuple[str, str], Array],
+    q: Mapping[str, Array],
+    n: int,
+    size: float,
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    """What each marker is off its place in its bone, (n, 3), m."""
+    out: dict[str, Array] = {}
     for segment in dict.fromkeys(s for s, _ in places.values()):
         kind, names = segment.split("_")[0], [m for m, (s, _) in places.items() if s == segment]
         middle = np.mean([places[m][1] for m in names], axis=0)
 
-        def wander(sd):
-            raw = gaussian_filter1d(rng.normal(size=(n + 200, 3)), 0.15 * RATE_HZ, axis=0)[100 : n + 100]
-            return LOOSE * size * sd * raw / np.sqrt(1 / (2 * np.sqrt(np.pi) * 0.15 * RATE_HZ))
+        def wander(sd: float) -> Array:
+            raw: Array = gaussian_filter1d(rng.normal(size=(n + 200, 3)), 0.15 * RATE_HZ, axis=0)[
+                100 : n + 100
+            ]
+            wandered: Array = LOOSE * size * sd * raw / np.sqrt(1 / (2 * np.sqrt(np.pi) * 0.15 * RATE_HZ))
+            return wandered
 
         shift, turn = wander(SHIFT[kind]), wander(TURN[kind])
         for m in names:
-            lawful = sum(np.outer(q[d], skin[m, d]) for d in _drivers(segment))
+            lawful = np.sum([np.outer(q[d], skin[m, d]) for d in _drivers(segment)], axis=0)
             out[m] = lawful + shift + np.cross(turn, places[m][1] - middle) + wander(SINGLE[kind])
     return out
 
 
-def _moves(rng):
-    def smooth(n, sd, seconds):
-        raw = gaussian_filter1d(rng.normal(size=n + 400), seconds * RATE_HZ)[200 : n + 200]
-        return sd * raw / max(raw.std(), 1e-9)
+def _moves(rng: np.random.Generator) -> dict[str, dict[str, Array]]:
+    """Time and angles (rad) of every trial."""
 
-    def still(n):
-        q = {"time": np.arange(n) / RATE_HZ}
+    def smooth(n: int, sd: float, seconds: float) -> Array:
+        raw: Array = gaussian_filter1d(rng.normal(size=n + 400), seconds * RATE_HZ)[200 : n + 200]
+        smooth_noise: Array = sd * raw / max(raw.std(), 1e-9)
+        return smooth_noise
+
+    def still(n: int) -> dict[str, Array]:
+        q: dict[str, Array] = {"time": np.arange(n) / RATE_HZ}
         for c in ("pelvis_tilt", "pelvis_list", "pelvis_rotation"):
             q[c] = np.full(n, np.radians(rng.normal(0, 2)))
         for s in SIDES:
@@ -250,7 +269,12 @@ def _moves(rng):
     return trials
 
 
-def _pose(q, bones, lengths, axis):
+def _pose(
+    q: Mapping[str, Array],
+    bones: Mapping[str, Array],
+    lengths: Mapping[str, float],
+    axis: Mapping[str, Rotation],
+) -> dict[str, tuple[Array, Array]]:
     """Rotation (n, 3, 3) and origin (n, 3) of every bone in the room."""
     n = len(q["time"])
     R = Rotation.from_euler(

@@ -1,0 +1,34 @@
+"""Results' tables as files, in the forms that a command was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scaling_service.files.result_tables import check_forms, save_tables
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from scaling_service.core.tables import ResultTable
+
+FOLDER = "tables"
+
+_SOURCE = {"code_version", "subject", "settings", "seed", "input_hashes"}
+"""What a table says of where its numbers come from."""
+
+
+def make_table_writer(forms: str, out: Path) -> Callable[[Mapping[str, ResultTable], BaseModel], None]:
+    """What writes tables under a command's folder; their forms are checked now, before anything is computed.
+
+    ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
+    """
+    chosen = check_forms(forms)
+
+    def write(tables: Mapping[str, ResultTable], document: BaseModel) -> None:
+        if chosen:
+            about = document.model_dump(mode="json", include=_SOURCE)
+            save_tables(tables, out / FOLDER, chosen, about)
+
+    return write

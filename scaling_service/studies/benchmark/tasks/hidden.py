@@ -1,0 +1,198 @@
+"""Effects hidden in a real person's recordings, with forces: what is named, and what else."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from scaling_service.files.sto import Table, read_sto, write_sto
+from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.model.trial import Trial
+from scaling_service.studies.benchmark.parts import WRONG, Array, Case, Metric, Run, Task, read_answer
+from scaling_service.studies.benchmark.tasks._legs import write_subject
+
+SQUAT, WALK = "squats1", "walking1"
+MASS_KG = 62.6
+TRUE_OF_THE_PERSON = "body_mass"
+"""The plates carry 60.1 kg where 62.6 are declared: that is no false name."""
+
+Change = Callable[[Path], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hidden:
+    """What is hidden, how it is to be named, and its size: the unit's suffix, the value and the tolerance."""
+
+    kind: str
+    where: frozenset[str]
+    change: Change
+    mass_factor: float = 1.0
+    size: tuple[str, float, float] | None = None
+
+
+def _change_markers(names: Sequence[str], change: Callable[[Trial], Array], box: Path) -> None:
+    for name in names:
+        trial = read_trc(box / f"{name}.trc")
+        write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
+
+
+def _exchange(first: str, second: str, trial: Trial) -> Array:
+    """Two labels for a fifth of the time."""
+    markers, n = trial.markers.copy(), trial.n_frames
+    pair = [trial.labels.index(first), trial.labels.index(second)]
+    rows = slice(int(0.3 * n), int(0.5 * n))
+    markers[rows, pair] = trial.markers[rows, pair[::-1]]
+    return markers
+
+
+def _stick(
+    name: str, ends: tuple[str, str, str], offset_m: tuple[float, float, float], trial: Trial
+) -> Array:
+    """A marker elsewhere on its segment, which is known by three others that move with it."""
+    markers = trial.markers.copy()
+    a, b, c = (trial.markers[:, trial.labels.index(end)] for end in ends)
+    u = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    w = np.cross(u, c - a)
+    w /= np.linalg.norm(w, axis=1, keepdims=True)
+    axes = np.stack([u, np.cross(w, u), w], axis=1)
+    markers[:, trial.labels.index(name)] += np.einsum("k,nkj->nj", np.array(offset_m), axes)
+    return markers
+
+
+def _change_forces(change: Callable[[Table, Array], None], box: Path) -> None:
+    for name in (SQUAT, WALK):
+        path = box / f"{name}_grf.mot"
+        table = read_sto(path)
+        data = table.data.copy()
+        change(table, data)
+        write_sto(path, replace(table, data=data))
+
+
+def _list_columns(table: Table, plate: int, what: str) -> list[int]:
+    """A plate's three columns of one kind, in the order of the file."""
+    found = [k for k, name in enumerate(table.columns) if f"_{what}" in name.replace("torque", "moment")]
+    return found[3 * (plate - 1) : 3 * plate]
+
+
+def _gain(table: Table, data: Array) -> None:
+    for what in ("v", "moment"):
+        data[:, _list_columns(table, 2, what)] *= 1.10
+
+
+def _shift(table: Table, data: Array) -> None:
+    loaded = np.abs(data[:, _list_columns(table, 1, "v")[1]]) > 1.0
+    data[loaded, _list_columns(table, 1, "p")[2]] += 0.040
+
+
+def _nothing(_box: Path) -> None:
+    """No change of files."""
+
+
+HIDDEN: Mapping[str, Hidden | None] = {
+    "ordinary": None,
+    "swap": Hidden(
+        kind="marker_swap",
+        where=frozenset({"r_sh2", "r_shank_antsup"}),
+        change=partial(_change_markers, (SQUAT,), partial(_exchange, "r_sh2", "r_shank_antsup")),
+    ),
+    "moved": Hidden(
+        kind="marker_offset",
+        where=frozenset({"L_thigh3"}),
+        change=partial(
+            _change_markers,
+            (WALK,),
+            partial(_stick, "L_thigh3", ("L_thigh1", "L_thigh2", "L_thigh4"), (0.025, 0.015, 0.0)),
+        ),
+        size=("_mm", 29.2, 8.0),
+    ),
+    "mass": Hidden(
+        kind="body_mass",
+        where=frozenset({"world"}),
+        change=_nothing,
+        mass_factor=1.07,
+        size=("factor", 0.960 / 1.07, 0.015),
+    ),
+    "gain": Hidden(
+        kind="plate_gain",
+        where=frozenset({"plate_2"}),
+        change=partial(_change_forces, _gain),
+        size=("factor", 1.10, 0.03),
+    ),
+    "plate": Hidden(
+        kind="plate_position",
+        where=frozenset({"plate_1"}),
+        change=partial(_change_forces, _shift),
+        size=("_mm", 40.0, 12.0),
+    ),
+    "volume": Hidden(
+        kind="capture_scale",
+        where=frozenset({"markers"}),
+        change=partial(_change_markers, (SQUAT, WALK), lambda trial: 1.05 * trial.markers),
+        size=("factor", 1.05, 0.015),
+    ),
+}
+
+
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+    """Squats to fit and a walk held out, as recorded and with one thing hidden in them."""
+    cases = []
+    for name, hidden in HIDDEN.items():
+        box = folder / name
+        box.mkdir(parents=True, exist_ok=True)
+        for trial in (SQUAT, WALK):
+            for file in (f"{trial}.trc", f"{trial}_grf.mot"):
+                shutil.copyfile(data / "opencap_squat" / file, box / file)
+        shutil.copyfile(data / "opencap_squat" / "manually_scaled.osim", box / "model.osim")
+        if hidden is not None:
+            hidden.change(box)
+        factor = 1.0 if hidden is None else hidden.mass_factor
+        document = {
+            "subject": {"id": "squat", "sex": "F", "height_m": 1.68, "mass_kg": MASS_KG * factor},
+            "model": "model.osim",
+            "trials": {"calibration": [f"{SQUAT}.trc"], "evaluation": [f"{WALK}.trc"]},
+            "forces": {f"{t}.trc": f"{t}_grf.mot" for t in (SQUAT, WALK)},
+        }
+        write_subject(box, document)
+        cases.append(Case(name=name, judge=partial(judge_names, hidden), ours=partial(search, box)))
+    return cases
+
+
+def search(box: Path, answer: Path, run: Run) -> None:
+    """Our search, with the model as it is."""
+    written = run(["discover", box / "subject.yaml", "--start", "none", "--no-report"])
+    (written / "discovery.json").replace(answer / "discovery.json")
+
+
+def judge_names(hidden: Hidden | None, answer: Path, _opensim: Path) -> Mapping[str, float]:
+    """Right: it is named at its place and in its size; in ordinary recordings: nothing but the mass is."""
+    effects = [e for e in read_answer(answer, "discovery.json").get("effects", []) if e.get("carries", True)]
+    own = [
+        e for e in effects if hidden is not None and e["kind"] == hidden.kind and hidden.where & {*e["where"]}
+    ]
+    others = [e for e in effects if e not in own and e["kind"] != TRUE_OF_THE_PERSON]
+    right = not others if hidden is None else any(_has_size(e, hidden) for e in own)
+    return {"wrong": 0.0 if right else 100.0, "others": float(len(others))}
+
+
+def _has_size(effect: Mapping[str, Mapping[str, Mapping[str, float]]], hidden: Hidden) -> bool:
+    if hidden.size is None:
+        return True
+    suffix, value, within = hidden.size
+    parts = [p["value"] for key, p in effect["parameters"].items() if key.endswith(suffix)]
+    found = parts[0] if suffix == "factor" and parts else float(np.linalg.norm(parts))
+    return abs(found - value) <= within
+
+
+TASK = Task(
+    name="hidden",
+    title="Effects hidden in real recordings",
+    truth="what was done to the files of a squatting and walking person; the person's own faults are unknown",
+    needs=("opencap_squat/manually_scaled.osim",),
+    metrics=(WRONG, Metric(key="others", title="other names")),
+    cases=make_cases,
+)

@@ -1,0 +1,129 @@
+"""Skin markers over bones whose pose was measured: how far found bones turn from the true ones."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from scaling_service.files.sto import read_sto
+from scaling_service.studies.benchmark.parts import (
+    HELD,
+    Array,
+    Case,
+    Metric,
+    NoAnswer,
+    Run,
+    Task,
+    ask_opensim,
+    copy_inputs,
+    trace_model,
+    wrap,
+)
+from scaling_service.studies.benchmark.tasks.persons import INTERVAL
+
+JOINTS = {"femur": "hip", "tibia": "knee", "humerus": "shoulder"}
+"""Bone to the joint above it, as the data's models name its coordinates JOINT_z, JOINT_x, JOINT_y."""
+
+UNSOUND = ("knee_pins", "knee_pins_cutting", "knee_fluoroscopy")
+"""Here bone frames or markers are not the same in all recordings; see the data's own notes."""
+
+
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+    """Every recording that is held out, of every sound set; the model is given and stays as it is."""
+    cases = []
+    for box in sorted(p.parent for p in (data / "living_bone").glob("*/subject.yaml")):
+        if box.name in UNSOUND:
+            continue
+        subject = yaml.safe_load((box / "subject.yaml").read_text(encoding="utf-8"))
+        for trial in (Path(name).stem for name in subject["trials"]["evaluation"]):
+            name = f"{box.name}_{trial}"
+            asked = copy_inputs([box / "model.osim", box / f"{trial}.trc"], folder / name)
+            files = asked / "model.osim", asked / f"{trial}.trc"
+            case = Case(
+                name=name,
+                judge=partial(judge_bones, box, trial),
+                ours=partial(track_by_ours, *files),
+                opensim=partial(track_by_opensim, *files),
+            )
+            cases.append(case)
+    return cases
+
+
+def track_by_ours(model: Path, recording: Path, answer: Path, run: Run) -> None:
+    """Motion and its deviations, of a model that is given."""
+    written, trial = run(["ik", model, recording]), recording.stem
+    (written / f"{trial}_ik.mot").replace(answer / f"{trial}.mot")
+    (written / f"{trial}_ik_sd.mot").replace(answer / f"{trial}_sd.mot")
+
+
+def track_by_opensim(model: Path, recording: Path, answer: Path, _run: Run) -> None:
+    """Motion by the inverse kinematics tool, all markers alike."""
+    ask_opensim("track", model, recording=recording, output=answer / f"{recording.stem}.mot")
+
+
+def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> Mapping[str, float]:
+    """Each bone's turn against the bone before it, and whether stated intervals hold the true angles."""
+    true = read_bones(box / f"{trial}_bones.csv")
+    traced = trace_model(box / "model.osim", answer / f"{trial}.mot")
+    if len(traced.times) < min(map(len, true.values())):
+        raise NoAnswer("the motion has fewer frames than the recording")
+    found = {"angle": measure_angle_error_deg(traced.turns, true)}
+    deviations = answer / f"{trial}_sd.mot"
+    if deviations.is_file():
+        found["held"] = 100.0 * measure_coverage(answer / f"{trial}.mot", deviations, true)
+    return found
+
+
+def read_bones(file: Path) -> dict[str, Array]:
+    """True rotation of every bone in every frame, (n, 3, 3)."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        head, *rows = csv.reader(stream)
+    values = np.array([[float(x or "nan") for x in row] for row in rows])
+    bones = [name.removesuffix("_r11") for name in head if name.endswith("_r11")]
+    return {b: values[:, head.index(f"{b}_r11") :][:, :9].reshape(-1, 3, 3) for b in bones}
+
+
+def measure_angle_error_deg(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
+    """RMS angle between found and true turn of every bone against the bone before it."""
+    errors = []
+    for above, below in zip(true, list(true)[1:], strict=False):
+        n = min(len(found[below]), len(true[below]))
+        turns = [np.swapaxes(r[above][:n], 1, 2) @ r[below][:n] for r in (found, true)]
+        cosine = (np.einsum("nij,nij->n", *turns) - 1.0) / 2.0
+        errors.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return float(np.sqrt(np.nanmean(np.square(errors))))
+
+
+def measure_coverage(motion: Path, deviations: Path, true: Mapping[str, Array]) -> float:
+    """Share of frames and angles in which the 95 % interval holds the true angle; motions in degrees."""
+    found, deviation = read_sto(motion), read_sto(deviations)
+    hits = []
+    for above, below in zip(true, list(true)[1:], strict=False):
+        turn = np.swapaxes(true[above], 1, 2) @ true[below]
+        wanted = {
+            "z": np.arctan2(-turn[:, 0, 1], turn[:, 1, 1]),
+            "x": np.arcsin(np.clip(turn[:, 2, 1], -1.0, 1.0)),
+            "y": np.arctan2(-turn[:, 2, 0], turn[:, 2, 2]),
+        }
+        for axis, angle in wanted.items():
+            name = f"{JOINTS[below]}_{axis}"
+            ours, spread = (np.radians(table.column(name)) for table in (found, deviation))
+            n = min(len(ours), len(angle))
+            known = np.isfinite(angle[:n])
+            hits.append(np.mean(np.abs(wrap(ours[:n] - angle[:n]))[known] <= INTERVAL * spread[:n][known]))
+    return float(np.mean(hits))
+
+
+TASK = Task(
+    name="living_bone",
+    title="Bones under skin markers, measured by pins and fluoroscopy",
+    truth="Cereatti et al. 2017: pins in bone, biplane fluoroscopy; recordings that no model was fitted to",
+    needs=("living_bone",),
+    metrics=(Metric(key="angle", title="joints' turns, deg"), HELD),
+    cases=make_cases,
+)

@@ -1,0 +1,142 @@
+"""Small models and recordings that show one fault each, with the right answer by construction or by OpenSim.
+
+``wild/models/CASE/case.json``: ``run`` (words of our command line) and ``must``, of which the checks that any
+program's model and motion can be held against are taken: ``motion_follows``, ``coordinates_are``,
+``motion_is_steady`` and ``distances_are``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scaling_service.files.trc import read_trc
+from scaling_service.studies.benchmark.parts import (
+    MM,
+    WRONG,
+    Case,
+    NoAnswer,
+    Run,
+    Task,
+    Traced,
+    ask_opensim,
+    copy_inputs,
+    match_times,
+    trace_model,
+    wrap,
+)
+
+TRUTH = "truth.mot"
+
+CHECKS = ("motion_follows", "coordinates_are", "motion_is_steady", "distances_are")
+
+
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+    """All that ask for a motion, or for a scaled model."""
+    cases = []
+    for file in sorted((data / "wild" / "models").glob("*/case.json")):
+        document = json.loads(file.read_text(encoding="utf-8"))
+        words, checks = document["run"], [c for c in document["must"] if c["check"] in CHECKS]
+        if words[0] not in ("ik", "scale") or not checks:
+            continue
+        box, scales = file.parent, words[0] == "scale"
+        asked = [path for path in box.iterdir() if path.name not in (file.name, TRUTH)]
+        copied = copy_inputs(asked, folder / box.name)
+        tool = None
+        if not scales or (box / "setup_scale.xml").is_file():
+            tool = partial(answer_by_opensim, copied, scales)
+        cases.append(
+            Case(
+                name=box.name,
+                judge=partial(judge_case, box, checks),
+                ours=partial(answer_by_ours, copied, words),
+                opensim=tool,
+            )
+        )
+    return cases
+
+
+def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: Run) -> None:
+    """As the case says it is run."""
+    written = run([box / word if (box / word).exists() else word for word in words])
+    if words[0] == "scale":
+        written = next(path for path in written.iterdir() if (path / "model.osim").is_file())
+        (written / "model.osim").replace(answer / "model.osim")
+    (written / "motion_ik.mot").replace(answer / "motion.mot")
+
+
+def answer_by_opensim(box: Path, scales: bool, answer: Path, _run: Run) -> None:
+    """OpenSim's tools on the same files, all markers alike."""
+    model = box / "model.osim"
+    if scales:
+        setup, model = box / "setup_scale.xml", answer / "model.osim"
+        ask_opensim("scale", setup, model=box / "model.osim", static=box / "static.trc", output=model)
+    ask_opensim("track", model, recording=box / "motion.trc", output=answer / "motion.mot")
+
+
+def judge_case(
+    box: Path, checks: Sequence[Mapping[str, Any]], answer: Path, _opensim: Path
+) -> Mapping[str, float]:
+    """Right where every check holds."""
+    scaled = (answer / "model.osim").is_file()
+    return {"wrong": 0.0 if all(_holds(check, box, answer, scaled) for check in checks) else 100.0}
+
+
+def _holds(check: Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> bool:
+    model = (
+        answer / "model.osim" if check.get("model", "").startswith("OUT/") else box / check.get("model", "")
+    )
+    if check["check"] == "distances_are":
+        if not scaled:
+            raise NoAnswer("model.osim is absent")
+        found = trace_model(model)
+        return all(_is_apart(found, pair, check["within_mm"]) for pair in check["pairs"])
+    found = trace_model(model, answer / "motion.mot")
+    if check["check"] == "motion_follows":
+        return _follows(found, box / check["recording"], check)
+    if check["check"] == "motion_is_steady":
+        turns = [v for n, v in found.coordinates.items() if n not in found.slides | set(check.get("not", ()))]
+        return bool(np.degrees(max(np.abs(np.diff(v)).max() for v in turns)) <= check["at_most_deg"])
+    true = trace_model(box / check["model"], box / check["truth"])
+    rows = match_times(found.times, true.times)
+    for name in check["names"]:
+        off = found.coordinates[name][rows] - true.coordinates[name]
+        if name in true.slides:
+            if MM * np.abs(off).max() > check.get("within_mm", 1.0):
+                return False
+        elif np.degrees(np.abs(off if check.get("turns_count") else wrap(off)).max()) > check["within_deg"]:
+            return False
+    return True
+
+
+def _is_apart(found: Traced, pair: Mapping[str, Any], within_mm: float) -> bool:
+    distance = MM * float(np.linalg.norm(found.joint(pair["from"])[0] - found.joint(pair["to"])[0]))
+    return bool(abs(distance - pair["mm"]) <= within_mm)
+
+
+def _follows(found: Traced, recording: Path, check: Mapping[str, Any]) -> bool:
+    """Whether the motion brings the model's markers to the recorded ones."""
+    seen = read_trc(recording)
+    rows = match_times(found.times, seen.times)
+    both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
+    if not both:
+        raise NoAnswer("the model has none of the recording's markers")
+    gaps = MM * np.array(
+        [np.linalg.norm(found.markers[n][rows] - seen.markers[:, seen.labels.index(n)], axis=1) for n in both]
+    )
+    return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
+
+
+TASK = Task(
+    name="wild_models",
+    title="Models as they are found",
+    truth="poses that the recordings were made from, or OpenSim's tools started at the true pose",
+    needs=("wild/models",),
+    metrics=(WRONG,),
+    cases=make_cases,
+)

@@ -47,9 +47,11 @@ def test_usual_lengths_are_shares_of_the_height(results: Results) -> None:
 
 
 def test_deviations_of_angles_are_those_of_the_trials_held_out(results: Results) -> None:
-    """Of the method with a posterior: what following each trial states, over its frames."""
+    """By the posterior: what following each trial states, over its frames; others are farther off."""
     found = {m.method: m for m in gather_evidence(results).methods}
-    assert not any(m.angle_sds for name, m in found.items() if name != "MAP")
+    least = found["MAP"].angle_sds
+    for method in found.values():
+        assert all(sd >= least[name] for name, sd in method.angle_sds.items())
     model, (walk,) = results.scalings["MAP"].calibration.model, results.session.evaluation
     tracked = track(model, walk)
     column = tracked.motion.coordinates.index("hip_rotation_r")

@@ -29,9 +29,9 @@ class Note:
     hint: str = ""  # the remedy in few words, where the sentence gives it
 
     def __str__(self) -> str:
-        return f"{self.told}; {self.hint}" if self.hint else self.told
+        return f"{self.statement}; {self.hint}" if self.hint else self.statement
 
     @property
-    def told(self) -> str:
+    def statement(self) -> str:
         """Place and problem; the remedy stands beside it."""
         return f"{self.place}: {self.problem}" if self.place else self.problem

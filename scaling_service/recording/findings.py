@@ -29,7 +29,7 @@ class Finding(Note):
     """Other recordings in which the same, put right instead, would solve it."""
 
     def __str__(self) -> str:
-        return f"{self.told}: {self.remedy[0].lower()}{self.remedy[1:]}"
+        return f"{self.statement}: {self.remedy[0].lower()}{self.remedy[1:]}"
 
 
 class NotAPerson(TrialUnusable):

@@ -221,3 +221,19 @@ def test_what_could_as_well_be_moving_skin_does_not_move_the_bones() -> None:
         lasting, left_out = without_undetermined(fit, found)
         assert (len(lasting.effects) == 1) is kept
         assert left_out == (() if kept else (offset.name,))
+
+
+def test_a_shank_of_a_thousand_markers_is_looked_at_at_once() -> None:
+    """All triples of them would be a billion."""
+    model = _leg("r")
+    bare = {"femur_r": "femur", "tibia_r": "tibia"}
+    places = np.random.default_rng(0).uniform(-0.3, 0.0, (1000, 3)).tolist()
+    crowded = replace(
+        model,
+        segments=tuple(
+            replace(s, name=bare.get(s.name, s.name), parent=bare.get(s.parent, s.parent))
+            for s in model.segments
+        ),
+        markers=tuple(Marker.at(f"m{k}", "tibia", (x, y, z)) for k, (x, y, z) in enumerate(places)),
+    )
+    assert [knee.side for knee in list_knees(crowded)] == [0]

@@ -225,4 +225,4 @@ def tell_notes(notes: Iterable[Note]) -> Iterator[ProblemEntry]:
     """What loading says, each with its remedy."""
     for note in notes:
         severity: Severity = "note" if note.severity == "note" else "warning"
-        yield ProblemEntry(severity=severity, problem=note.told, remedy=note.remedy)
+        yield ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)

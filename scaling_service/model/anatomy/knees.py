@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from itertools import permutations
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from scaling_service.model.anatomy.lengths import find_centre
@@ -26,9 +26,7 @@ _LANDMARKS = np.array([[-0.048, -0.123, 0.116], [-0.026, -1.012, 0.099], [0.026,
 """Head of the fibula, lateral and medial malleolus: forward, up and outward from the knee's centre, in
 lengths of the shank, of the built-in body (``lower_limb_14dof.yaml`` has the sources)."""
 
-_SPREAD = (
-    0.04  # of each of these along an axis, in lengths of the shank (low: 16 mm, over people and palpation)
-)
+_SPREAD = 0.04  # of each along an axis, in lengths of the shank (low: 16 mm, over people and palpation)
 _FITS = 20.1  # squares over variances of nine numbers less one: 99 % are smaller (chi-squared)
 _SURE = 3.0  # nats of a Bayes factor: 20 to 1 (Kass and Raftery 1995: strong)
 
@@ -127,12 +125,16 @@ def _tell_side(model: BodyModel, shank: Segment) -> int:
     if len(places) < len(_LANDMARKS) or places[:, 1].min() >= 0.0:
         return 0
     places = places / -places[:, 1].min()  # malleoli lie a shank's length below the knee
-    chosen = np.array(list(permutations(range(len(places)), len(_LANDMARKS))))
     squares = []
     for outward in (1.0, -1.0):
-        off = places[chosen] - _LANDMARKS * [1.0, 1.0, outward]
-        off[:, :, 2] -= off[:, :, 2].mean(axis=1, keepdims=True)  # a knee's centre is anywhere along its axis
-        squares.append(float(np.square(off / _SPREAD).sum(axis=(1, 2)).min()))
+        wanted, least = _LANDMARKS * [1.0, 1.0, outward], np.inf
+        for head in places:  # a knee's centre is anywhere along its axis: each may be the fibula's head
+            shift = np.array([0.0, 0.0, head[2] - wanted[0, 2]])
+            apart = np.square(places - wanted[:, None] - shift).sum(axis=2)
+            off = places[linear_sum_assignment(apart)[1]] - wanted
+            off[:, 2] -= off[:, 2].mean()
+            least = min(least, float(np.square(off / _SPREAD).sum()))
+        squares.append(least)
     right, left = squares
     if min(squares) > _FITS or abs(left - right) < 2.0 * _SURE:
         return 0

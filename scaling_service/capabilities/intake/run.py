@@ -187,7 +187,7 @@ def prove(
         proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes))
     report("asking what scaling would refuse", _SHOWN)
     look.problems += [*look.compare(), *ask_for_person(sizes)]
-    look.problems += look.refusals(proposed)
+    look.problems += look.refusals(proposed, who)
     files = [look.role(item) for item in found]
     look.problems += warnings.check_unused_forces(files, look.recordings)
     readiness = judge_readiness(proposed, look.recordings, markers, model, sizes, look.problems)
@@ -356,14 +356,14 @@ class _Look:
         yield from warnings.check_plates(self.recordings)
         yield from warnings.check_faults(self.recordings)
 
-    def refusals(self, proposed: Mapping[str, Any] | None) -> Iterator[ProblemEntry]:
+    def refusals(self, proposed: Mapping[str, Any] | None, who: Identification) -> Iterator[ProblemEntry]:
         """The first thing that scaling would refuse, and what it would warn of."""
         if proposed is None:
             return
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            session = load(subject, self.settings, read, facing=True).session
+            session = load(subject, self.settings, read, facing=True, who=who).session
             found = [one for one in session.notes if isinstance(one, Finding)]
             yield from self._tell(found)
             yield from warnings.tell_notes(one for one in session.notes if one not in found)

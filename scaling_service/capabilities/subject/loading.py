@@ -40,6 +40,7 @@ from scaling_service.model.trial import Bone, ImageEvidence, Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
+from scaling_service.recording.identity.identify import Identification
 from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
@@ -135,6 +136,7 @@ def load(
     *,
     facing: bool = False,
     standing: bool = False,
+    who: Identification | None = None,
 ) -> Loaded:
     """Read the model and the recordings of a subject, understand, question and prepare them.
 
@@ -145,10 +147,11 @@ def load(
     ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
     whether to turn the person X forward, for results that are told along and across the way.
     ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
+    ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     found = read_files(subject, read)
-    understood = understand(found, settings, facing=facing, standing=standing)
+    understood = understand(found, settings, facing=facing, standing=standing, who=who)
     return prepare(understood, question(understood), settings.processing)
 
 
@@ -170,11 +173,18 @@ def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> 
     )
 
 
-def understand(read: Read, settings: Settings, *, facing: bool = False, standing: bool = False) -> Understood:
+def understand(
+    read: Read,
+    settings: Settings,
+    *,
+    facing: bool = False,
+    standing: bool = False,
+    who: Identification | None = None,
+) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     model = labels.without_computed(read.model, read.subject)
     labels.check_explicit(read.subject, model, list(read.recordings.values()))
-    subject, of_tracking = labels.with_tracking_markers(read.subject, model, read.recordings)
+    subject, of_tracking = labels.with_tracking_markers(read.subject, model, read.recordings, who)
     wanted = labels.list_wanted(model, subject)
     named = apply_to_each(
         lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), read.recordings

@@ -29,6 +29,22 @@ _HALF = 0.5  # heads cover 0.49-0.85 of their spheres, other balls on an end 0.2
 _SHORTEST_M = 0.05  # chosen: a head with its neck
 AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
+HEAD_RADII_M = (0.015, 0.032)
+"""Heads of adults are 42.5 (2.2) to 48 (2.5) mm wide; wider by 4 SD, and down to a child's."""
+
+HEAD_COVERED = 0.42
+"""Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
+
+HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
+
+SET_OFF_M = 0.008
+"""Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
+trochanter 11."""
+
+STRADDLING = 0.45
+"""Least ratio of two condyles' distances from the line of the shaft: chosen below the 0.6-0.8 of four femurs;
+a trochanter sits on the shaft, a head 24-38 mm beside it."""
+
 
 def find_femur_landmarks(
     vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
@@ -226,23 +242,6 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     if apart <= AXES_APART_DEG:
         return []
     return [f"the axes through the spheres and of the cylinder differ by {apart:.1f} degrees"]
-
-
-HEAD_RADII_M = (0.015, 0.032)
-"""Heads of adults are 42.5 (2.2) to 48 (2.5) mm wide; wider by 4 SD, and down to a child's."""
-
-HEAD_COVERED = 0.42
-"""Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
-
-HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
-
-SET_OFF_M = 0.008
-"""Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
-trochanter 11."""
-
-STRADDLING = 0.45
-"""Least ratio of two condyles' distances from the line of the shaft: chosen below the 0.6-0.8 of four femurs;
-a trochanter sits on the shaft, a head 24-38 mm beside it."""
 
 
 def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) -> SphereOnBone | None:

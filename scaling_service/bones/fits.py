@@ -26,6 +26,31 @@ _SETTLED_M = 1e-7
 _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
 
+_FEWEST = 12  # chosen: three times what a sphere needs
+
+_CYLINDER_STEPS = 40
+_BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
+_SECTORS = 72  # of 5 degrees, to measure the arc that is covered
+
+BLUNT_M = 1e-3
+"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
+
+On a paraboloid the noise of the result is, along each axis, that of the vertices times
+sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
+the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
+depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
+
+SHARP_M = 2e-3
+"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
+malleoli of virtual bones stay within 0.3 mm of the truth."""
+
+WINDOW_M = 8e-3
+"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
+malleolus, so that a second bump or a long ridge beside the tip counts little."""
+
+_TIP_STEPS = 40
+_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SphereOnBone:
@@ -152,9 +177,6 @@ def measure_coverage(surface: Surface, centre: Array, support: Array) -> float:
     return float((surface.areas[support > 0] * facing / distance**2).sum() / (4.0 * np.pi))
 
 
-_FEWEST = 12  # chosen: three times what a sphere needs
-
-
 def _find_peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[tuple[Array, float]]:
     """Where the votes are densest over position and radius, the best first, apart from each other."""
     inwards = surface.normals if hollow else -surface.normals
@@ -195,11 +217,6 @@ def _take_weighted_median(values: Array, weights: Array) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
-
-
-_CYLINDER_STEPS = 40
-_BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
-_SECTORS = 72  # of 5 degrees, to measure the arc that is covered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,26 +289,6 @@ def refine_cylinder(
         area=area,
         support=whole,
     )
-
-
-BLUNT_M = 1e-3
-"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
-
-On a paraboloid the noise of the result is, along each axis, that of the vertices times
-sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
-the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
-depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
-
-SHARP_M = 2e-3
-"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
-malleoli of virtual bones stay within 0.3 mm of the truth."""
-
-WINDOW_M = 8e-3
-"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
-malleolus, so that a second bump or a long ridge beside the tip counts little."""
-
-_TIP_STEPS = 40
-_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
 
 
 def find_tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:

@@ -38,6 +38,9 @@ _SIDES = {"r": r"right|r|rt|dx", "l": r"left|l|lt|sin"}
 _MM = 1e-3
 _TOLD = 6  # chosen: labels named in a sentence
 
+_TWO_LEGS_M = 0.06  # chosen: shanks of two legs are 0.1-0.3 m apart, pieces of one bone less
+_ASIDE_M = 0.03  # chosen: a leg beside the middle of the body
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImagedBones:
@@ -207,10 +210,6 @@ def _part_sides(
             kept = faces[own[faces].all(axis=1)]
             names, compact = np.unique(kept, return_inverse=True)
             yield side, (vertices[names], compact.reshape(-1, 3))
-
-
-_TWO_LEGS_M = 0.06  # chosen: shanks of two legs are 0.1-0.3 m apart, pieces of one bone less
-_ASIDE_M = 0.03  # chosen: a leg beside the middle of the body
 
 
 def _join(meshes: list[Arrays]) -> Arrays:

@@ -61,6 +61,18 @@ _SURE = 2.0  # chosen: a hundred to one, as a logarithm; below, a pose is a gues
 
 _SIZE_M = (0.15, 0.42)  # largest extent of both hip bones, a child's to a giant's
 
+_DEFINITIONS = {
+    "acetabulum_r": "centre of the least-squares sphere in the socket",
+    "acetabulum_l": "centre of the least-squares sphere in the socket",
+    "asis_r": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "asis_l": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "psis_r": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "psis_l": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "pubic_tubercle_r": "corner of the pubis: furthest forward, and outward by half as much",
+    "pubic_tubercle_l": "corner of the pubis: furthest forward, and outward by half as much",
+    "mid_asis": "midpoint of both ASIS",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Frame:
@@ -132,19 +144,6 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         warnings=(*surface.notes, *pieces, *_list_doubts(points, sacrum)),
         pose_odds=pose.odds,
     )
-
-
-_DEFINITIONS = {
-    "acetabulum_r": "centre of the least-squares sphere in the socket",
-    "acetabulum_l": "centre of the least-squares sphere in the socket",
-    "asis_r": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "asis_l": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "psis_r": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "psis_l": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "pubic_tubercle_r": "corner of the pubis: furthest forward, and outward by half as much",
-    "pubic_tubercle_l": "corner of the pubis: furthest forward, and outward by half as much",
-    "mid_asis": "midpoint of both ASIS",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

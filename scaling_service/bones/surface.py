@@ -30,6 +30,8 @@ COARSE_M = 3e-3  # median edge above which edges are halved: chosen, so that pat
 OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a warning."""
 
+_FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surface:
@@ -152,9 +154,6 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         rims=find_rims(points, triangles),
         notes=tuple(notes),
     )
-
-
-_FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
 
 
 def _check(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:

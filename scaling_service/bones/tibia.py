@@ -32,6 +32,22 @@ _LOOSE_TURN = float(np.deg2rad(15.0))
 plateau that is not seen by 15 to 30 degrees, the fibula less; what is left of a fibula that was grown to the
 tibia tips the plateau."""
 
+_AT_KNEE = ("plateau_medial", "plateau_lateral", "fibula_head")
+_AT_ANKLE = ("malleolus_medial", "malleolus_lateral", "ankle_centre")
+_OF_FIBULA = ("malleolus_lateral", "malleolus_lateral_prominence", "fibula_head", "ankle_centre")
+
+_DEFINITIONS = {
+    "ankle_centre": "midpoint of the tips of the malleoli (Wu et al. 2002); about 4 mm lateral and 4 mm "
+    "proximal of the axis of the talus",
+    "malleolus_medial": "most distal point",
+    "malleolus_lateral": "most distal point",
+    "malleolus_medial_prominence": "most medial point of the distal 30 mm",
+    "malleolus_lateral_prominence": "most lateral point of the distal 30 mm",
+    "fibula_head": "most proximal point",
+    "plateau_medial": "most medial point of the plateau's edge",
+    "plateau_lateral": "most lateral point of the plateau's edge",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class TibiaFrame:
@@ -112,23 +128,6 @@ def find_tibia_landmarks(
     )
     x, y, z = (surface.turn_to_image(axis) for axis in (pose.x, pose.y, pose.z))
     return landmarks, TibiaFrame(x, y, z, surface.to_image(surface.smooth))
-
-
-_AT_KNEE = ("plateau_medial", "plateau_lateral", "fibula_head")
-_AT_ANKLE = ("malleolus_medial", "malleolus_lateral", "ankle_centre")
-_OF_FIBULA = ("malleolus_lateral", "malleolus_lateral_prominence", "fibula_head", "ankle_centre")
-
-_DEFINITIONS = {
-    "ankle_centre": "midpoint of the tips of the malleoli (Wu et al. 2002); about 4 mm lateral and 4 mm "
-    "proximal of the axis of the talus",
-    "malleolus_medial": "most distal point",
-    "malleolus_lateral": "most distal point",
-    "malleolus_medial_prominence": "most medial point of the distal 30 mm",
-    "malleolus_lateral_prominence": "most lateral point of the distal 30 mm",
-    "fibula_head": "most proximal point",
-    "plateau_medial": "most medial point of the plateau's edge",
-    "plateau_lateral": "most lateral point of the plateau's edge",
-}
 
 
 def _find_cut(tibia: Surface, pose: ShankPose) -> str | None:

@@ -50,6 +50,20 @@ people and by 10-30 in a bent or turned knee; beyond it a tibia lies back to fro
 _LENGTHS_APART = 0.06  # chosen: thrice the 2 % by which a person's legs differ at most usually
 _CONDYLE_M = 0.02  # chosen: an adult's, where no sphere was fitted
 
+_LENGTHS = {"femur": ("hip_centre", "knee_centre"), "tibia": ("plateau_medial", "malleolus_medial")}
+
+_CENTRES = {
+    "femur": {"hip_centre": "hip", "knee_centre": "knee"},
+    "tibia": {"ankle_centre": "ankle"},
+    "talus": {"subtalar_centre": "subtalar"},
+}
+_LANDMARKS = {
+    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
+    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
+    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
+}
+"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
+
 
 def find_unit(extents: Mapping[str, float]) -> str:
     """The unit in which all bones have the size of bones.
@@ -253,9 +267,6 @@ def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
             )
 
 
-_LENGTHS = {"femur": ("hip_centre", "knee_centre"), "tibia": ("plateau_medial", "malleolus_medial")}
-
-
 def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
     """Whether bones meet in their joints, as they do in one image of one person.
 
@@ -285,19 +296,6 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
         if not narrow <= knee[1] <= wide:
             notes.append(f"tibia_{side}: {said}: other poses, images or persons")
     return tuple(notes)
-
-
-_CENTRES = {
-    "femur": {"hip_centre": "hip", "knee_centre": "knee"},
-    "tibia": {"ankle_centre": "ankle"},
-    "talus": {"subtalar_centre": "subtalar"},
-}
-_LANDMARKS = {
-    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
-    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
-    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
-}
-"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
 
 
 def collect_evidence(

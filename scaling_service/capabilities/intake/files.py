@@ -32,6 +32,20 @@ from scaling_service.recording.plates import compute_ground_forces
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
+_TABLES = (".csv", ".tsv")
+_MESHES = (".stl", ".ply", ".obj", ".vtp")
+_PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
+"""Keys of a subject document under which files are named."""
+_SNIFFED_BYTES = 200_000
+_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
+
+_SETUPS = (
+    ("scale_setup", re.compile(r"<ScaleTool\b")),
+    (None, re.compile(r"<(InverseKinematicsTool|InverseDynamicsTool|ExternalLoads|ScaleSet|AnalyzeTool)\b")),
+    ("marker_set", re.compile(r"<MarkerSet\b")),
+)
+"""What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingFile:
@@ -120,20 +134,6 @@ def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
 
 
 Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
-
-_TABLES = (".csv", ".tsv")
-_MESHES = (".stl", ".ply", ".obj", ".vtp")
-_PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
-"""Keys of a subject document under which files are named."""
-_SNIFFED_BYTES = 200_000
-_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
-
-_SETUPS = (
-    ("scale_setup", re.compile(r"<ScaleTool\b")),
-    (None, re.compile(r"<(InverseKinematicsTool|InverseDynamicsTool|ExternalLoads|ScaleSet|AnalyzeTool)\b")),
-    ("marker_set", re.compile(r"<MarkerSet\b")),
-)
-"""What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

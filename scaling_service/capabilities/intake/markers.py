@@ -45,6 +45,20 @@ SURE = 0.5  # of a label's segment: likelier than all others together
 
 _MOST_OTHERS = 3
 
+_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
+"""Words in labels of tracking markers that no marker set knows, and where those sit."""
+
+_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
+"""Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
+
+LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"
+
+LARGELY = 0.9
+"""Chosen: share of the whole body's markers that must be there; arms and trunk with fewer cost more than they
+tell, and the legs are the safe choice."""
+
+_FOREFOOT = ("TOE", "MT1", "MT5")
+
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
@@ -252,10 +266,6 @@ def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
     return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
-_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
-"""Words in labels of tracking markers that no marker set knows, and where those sit."""
-
-
 def guess_segment(label: str) -> str | None:
     """The segment that a label's words tell.
 
@@ -267,10 +277,6 @@ def guess_segment(label: str) -> str | None:
     plain = strip_prefix(label).upper()
     segment = next((name for name, pattern in _SAID if pattern.search(plain)), None)
     return f"{segment}_{plain[0].lower()}" if segment is not None and plain[0] in "RL" else None
-
-
-_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
-"""Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
 
 
 def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
@@ -330,15 +336,6 @@ def _of_one_side(
         missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
         text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
     return text
-
-
-LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"
-
-LARGELY = 0.9
-"""Chosen: share of the whole body's markers that must be there; arms and trunk with fewer cost more than they
-tell, and the legs are the safe choice."""
-
-_FOREFOOT = ("TOE", "MT1", "MT5")
 
 
 def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identification) -> tuple[str, str]:

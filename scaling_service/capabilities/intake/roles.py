@@ -35,6 +35,11 @@ _BONES = (
 _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
 
+_TRIALS = ("static", "calibration", "evaluation")
+_LISTS = ("trials.calibration", "trials.evaluation")
+
+_DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
+
 
 def choose_static(roles: Mapping[str, tuple[str, str]]) -> str | None:
     """The file of standing."""
@@ -212,10 +217,6 @@ def _choose_setup(
         yield fitting[0], ("scale_setup", f"its markers are in the recordings; {'; '.join(others)}")
 
 
-_TRIALS = ("static", "calibration", "evaluation")
-_LISTS = ("trials.calibration", "trials.evaluation")
-
-
 def list_named_files(document: Mapping[str, Any]) -> dict[str, str]:
     """Place to the file that stands there, in a document that need not be whole.
 
@@ -301,9 +302,6 @@ def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
 def _find_unit(found: Sequence[InputFile], files: Any) -> str:
     units = [str(f.content) for f in found if f.name in set(files)]
     return max(units, key=units.count, default="mm")
-
-
-_DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
 def check_sizes(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:

@@ -28,6 +28,25 @@ WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg
 
 Vector = tuple[float, float, float]
 
+NEAR_M = 0.25
+"""Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
+length from heel to toes, for feet that bear few markers)."""
+
+BESIDE_M = 0.1  # chosen: soles reach this far from the markers
+
+OFFSET_N = 10.0
+"""Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""
+
+STEADY = 0.3
+"""Chosen: an offset changes by less than this share of itself; somebody or something on the plate moves."""
+
+BRIEF_S = 0.05  # chosen: briefer loads are knocks
+RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
+_BOTH = 0.3  # chosen: share of a contact that a foot must be there
+_FEWEST = 10  # frames that tell an offset
+
+_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
@@ -142,26 +161,6 @@ def _walk(trial: Trial) -> tuple[float, Vector | None]:
         return distance, None
     x, y, z = (round(float(v), 4) for v in way / distance)
     return distance, (x, y, z)
-
-
-NEAR_M = 0.25
-"""Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
-length from heel to toes, for feet that bear few markers)."""
-
-BESIDE_M = 0.1  # chosen: soles reach this far from the markers
-
-OFFSET_N = 10.0
-"""Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""
-
-STEADY = 0.3
-"""Chosen: an offset changes by less than this share of itself; somebody or something on the plate moves."""
-
-BRIEF_S = 0.05  # chosen: briefer loads are knocks
-RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
-_BOTH = 0.3  # chosen: share of a contact that a foot must be there
-_FEWEST = 10  # frames that tell an offset
-
-_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
 
 
 def describe_plates(

@@ -26,6 +26,14 @@ from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
 
+_REPAIRS = {
+    "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
+    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
+    "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
+}
+
+_LATE_S = 0.1  # chosen: other clocks and rounding
+
 
 def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
@@ -157,13 +165,6 @@ def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
                 )
 
 
-_REPAIRS = {
-    "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
-    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
-    "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
-}
-
-
 def check_times(
     recordings: Sequence[RecordingProof], spans: Mapping[str, tuple[float, float]]
 ) -> Iterator[ProblemEntry]:
@@ -182,9 +183,6 @@ def check_times(
                 file=source,
                 field=f"forces.{recording.file}",
             )
-
-
-_LATE_S = 0.1  # chosen: other clocks and rounding
 
 
 def check_unused_forces(

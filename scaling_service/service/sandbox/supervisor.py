@@ -33,6 +33,17 @@ _ROOT = Path(__file__).resolve().parents[3]
 _CONTEXT = multiprocessing.get_context("forkserver")
 _GONE_S = 10.0  # chosen: SIGKILL takes effect at once, unless the machine itself is stuck
 
+TICK_S = 0.1
+"""Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
+
+_LOOK_AT_DISK_S = 1.0
+_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
+_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
+_MOST_FILES = 10_000
+_LONGEST_PATH = 512  # characters, as in the table of files
+
+_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
+
 
 def find_python(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
     """Command line and environment of a process of ours that finds this very package."""
@@ -84,18 +95,6 @@ class SandboxProcess:
         self._process.wait(_GONE_S)
         self._process.close()
         self.messages.close()
-
-
-TICK_S = 0.1
-"""Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
-
-_LOOK_AT_DISK_S = 1.0
-_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
-_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
-_MOST_FILES = 10_000
-_LONGEST_PATH = 512  # characters, as in the table of files
-
-_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
 
 
 def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> Outcome:

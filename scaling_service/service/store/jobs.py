@@ -30,6 +30,9 @@ SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns o
 _ONE = select(*SHOWN).where(jobs.c.id == bindparam("job"), jobs.c.owner == bindparam("owner"))
 """Made once: whoever follows a job asks again and again."""
 
+_LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
+_QUEUED = jobs.c.state == State.QUEUED.value
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewJob:
@@ -174,10 +177,6 @@ def _add_files(connection: Connection, table: Table, job: str, files: Iterable[F
     rows = [{"job": job, "path": f.name, "sha256": f.sha256, "size": f.size} for f in files]
     if rows:
         connection.execute(insert(table), rows)
-
-
-_LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
-_QUEUED = jobs.c.state == State.QUEUED.value
 
 
 def _is_queued(kinds: Collection[str] | None) -> ColumnElement[bool]:

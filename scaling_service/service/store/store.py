@@ -28,6 +28,8 @@ from scaling_service.service.store.tables import metadata
 LOCK_NUMBER = 0x5CA1_1A6
 """Chosen: any number that other programs on the same PostgreSQL do not use for an advisory lock."""
 
+SQLITE_NAME = "store.sqlite"
+
 
 def upgrade(database: Database, folder: Path) -> None:
     """Make or change the tables as this version of the program needs them; a failure changes nothing.
@@ -70,9 +72,6 @@ def _alone(database: Database, folder: Path) -> Iterator[None]:
     with disk_errors(folder), (folder / "migrate.lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
-
-
-SQLITE_NAME = "store.sqlite"
 
 
 @dataclass(frozen=True, slots=True)

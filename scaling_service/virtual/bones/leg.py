@@ -41,6 +41,22 @@ LONGEST = 2.0
 SIDES_ALIKE = 0.9
 """Correlation between a person's two sides, chosen: they differ by less than half of what persons do."""
 
+SOCKET_GAP_M = 2.5e-3
+"""Between the head's and the socket's radius: chosen within 1-3 mm of cartilage on both sides."""
+
+BREADTH_M = 0.0827  # epicondylar breadth for which thicknesses are given below: men, Kapur et al.
+_CONDYLES_APART = 0.57  # of the epicondylar breadth; chosen, centres of both spheres lie 45-50 mm apart
+_WALL_M = 4.5e-3  # chosen: the epicondyles stand out this far beyond the condyles' sides
+_EPICONDYLE_M = 10e-3  # chosen: radius of an epicondyle's tip
+_UPPER = (0.35, 0.5, 0.7, 0.88, 1.0)  # levels of the shaft above its flare, shares of its height
+_SHAFT_TILT = np.radians(6.0)  # between shaft and mechanical axis; chosen, usual are 5-7 degrees
+
+JOINT_SPACE_M = 4.5e-3  # chosen: both cartilages, about 2 mm each (J Orthop Surg 2016;24, posterior condyles)
+MALLEOLUS_M = 8e-3  # chosen: radius of a malleolus' end
+FIBULA_HEAD_M = 9.5e-3  # chosen: radius of the fibula's head
+_APART_M = 2.5e-3  # chosen: least gap between tibia and fibula
+_PLAFOND_M = 0.018  # chosen: the tibia's end over the ankle centre, about the radius of the talus
+
 
 @dataclass(frozen=True, slots=True)
 class Spread:
@@ -75,9 +91,6 @@ ANGLES_DEG: Mapping[str, Spread] = {
     # van der Linden 2015, 50 femora, both sexes.
     "anteversion": Spread((11.7, 8.2), (11.7, 8.2)),
 }
-
-SOCKET_GAP_M = 2.5e-3
-"""Between the head's and the socket's radius: chosen within 1-3 mm of cartilage on both sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,14 +141,6 @@ def _draw_size(seed: int, name: str, side: Side, sex: Sex, length: float, spread
     rho = spread.with_length
     share = np.clip(rho * length + np.sqrt(1.0 - rho**2) * own, -LONGEST, LONGEST)
     return float(mean + sd * share)
-
-
-BREADTH_M = 0.0827  # epicondylar breadth for which thicknesses are given below: men, Kapur et al.
-_CONDYLES_APART = 0.57  # of the epicondylar breadth; chosen, centres of both spheres lie 45-50 mm apart
-_WALL_M = 4.5e-3  # chosen: the epicondyles stand out this far beyond the condyles' sides
-_EPICONDYLE_M = 10e-3  # chosen: radius of an epicondyle's tip
-_UPPER = (0.35, 0.5, 0.7, 0.88, 1.0)  # levels of the shaft above its flare, shares of its height
-_SHAFT_TILT = np.radians(6.0)  # between shaft and mechanical axis; chosen, usual are 5-7 degrees
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,13 +267,6 @@ def _build_hollows(knee: Array, w: float) -> list[Part]:
 
 def _place_beside(point: Array, by_mm: ArrayLike, w: float) -> Array:
     return point + place_at_mm(by_mm, w)
-
-
-JOINT_SPACE_M = 4.5e-3  # chosen: both cartilages, about 2 mm each (J Orthop Surg 2016;24, posterior condyles)
-MALLEOLUS_M = 8e-3  # chosen: radius of a malleolus' end
-FIBULA_HEAD_M = 9.5e-3  # chosen: radius of the fibula's head
-_APART_M = 2.5e-3  # chosen: least gap between tibia and fibula
-_PLAFOND_M = 0.018  # chosen: the tibia's end over the ankle centre, about the radius of the talus
 
 
 @dataclass(frozen=True, slots=True, eq=False)

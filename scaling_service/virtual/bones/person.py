@@ -54,6 +54,20 @@ _WALL_M = 7e-3  # chosen: bone behind the socket
 _OPENING = (0.32, -0.58, 0.75)  # of the socket: 48 degrees out and 23 forward; chosen
 _DEPTH = 0.2  # chosen: the rim lies this share of the radius beside the centre, inwards
 
+STEP_M = 3e-3
+"""Of the grids that bones are contoured on; chosen, meshes then have 15 to 40 thousand faces."""
+
+MARKER_RADIUS_M = 7e-3
+"""Puchaud 2019: markers of 14 mm."""
+
+SKIN_M: Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
+"""From bone to skin: chosen for lean persons, thinner than the 9.7 (7.0) and 19.6 (10.9) mm over anterior
+and posterior spines in patients (Mantovani 2016). Over the epicondyles it is what their breadth leaves."""
+
+_LEFT = np.array([1.0, 1.0, -1.0])
+
+_SIDES: tuple[Side, Side] = ("r", "l")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HipBone:
@@ -149,18 +163,6 @@ def _normalise(vector: Array) -> Array:
 
 Faces = NDArray[np.intp]
 
-STEP_M = 3e-3
-"""Of the grids that bones are contoured on; chosen, meshes then have 15 to 40 thousand faces."""
-
-MARKER_RADIUS_M = 7e-3
-"""Puchaud 2019: markers of 14 mm."""
-
-SKIN_M: Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
-"""From bone to skin: chosen for lean persons, thinner than the 9.7 (7.0) and 19.6 (10.9) mm over anterior
-and posterior spines in patients (Mantovani 2016). Over the epicondyles it is what their breadth leaves."""
-
-_LEFT = np.array([1.0, 1.0, -1.0])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonBones:
@@ -195,9 +197,6 @@ def make_virtual_bones(
         for bone, mesh in _build_leg(person, shapes[side], side, landmarks, report):
             meshes[f"{bone}_{side}"] = mesh
     return PersonBones(meshes, landmarks)
-
-
-_SIDES: tuple[Side, Side] = ("r", "l")
 
 
 def make_leg_shapes(person: VirtualSubject) -> dict[Side, LegShape]:

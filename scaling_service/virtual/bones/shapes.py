@@ -22,6 +22,11 @@ from scaling_service.numerics.multibody.laws import Array
 _FAR = 1.0  # m; chosen: larger than any bone, so "nothing near"
 _NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out
 
+_LEAST = 0.15  # chosen: of a step; no corner comes nearer to a grid point, so that no face is a sliver
+_BLOCK = 16  # chosen: grid points a side at a time, so that parts that lie elsewhere are not computed
+_PULLS = 2  # chosen: the second leaves less than a hundredth of a millimetre
+_STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
@@ -204,11 +209,6 @@ def _measure_length(vectors: Array) -> Array:
 
 
 Faces = NDArray[np.intp]
-
-_LEAST = 0.15  # chosen: of a step; no corner comes nearer to a grid point, so that no face is a sliver
-_BLOCK = 16  # chosen: grid points a side at a time, so that parts that lie elsewhere are not computed
-_PULLS = 2  # chosen: the second leaves less than a hundredth of a millimetre
-_STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
 
 
 def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:

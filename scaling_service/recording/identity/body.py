@@ -57,6 +57,7 @@ _ARMS = (
 """How people hold their arms in standing trials: hanging, held off, spread, forward, elbows bent, hands on
 hips or before the chest. Chosen; each start finds what lies within 30 deg of it."""
 
+_ARM = ("humerus", "ulna", "hand")
 _ENDS = (("LFE", "MFE"), ("LM", "MM"))
 _WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
 _MIRROR = np.array([1.0, 1.0, -1.0])
@@ -124,7 +125,9 @@ def refine_standing_body(
     """A proposed body with its arms held as the person's, its landmarks where both sides show them."""
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     at, fixed = points[seen], _renumber(seen, known)
-    held = (_bend(at, body.start, fixed, adapt=True, arms=arms) for arms in _ARMS)
+    free = len(body.taken) < len(seen) or any(body.segments[n].startswith(_ARM) for n in body.taken.values())
+    arms = _ARMS if free else (_HANGING,)  # where no label is or may be an arm's, nothing tells of them
+    held = (_bend(at, body.start, fixed, adapt=True, arms=how) for how in arms)
     return _with_numbers_of(seen, min(held, key=lambda other: other.misfit))
 
 
@@ -169,14 +172,12 @@ def _bend(
     rotations = np.array([c.kind == "rotation" and not c.name.startswith("pelvis") for c in body.coordinates])
     pull = np.where(rotations, (_PLACED_M / _BENT) ** 2, 0.0)
     wanted = q.copy()
-    upright = pose_markers(
-        compile_model(scale_model(body, {n: tuple(f) for n, f in factors.items()}), names),
-        q,
-        list_parameter_values(body),
-    )[0]
+    model = scale_model(body, {n: tuple(f) for n, f in factors.items()})
+    upright = pose_markers(compile_model(model, names), q, list_parameter_values(body))[0]
     pairs = assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
-    for reach in _FINE_M:
-        model = _move_markers(scale_model(body, {n: tuple(f) for n, f in factors.items()}), shifts)
+    for k, reach in enumerate(_FINE_M):
+        model = scale_model(body, {n: tuple(f) for n, f in factors.items()}) if k else model
+        model = _move_markers(model, shifts) if shifts.any() else model
         used = [names[column] for _, column in pairs]
         q = solve_motion(
             compile_model(model, used),

@@ -167,7 +167,13 @@ def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOn
         ]
         if min(int((weight > 0).sum()) for weight in chosen) < _FEWEST:
             return "no sphere fits the back of a condyle"
-        new = _fit_pair(surface, chosen, pair)
+        # Both spheres through their vertices, each worth as many observations as it has grains of area.
+        # Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
+        points = [surface.points[weight > 0] for weight in chosen]
+        counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
+        rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
+        noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
+        new = fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
         settled = max(float(np.linalg.norm(a.centre - b.centre)) for a, b in zip(new, pair, strict=True))
         pair = new
         axis = pair[1].centre - pair[0].centre
@@ -191,20 +197,6 @@ def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOn
         for ball, weight in zip(pair, chosen, strict=True)
     ]
     return frame, balls[0], balls[1]
-
-
-def _fit_pair(
-    surface: Surface, chosen: list[Array], pair: tuple[SphereFit, SphereFit]
-) -> tuple[SphereFit, SphereFit]:
-    """Both spheres through their vertices, each worth as many observations as it has grains of area.
-
-    Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
-    """
-    points = [surface.points[weight > 0] for weight in chosen]
-    counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
-    rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
-    noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
-    return fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
 
 
 def _weigh_vertices(

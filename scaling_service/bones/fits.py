@@ -116,7 +116,11 @@ def refine_sphere(
         if not fit.converged or moved > 0.5 * radius:
             return None
         centre, radius = fit.centre, fit.radius
-        scatter = 1.4826 * _take_weighted_median(np.abs(gap[near]), about.areas[near])
+        values = np.abs(gap[near])
+        weights = about.areas[near]
+        order = np.argsort(values)
+        total = np.cumsum(weights[order])
+        scatter = 1.4826 * float(values[order][np.searchsorted(total, 0.5 * total[-1])])
         # A vote finds the centre to a few mm and the radius less well: the limit closes in from wide.
         widest = max(_WIDEST, _START * _CLOSING ** (step + 1)) * radius
         limit = float(np.clip(_SPREAD * scatter, _NARROWEST * radius, widest))
@@ -211,12 +215,6 @@ def _add_neighbours(votes: Array) -> Array:
         total[1:] += own[:-1]
         total[:-1] += own[1:]
     return votes
-
-
-def _take_weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,7 +16,7 @@ from scaling_service.bones.surface import STRAY_SHARE
 from scaling_service.bones.whole import UNITS, find_unit
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.files.mesh import Mesh, read_mesh
-from scaling_service.files.segmentation import Segmentation, is_segmentation, read_segmentation
+from scaling_service.files.segmentation import is_segmentation, read_segmentation
 from scaling_service.numerics.multibody.laws import Array
 
 Arrays = tuple[Array, NDArray[np.intp]]
@@ -85,7 +85,15 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     voxel = 0.0
     left_over: tuple[str, ...] = ()
     if SEGMENTATION in paths:
-        found = _read_segmentation(paths[SEGMENTATION])
+        path = paths[SEGMENTATION]
+        if not path.exists() or not is_segmentation(path):
+            raise FileUnreadable(
+                "it is no segmentation",
+                file=path,
+                field=SEGMENTATION,
+                remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
+            )
+        found = read_segmentation(path)
         voxel = _MM * float(np.sqrt((found.voxel**2).sum() / 12.0))
         scale = _MM if voxel else 1.0
         labels = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in found.surfaces.items()}
@@ -106,17 +114,6 @@ def _read(name: str, path: Path) -> Mesh:
         return read_mesh(path)
     except InputError as error:
         raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
-
-
-def _read_segmentation(path: Path) -> Segmentation:
-    if not path.exists() or not is_segmentation(path):
-        raise FileUnreadable(
-            "it is no segmentation",
-            file=path,
-            field=SEGMENTATION,
-            remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
-        )
-    return read_segmentation(path)
 
 
 def list_files_of(path: Path) -> list[Path]:

@@ -60,7 +60,9 @@ def label_pieces(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
 
 def measure_openness(faces: Faces) -> float:
     """Share of edges that have one face only."""
-    _, counts = np.unique(_number_edges(faces), return_counts=True)
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    keys: NDArray[np.intp] = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
+    _, counts = np.unique(keys, return_counts=True)
     return float((counts == 1).mean())
 
 
@@ -98,12 +100,6 @@ def wind_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
     )
     turned ^= share[piece] > 0.5
     return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
-
-
-def _number_edges(faces: Faces) -> NDArray[np.intp]:
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    keys: NDArray[np.intp] = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
-    return keys
 
 
 def compute_vertex_areas(points: Array, faces: Faces) -> Array:

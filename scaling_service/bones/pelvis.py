@@ -113,7 +113,17 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     frame = _touch_plane(surface, pose.frame)
     points = {name: ball.centre for name, ball in sockets.items()}
     sacrum = _holds_sacrum(surface, frame)
-    tips = _list_tips(surface, frame, sacrum)
+    # ASIS, PSIS and pubic tubercles
+    spines, level = _level_spines(surface, frame, sacrum)
+    tips = {}
+    for side, sign in _SIDES:
+        regions = _select_regions(surface, frame, sign)
+        near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
+        rear = regions.beside_sacrum if sacrum else regions.rear
+        corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
+        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
+        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
+        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
     found = {name: tip.find() for name, tip in tips.items()}
     refused = _refuse_uneven(found, frame) | refuse_cut(found, surface.rims)
     points |= found
@@ -270,21 +280,6 @@ def _level_spines(
             frame, spines["asis_r"] + spines["asis_l"] - spines["psis_r"] - spines["psis_l"]
         )
     return spines, level
-
-
-def _list_tips(surface: Surface, frame: _Frame, sacrum: bool) -> dict[str, Tip]:
-    """ASIS, PSIS and pubic tubercles."""
-    spines, level = _level_spines(surface, frame, sacrum)
-    tips = {}
-    for side, sign in _SIDES:
-        regions = _select_regions(surface, frame, sign)
-        near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
-        rear = regions.beside_sacrum if sacrum else regions.rear
-        corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
-        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
-        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
-        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
-    return tips
 
 
 def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:

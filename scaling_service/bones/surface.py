@@ -137,7 +137,16 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
     points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
     label = _number_shells(points, triangles)
-    origin, axes = _find_principal_frame(points, triangles)
+    # Centroid of the surface and its principal axes in columns, right-handed, longest first. Signs follow
+    # the third moments, which no rotation of the image changes.
+    areas = mesh.compute_vertex_areas(points, triangles)
+    w = areas / areas.sum()
+    origin = w @ points
+    local = points - origin
+    axes = find_principal_axes(local, areas)[:, ::-1].copy()
+    skewness = w @ (local @ axes) ** 3
+    axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     points = (points - origin) @ axes
     smooth = mesh.Smoother(points, triangles).smooth(SMOOTHING_M)
     return Surface(
@@ -215,19 +224,3 @@ def _turn_outwards(points: Array, triangles: Faces, label: NDArray[np.intp], not
         notes.append("the normals pointed inwards and were turned")
     flip = inside_out[owner]
     return np.where(flip[:, None], triangles[:, ::-1], triangles)
-
-
-def _find_principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
-    """Centroid of the surface and its principal axes in columns, right-handed, longest first.
-
-    Signs follow the third moments, which no rotation of the image changes.
-    """
-    areas = mesh.compute_vertex_areas(points, triangles)
-    w = areas / areas.sum()
-    origin = w @ points
-    local = points - origin
-    axes = find_principal_axes(local, areas)[:, ::-1].copy()
-    skewness = w @ (local @ axes) ** 3
-    axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return origin, axes

@@ -94,7 +94,9 @@ def find_tibia_landmarks(
         refused |= dict.fromkeys(_AT_ANKLE, cut)
     else:
         ankle = pose.height < ANKLE_M
-        medial = ankle & _select_medial(tibia, pose.outwards, ankle)
+        along = tibia.smooth @ pose.outwards
+        chosen: NDArray[np.bool_] = along < 0.5 * float(along[ankle].max() + along[ankle].min())
+        medial = ankle & chosen
         tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, depth=SHARP_M)
         tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, depth=SHARP_M, turn=turn)
         if fibula is None:
@@ -183,9 +185,3 @@ def _add_ankle(points: dict[str, Array], off: dict[str, float], refused: dict[st
         off["ankle_centre"] = 0.5 * float(np.hypot(off[tips[0]], off[tips[1]]))
     else:
         refused["ankle_centre"] = f"the malleoli lie {1e3 * apart:.0f} mm apart"
-
-
-def _select_medial(tibia: Surface, outwards: Array, ankle: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    along = tibia.smooth @ outwards
-    chosen: NDArray[np.bool_] = along < 0.5 * float(along[ankle].max() + along[ankle].min())
-    return chosen

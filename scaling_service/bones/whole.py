@@ -243,16 +243,6 @@ def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[s
         )
 
 
-def _measure_knee_turn(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
-    """From the axis of the condyles to the one across the plateau, deg; None where one is missing."""
-    axes = [
-        found[bone].axes[name]
-        for bone, name in ((f"femur_{side}", "knee"), (f"tibia_{side}", "plateau"))
-        if bone in found and name in found[bone].axes
-    ]
-    return float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
-
-
 def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
     """A warning where both sides' bones are of different length."""
     for bone, (upper, lower) in _LENGTHS.items():
@@ -282,7 +272,15 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
         if gap is not None and gap > _OTHER_FRAME_M:
             problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"
             raise MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
-        turned = _measure_knee_turn(found, side)
+        # From the axis of the condyles to the one across the plateau, deg; None where one is missing.
+        axes = [
+            found[bone].axes[name]
+            for bone, name in ((f"femur_{side}", "knee"), (f"tibia_{side}", "plateau"))
+            if bone in found and name in found[bone].axes
+        ]
+        turned = (
+            float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
+        )
         if turned is not None and turned > _TURNED_DEG:
             problem = f"its plateau is turned by {turned:.0f} degrees against the condyles of femur_{side}"
             raise MeshRefused(problem, field=f"tibia_{side}", remedy=remedy)

@@ -121,7 +121,17 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
     >>> sorted(make_virtual_image(make_virtual_subject(1, short)).bones)
     ['femur_l', 'femur_r', 'pelvis', 'tibia_l', 'tibia_r']
     """
-    poses = _pose_segments(person)
+    # The standing person's segments in an image that lies anywhere and is turned anyhow
+    rng = stream(person.seed, "image", "frame")
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    shift = _FRAME_M * rng.normal(size=3)
+    frames = pose_neutral_frames(person.model, person.artefact.reference)
+    poses = {
+        name: ImagePose(turn @ rotation, turn @ origin + shift)
+        for name, (rotation, origin) in frames.items()
+        if name in person.model.segment_names
+    }
     found = make_virtual_bones(person, progress=progress)
     bones = {
         name: Bone(_reconstruct_surface(person, name, poses[name], vertices), faces)
@@ -151,20 +161,6 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
     """
     meshes = {name: (bone.vertices, bone.faces) for name, bone in image.bones.items()}
     return collect_evidence(find_landmarks(meshes, progress=progress), image.markers, image.bones)
-
-
-def _pose_segments(person: VirtualSubject) -> dict[str, ImagePose]:
-    """The standing person's segments in an image that lies anywhere and is turned anyhow."""
-    rng = stream(person.seed, "image", "frame")
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    turn *= np.sign(np.linalg.det(turn))
-    shift = _FRAME_M * rng.normal(size=3)
-    frames = pose_neutral_frames(person.model, person.artefact.reference)
-    return {
-        name: ImagePose(turn @ rotation, turn @ origin + shift)
-        for name, (rotation, origin) in frames.items()
-        if name in person.model.segment_names
-    }
 
 
 def _place_points(pose: ImagePose, points: Array) -> Array:
@@ -256,19 +252,15 @@ def make_hidden_session(
     held out; recordings are neither smoothed nor filled.
     """
     person = make_virtual_subject(seed, settings)
-    sliding = _with_sliding(person.model)
+    # The model with the marker that slides
+    (name,), (driver,) = SLIDING.where, SLIDING.driver
+    gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
+    moved = glide_marker(person.model.marker(name), {driver: to_vector(gains)})
+    sliding = person.model.with_markers(tuple(moved if m.name == name else m for m in person.model.markers))
     trials = {
         name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
     }
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
-
-
-def _with_sliding(model: BodyModel) -> BodyModel:
-    """The model with the marker that slides."""
-    (name,), (driver,) = SLIDING.where, SLIDING.driver
-    gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    moved = glide_marker(model.marker(name), {driver: to_vector(gains)})
-    return model.with_markers(tuple(moved if m.name == name else m for m in model.markers))
 
 
 def _slide_marker(trial: Trial, person: VirtualSubject, sliding: BodyModel) -> Trial:
@@ -315,33 +307,8 @@ def write_example(
         file = folder / f"{trial.name}.trc"
         named = trial.relabel(dict(LABELS))
         write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
-    document = _make_document(name, session)
-    if imaged:
-        image = make_virtual_image(person)
-        for segment, bone in image.bones.items():
-            (folder / f"{segment}.stl").write_bytes(_write_stl(bone))
-        _write_markers(folder / IMAGE_MARKERS, image.markers)
-        document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
-        document["image_markers"] = IMAGE_MARKERS
-    (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
-    return document
-
-
-def _write_stl(bone: Bone) -> bytes:
-    return bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
-
-
-def _write_markers(file: Path, markers: Mapping[str, tuple[str, Vector]]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(COLUMNS)
-        for marker, (segment, at) in markers.items():
-            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
-
-
-def _make_document(name: str, session: Session) -> dict[str, Any]:
     known = session.subject
-    return {
+    document = {
         "subject": {
             "id": name,
             "sex": known.sex,
@@ -355,6 +322,25 @@ def _make_document(name: str, session: Session) -> dict[str, Any]:
             "evaluation": [f"{trial.name}.trc" for trial in session.evaluation],
         },
     }
+    if imaged:
+        image = make_virtual_image(person)
+        for segment, bone in image.bones.items():
+            (folder / f"{segment}.stl").write_bytes(
+                bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
+            )
+        _write_markers(folder / IMAGE_MARKERS, image.markers)
+        document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
+        document["image_markers"] = IMAGE_MARKERS
+    (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
+    return document
+
+
+def _write_markers(file: Path, markers: Mapping[str, tuple[str, Vector]]) -> None:
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(COLUMNS)
+        for marker, (segment, at) in markers.items():
+            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
 if __name__ == "__main__":

@@ -262,7 +262,11 @@ def batch(
     members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
     readable = [member for member in members if member.error is None]
     check_names(((m.name, m.shown, m.file) for m in readable), source)
-    _refuse_impossible([found for found in read if isinstance(found, Subject)], methods, source)
+    subjects = [found for found in read if isinstance(found, Subject)]
+    answers = [select_possible_methods(subject, methods) for subject in subjects]
+    if answers and not any(possible for possible, _ in answers):
+        reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
+        raise explain_none_possible(reasons, methods, source)
     refuse_foreign(folder, [member.name for member in readable])
     count = min(worker_count or count_cores(), len(members))
     if watcher is not None:
@@ -317,13 +321,6 @@ def explain_none_possible(
         field="--methods",
         remedy="Choose other methods, or add what is missing to the subject files",
     )
-
-
-def _refuse_impossible(subjects: Sequence[Subject], methods: Sequence[str] | None, source: Path) -> None:
-    answers = [select_possible_methods(subject, methods) for subject in subjects]
-    if answers and not any(possible for possible, _ in answers):
-        reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
-        raise explain_none_possible(reasons, methods, source)
 
 
 def _load(row: Listed) -> Subject | InputError:

@@ -29,7 +29,6 @@ from scaling_service.numerics.statistics.complete import Panel, list_panels
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     Curves,
-    WaveformComparison,
     WaveformSettings,
     compare_waveforms,
 )
@@ -228,7 +227,14 @@ def _compare_curve(
     if not note:
         curves = Curves(coordinate, panel.subjects, panel.methods, values)
         test = compare_waveforms(curves, rng, reference=reference, settings=settings)
-        note = _explain_undecidable(test)
+        # A note where too few subjects make significance impossible
+        n = len(test.subjects)
+        if not test.anova.can_decide:
+            note = f"{n} subjects are too few for any difference to be significant"
+        elif any(not pair.test.can_decide for pair in test.pairs):
+            note = f"{n} subjects are too few for any pair to be significant after {test.n_pairs} comparisons"
+        else:
+            note = ""
     degrees = np.degrees(values)
     return CurveEntry(
         coordinate=coordinate,
@@ -266,13 +272,3 @@ def _make_curve_test(test: CurveTest) -> CurveTestEntry:
         exact=test.exact,
         can_decide=test.can_decide,
     )
-
-
-def _explain_undecidable(test: WaveformComparison) -> str:
-    """A note where too few subjects make significance impossible."""
-    n = len(test.subjects)
-    if not test.anova.can_decide:
-        return f"{n} subjects are too few for any difference to be significant"
-    if any(not pair.test.can_decide for pair in test.pairs):
-        return f"{n} subjects are too few for any pair to be significant after {test.n_pairs} comparisons"
-    return ""

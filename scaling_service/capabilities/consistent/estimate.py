@@ -131,7 +131,9 @@ def estimate_consistent(
         inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
         now = inertial.model
         tracked = [_measure_errors(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
-        history.append(_pool(tracked))
+        # RMS errors of markers and wrench over recordings, each counting alike
+        markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
+        history.append((float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))))
         converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
@@ -219,12 +221,6 @@ def _measure_errors(
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
     return TrackedRecording(rated=rated, marker_rms_m=marker, wrench_rmse=wrench, gaps=gaps, weight=weight)
-
-
-def _pool(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:
-    """RMS errors of markers and wrench over recordings, each counting alike."""
-    markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
-    return float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))
 
 
 def _has_settled(

@@ -58,7 +58,19 @@ def save_consistent(
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
+            # `report.html`: the result's views with the ground wrench over time.
+            files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
+            (scratch / REPORT).write_text(
+                Report(
+                    kind="consistent",
+                    name=FILE_NAME,
+                    summary=summarise(document),
+                    document=document,
+                    files=files,
+                    beside=document.files,
+                ).html(),
+                encoding="utf-8",
+            )
     return document
 
 
@@ -86,19 +98,6 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
         "lengths": ResultTable("Segment lengths", ("segment", "start_mm", "found_mm"), lengths),
         **motions,
     }
-
-
-def _make_report(results: ConsistentResults, document: ConsistentDocument) -> Report:
-    """``report.html``: the result's views with the ground wrench over time."""
-    files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
-    return Report(
-        kind="consistent",
-        name=FILE_NAME,
-        summary=summarise(document),
-        document=document,
-        files=files,
-        beside=document.files,
-    )
 
 
 def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> WrenchScene:

@@ -85,21 +85,20 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
+            # `report.html`: the check's views with the residuals over time.
+            files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
+            (scratch / REPORT).write_text(
+                Report(
+                    kind="dynamics",
+                    name=FILE_NAME,
+                    summary=summarise(document),
+                    document=document,
+                    files=files,
+                    beside=document.files,
+                ).html(),
+                encoding="utf-8",
+            )
     return document
-
-
-def _make_report(results: DynamicsResults, document: DynamicsDocument) -> Report:
-    """``report.html``: the check's views with the residuals over time."""
-    files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
-    return Report(
-        kind="dynamics",
-        name=FILE_NAME,
-        summary=summarise(document),
-        document=document,
-        files=files,
-        beside=document.files,
-    )
 
 
 def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:

@@ -76,7 +76,13 @@ def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str,
 
 def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
     """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
-    yield _tabulate_fits(found)
+    rows: list[Row] = []
+    for name, fit in found.trials.items():
+        rows.append(Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
+        for when, wrench in (("before", fit.before), ("after", fit.after)):
+            rows.append(Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
+    units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
+    yield Table(caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows)
     moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
     if moved:
         largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
@@ -102,16 +108,6 @@ def write_inertial_headline(
 
 def _describe_used(components: Sequence[bool]) -> str:
     return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
-
-
-def _tabulate_fits(found: IdentificationDocument) -> Table:
-    rows: list[Row] = []
-    for name, fit in found.trials.items():
-        rows.append(Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
-        for when, wrench in (("before", fit.before), ("after", fit.after)):
-            rows.append(Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
-    units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
-    return Table(caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows)
 
 
 def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:

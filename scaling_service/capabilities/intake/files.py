@@ -124,13 +124,15 @@ def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientatio
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     level = list_level_corners(trial) if isinstance(trial, Recording) else None
-    return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward, level=level)
-
-
-def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
-    """Labels whose role no other label has: of two persons nobody knows whose it is."""
+    # Labels whose role no other label has: of two persons nobody knows whose it is.
     every = list(roles.values())
-    return {label: role for label, role in roles.items() if every.count(role) == 1}
+    return decide(
+        trial,
+        roles={label: role for label, role in roles.items() if every.count(role) == 1},
+        up=up,
+        forward=forward,
+        level=level,
+    )
 
 
 Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]

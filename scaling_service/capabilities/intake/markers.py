@@ -310,32 +310,26 @@ def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[
         if not sides:
             continue
         unsure += [joint] if joint == "knee" else []
-        yield _of_one_side(joint, width, segment, sides, labels, sizes)
+        known = [f"{width}_{side.lower()}" for side in sides]
+        measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
+        planes = [
+            find_plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l")
+            for s in sides
+        ]
+        text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
+        text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
+        if all(planes):
+            text += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
+        if len(measured) < len(known):
+            missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
+            text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
+        yield text
     if unsure:
         yield (
             "MB_lam and MB_am: without an inner knee marker hip rotation and the knee's axis are hardly "
             "determined; a movement that bends the knees, or a static trial with inner markers, tells more"
         )
         yield "EB and EB_am take the knee's centre and axis from the bones, where there are any"
-
-
-def _of_one_side(
-    joint: str, width: str, segment: str, sides: Sequence[str], labels: Sequence[str], sizes: SizesProof
-) -> str:
-    known = [f"{width}_{side.lower()}" for side in sides]
-    measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
-    planes = [
-        find_plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l")
-        for s in sides
-    ]
-    text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
-    text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
-    if all(planes):
-        text += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
-    if len(measured) < len(known):
-        missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
-        text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
-    return text
 
 
 def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identification) -> tuple[str, str]:

@@ -17,7 +17,6 @@ from scaling_service.capabilities.intake import warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
-    MarkerProof,
     ProblemEntry,
     ProofDocument,
     RecordingProof,
@@ -180,7 +179,16 @@ def prove(
     model = look.read_model(usual)
     markers, unused = propose_markers(model, trials, mapped, labels or {}, who)
     extra = assign_extra_markers(unused, who, model)
-    explicit = _list_explicit_markers(markers, known) | find_sacral_label(markers, who)
+    # What must stand under `markers:` because scaling would not find it by the names
+    named = dict(known.get("markers") or {})
+    sure = {
+        m.marker: m.label
+        for m in markers
+        if m.label is not None and (m.source == "laboratory" or (m.source == "place" and m.confidence > SURE))
+    }
+    explicit = (
+        {marker: label for marker, label in sure.items() if label not in named.values()} | named
+    ) | find_sacral_label(markers, who)
     free = [one for one in extra if one.label not in explicit.values()]
     proposed = propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
@@ -211,17 +219,6 @@ def prove(
         proposal=proposed,
         problems=look.problems,
     )
-
-
-def _list_explicit_markers(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
-    """What must stand under ``markers:`` because scaling would not find it by the names."""
-    named = dict(known.get("markers") or {})
-    sure = {
-        m.marker: m.label
-        for m in markers
-        if m.label is not None and (m.source == "laboratory" or (m.source == "place" and m.confidence > SURE))
-    }
-    return {marker: label for marker, label in sure.items() if label not in named.values()} | named
 
 
 class _Look:

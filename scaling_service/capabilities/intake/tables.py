@@ -171,7 +171,14 @@ def describe_plates(
     ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
     types of the plates; empty for forces of tables.
     """
-    feet = _locate_feet(trial)
+    # Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's.
+    clusters = sort_by_segment(trial.labels)
+    feet = {}
+    for side in _FEET:
+        on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
+        on = on or clusters.get(f"tibia_{side}", [])
+        if on:
+            feet[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
     centre, pressing = forces.centre_of_pressure(), forces.pressing
     described = []
     for k, entry in enumerate(entries):
@@ -197,18 +204,6 @@ def describe_plates(
         }
         described.append(entry.model_copy(update=changes))
     return described
-
-
-def _locate_feet(trial: Trial) -> dict[str, Array]:
-    """Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's."""
-    clusters = sort_by_segment(trial.labels)
-    found = {}
-    for side in _FEET:
-        on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
-        on = on or clusters.get(f"tibia_{side}", [])
-        if on:
-            found[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
-    return found
 
 
 def _measure_distance(foot: Array, centre: Array) -> Array:

@@ -88,7 +88,9 @@ def _digest(path: Path) -> str:
 
 def _describe(bone: BoneLandmarks) -> dict[str, Any]:
     """One bone's part of the document; points are named as found, with their unit."""
-    fits = _list_fits(bone)
+    fits = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
+    for name, tube in bone.cylinders.items():
+        fits[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
     fields |= _ADDED[bone.bone](bone)
     return fields | {
@@ -104,13 +106,6 @@ def _describe(bone: BoneLandmarks) -> dict[str, Any]:
         "refused": dict(bone.refused),
         "warnings": list(bone.warnings),
     }
-
-
-def _list_fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
-    found = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
-    for name, tube in bone.cylinders.items():
-        found[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
-    return found
 
 
 def _fit(

@@ -126,7 +126,10 @@ def write_scene(
     document = SceneDocument(
         subject=subject,
         bodies=[_make_body(body, outputs) for body in bodies],
-        trials=[_make_trial(item, files, _choose_step(item, most_frames)) for item in recorded],
+        trials=[
+            _make_trial(item, files, 1 if most_frames is None else -(-item.trial.n_frames // most_frames))
+            for item in recorded
+        ],
         gait=gait,
     )
     write_json(outputs / FILE_NAME, document)
@@ -159,10 +162,6 @@ def _make_body(body: Body, outputs: Path) -> BodyEntry:
         ],
         axes=[AxisEntry(segment=segment, ends_m=ends) for segment, ends in find_knee_axes(model).items()],
     )
-
-
-def _choose_step(item: Recorded, most_frames: int | None) -> int:
-    return 1 if most_frames is None else -(-item.trial.n_frames // most_frames)
 
 
 def _make_trial(item: Recorded, files: ArrayFiles, step: int) -> SceneTrial:

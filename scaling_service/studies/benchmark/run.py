@@ -243,8 +243,14 @@ def _run_program(written: Path, words: Sequence[object]) -> Path:
     out = Path(tempfile.mkdtemp(dir=written)) / "out"
     command = [sys.executable, "-m", "scaling_service", *map(str, words), "--out", str(out)]
     try:
+        # The environment of a case: one thread a library, for cases run beside each other.
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT_S, env=_environment()
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )
     except subprocess.TimeoutExpired:
         raise ProgramFailed(f"no answer within {TIME_LIMIT_S:g} s") from None
@@ -252,8 +258,3 @@ def _run_program(written: Path, words: Sequence[object]) -> Path:
         lines = done.stderr.strip().splitlines() or [f"exit {done.returncode}"]
         raise ProgramFailed(lines[-1])
     return out
-
-
-def _environment() -> dict[str, str]:
-    """The environment of a case: one thread a library, for cases run beside each other."""
-    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

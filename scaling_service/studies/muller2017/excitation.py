@@ -361,14 +361,10 @@ def _record_markers(
 def _make_gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker:
     """A marker that moves over its segment with the angles of the segment's joints."""
     per_rad = {}
-    for coordinate in _list_joints_about(model, marker.segment):
+    # Angles of the joint that carries a segment and of those that it carries, the root's own apart
+    near = [s for s in model.segments if s.name == marker.segment or s.parent == marker.segment]
+    joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
+    for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
         drawn = draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
         per_rad[coordinate] = to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
     return glide_marker(marker, per_rad)
-
-
-def _list_joints_about(model: BodyModel, segment: str) -> list[str]:
-    """Angles of the joint that carries a segment and of those that it carries, the root's own apart."""
-    near = [s for s in model.segments if s.name == segment or s.parent == segment]
-    joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
-    return sorted({c for joint in joints for c in joint.law.coordinates})

@@ -178,18 +178,14 @@ def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
     yield _tabulate_beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
 
 
-def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
-    """Quantity to method to its cell."""
-    found: dict[str, dict[str, Beside]] = {}
-    for cell in cells:
-        found.setdefault(cell.quantity, {})[cell.method] = cell
-    return found
-
-
 def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
     rows: list[Row] = []
-    for quantity, of in _by_quantity(cells).items():
+    # Quantity to method to its cell
+    found: dict[str, dict[str, Beside]] = {}
+    for cell in cells:
+        found.setdefault(cell.quantity, {})[cell.method] = cell
+    for quantity, of in found.items():
         rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
         rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."

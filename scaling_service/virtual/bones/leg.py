@@ -166,8 +166,27 @@ def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
     half = 0.5 * _CONDYLES_APART * shape.epicondylar_breadth
     medial, lateral = knee - half * axis, knee + half * axis
     tips = {"MFE": knee - _to_side(shape), "LFE": knee + _to_side(shape)}
+    # From the neck's base into the condyles, bowed forward, flaring at both ends
+    top = np.add(_find_neck_base(shape), [0.0, 8e-3, 0.0])
+    bottom = _place_beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
+    share = np.concatenate([1e-3 * w * np.array([0.0, 18.0, 38.0, 70.0]) / (top - bottom)[1], _UPPER])
+    line = bottom + share[:, None] * (top - bottom)
+    line[:, 0] += shape.femoral_bow * 4.0 * share * (1.0 - share)
+    r, mm = shape.shaft_radius, 1e-3 * w
+    half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
+    half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
     parts = [
-        Part(_build_femoral_shaft(shape, length, w)),
+        Part(
+            make_shaft(
+                heights=line[:, 1],
+                x=line[:, 0],
+                z=line[:, 2],
+                half_x=np.array(half_x),
+                half_z=np.array(half_z),
+                ridge=-0.03,
+                rounding=10e-3,
+            )
+        ),
         *_build_upper_end(shape, w),
         Part(_build_condyles(shape, knee, axis, w), 6e-3),
         *(
@@ -192,27 +211,6 @@ def _find_neck_base(shape: LegShape) -> Array:
     out = reach * np.sin(down)
     return np.array(
         [-out * np.sin(shape.anteversion), -reach * np.cos(down), out * np.cos(shape.anteversion)]
-    )
-
-
-def _build_femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
-    """From the neck's base into the condyles, bowed forward, flaring at both ends."""
-    top = np.add(_find_neck_base(shape), [0.0, 8e-3, 0.0])
-    bottom = _place_beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
-    share = np.concatenate([1e-3 * w * np.array([0.0, 18.0, 38.0, 70.0]) / (top - bottom)[1], _UPPER])
-    line = bottom + share[:, None] * (top - bottom)
-    line[:, 0] += shape.femoral_bow * 4.0 * share * (1.0 - share)
-    r, mm = shape.shaft_radius, 1e-3 * w
-    half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
-    half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
-    return make_shaft(
-        heights=line[:, 1],
-        x=line[:, 0],
-        z=line[:, 2],
-        half_x=np.array(half_x),
-        half_z=np.array(half_z),
-        ridge=-0.03,
-        rounding=10e-3,
     )
 
 
@@ -300,7 +298,11 @@ def build_tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], p
     medial = np.add(places.malleolus_medial, [0.0, end, end])
     lateral = np.add(places.malleolus_lateral, [0.0, end, -end])
     upper = places.fibula_head - [0.0, 0.0, head]
-    fibula = _build_fibula(upper, lateral, head, end, w)
+    # Head, a thin shaft, and the lateral malleolus
+    under, above = upper + place_at_mm((2, -32, -1), w), lateral + place_at_mm((1, 45, -3), w)
+    middle = 0.5 * (under + above) + place_at_mm((-4, 0, 2), w)
+    line = np.array([upper, under, middle, above, lateral + place_at_mm((0, 14, 0), w), lateral])
+    fibula = make_chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])
     bone = [
         Part(_build_column(shape, length, w)),
         Part(
@@ -343,11 +345,3 @@ def _build_column(shape: LegShape, length: float, w: float) -> Shape:
         ridge=0.08,
         rounding=6e-3,
     )
-
-
-def _build_fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Shape:
-    """Head, a thin shaft, and the lateral malleolus."""
-    under, above = upper + place_at_mm((2, -32, -1), w), lateral + place_at_mm((1, 45, -3), w)
-    middle = 0.5 * (under + above) + place_at_mm((-4, 0, 2), w)
-    line = np.array([upper, under, middle, above, lateral + place_at_mm((0, 14, 0), w), lateral])
-    return make_chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])

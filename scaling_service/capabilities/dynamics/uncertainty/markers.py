@@ -87,7 +87,10 @@ def propagate_marker_errors(
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filter_residuals(reference)
-    spread = factor_noise(_estimate_correlation(left, reference))
+    # Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)
+    n = reference.n_frames
+    found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(LAGS))]
+    spread = factor_noise(np.asarray(np.array(found) / found[0]))
     size = _estimate_sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
     together = _spread_common_errors(reference, sizes, shared)
@@ -151,13 +154,6 @@ def _filter_residuals(reference: Reference) -> Array:
         np.moveaxis(left, -1, 0), rate_hz=low_pass.rate_hz, cutoff_hz=low_pass.cutoff_hz, order=low_pass.order
     )
     return np.asarray(np.moveaxis(filtered.values, 0, -1))
-
-
-def _estimate_correlation(left: Array, reference: Reference) -> Array:
-    """Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)."""
-    n = reference.n_frames
-    found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(LAGS))]
-    return np.asarray(np.array(found) / found[0])
 
 
 def _follow(

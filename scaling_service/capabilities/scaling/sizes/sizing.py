@@ -144,7 +144,15 @@ def estimate_sizes(
         return {}
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.average()
-    mean = expected.mean - _measure_own_dimensions(model, names)
+    # Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths.
+    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
+    lengths = {}
+    for name, length in measure_segment_lengths(model).items():
+        sided = name if name in blank.names else f"{name}_r"
+        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
+            lengths[sided] = (length, _EXACT * length)
+    alike = blank.condition(lengths)
+    mean = expected.mean - np.array([np.log(alike.value(name)) for name in names])
     measured = {model.bone_of(name): dimension for name, dimension in dimensions.items()}
     rows = [next(measured[s] for s in m.segments if s in measured) for m in ratios.measurements]
     pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
@@ -168,18 +176,6 @@ def estimate_sizes(
             own=bool(mine),
         )
     return _with_followers(model, sizes)
-
-
-def _measure_own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
-    """Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths."""
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
-    lengths = {}
-    for name, length in measure_segment_lengths(model).items():
-        sided = name if name in blank.names else f"{name}_r"
-        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
-            lengths[sided] = (length, _EXACT * length)
-    alike = blank.condition(lengths)
-    return np.array([np.log(alike.value(name)) for name in names])
 
 
 def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:

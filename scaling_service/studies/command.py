@@ -103,8 +103,8 @@ def reproduce(
             )
         summary, tables = puchaud2019.summarise(document), puchaud2019.make_tables(document)
     elif study == "muller2017":
-        from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
         from scaling_service.studies.muller2017 import words as muller2017
+        from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings
         from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(

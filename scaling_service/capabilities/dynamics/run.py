@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -22,7 +22,6 @@ from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettin
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty.total import (
     LoadedMotion,
-    UncertaintySettings,
     WrenchUncertainty,
     propagate,
 )
@@ -81,6 +80,7 @@ class TrialDynamics:
     dynamics: InverseDynamics
     frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
     residuals: Residuals  # over these frames
+    recording: LoadedMotion  # the same, as its uncertainty is asked of it
     uncertainty: WrenchUncertainty  # of the residual, over the same frames
     # flight, and what bears the person that no plate measures
     unmeasured: tuple[Unmeasured, ...] = ()
@@ -158,7 +158,7 @@ def dynamics(
     Examples
     --------
     >>> import scaling_service as ss
-    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none"))
     >>> checked.residuals.columns
     ('trial', 'fx_N', 'fy_N', 'fz_N', 'mx_Nm', 'my_Nm', 'mz_Nm')
     >>> round(checked.weight.plates_kg)
@@ -172,10 +172,9 @@ def dynamics(
     refused: dict[str, TrialUnusable] = {}
     with loaded.blame_files():
         for k, name in enumerate(prepared.motions):
-            part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
-            part(0.0)
+            report(f"uncertainty of {name}", _PREPARING + (1.0 - _PREPARING) * k / len(prepared.motions))
             try:
-                trials[name] = compute_trial_dynamics(prepared, name, chosen, settings.seed, part)
+                trials[name] = compute_trial_dynamics(prepared, name, chosen)
             except TrialUnusable as error:
                 refused[name] = error
         if not trials:
@@ -196,11 +195,6 @@ def dynamics(
         warnings=(*prepared.warnings, *notes),
         wall_s=time.perf_counter() - clock,
     )
-
-
-def _share_of(report: Progress, what: str, number: int, count: int) -> Callable[[float], None]:
-    """The progress of one recording as a share of the whole."""
-    return lambda share: report(what, _PREPARING + (1.0 - _PREPARING) * (number + share) / count)
 
 
 def _identify(
@@ -234,9 +228,7 @@ def _identify(
     return result, notes
 
 
-def compute_trial_dynamics(
-    prepared: Prepared, name: str, chosen: DynamicsSettings, seed: int, progress: Callable[[float], None]
-) -> TrialDynamics:
+def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
@@ -262,9 +254,6 @@ def compute_trial_dynamics(
         frames=frames,
         cutoff_hz=chosen.cutoff_hz,
     )
-    uncertainty = propagate(
-        recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
-    )
     said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
     return TrialDynamics(
@@ -273,7 +262,8 @@ def compute_trial_dynamics(
         dynamics=found,
         frames=frames,
         residuals=residuals,
-        uncertainty=uncertainty,
+        recording=recording,
+        uncertainty=propagate(recording),
         unmeasured=unmeasured,
         warnings=warnings,
     )

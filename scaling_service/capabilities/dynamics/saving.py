@@ -69,7 +69,7 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     Examples
     --------
     >>> import scaling_service as ss
-    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none"))
     >>> document = ss.save_dynamics(checked, "checked", report=False)
     >>> list(document.trials)
     ['sway', 'swing']

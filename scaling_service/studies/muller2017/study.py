@@ -18,17 +18,11 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
     propagate_marker_errors,
 )
-from scaling_service.capabilities.dynamics.uncertainty.total import (
-    UncertaintySettings,
-    WrenchUncertainty,
-    is_inertia_dominant,
-    propagate,
-)
+from scaling_service.capabilities.dynamics.uncertainty.total import is_inertia_dominant, propagate
 from scaling_service.capabilities.kinetics.inverse_dynamics import (
     InverseDynamics,
     compute_dynamics,
@@ -56,6 +50,11 @@ from scaling_service.studies.muller2017.excitation import (
     ExcitedPerson,
     Performance,
     make_excited_person,
+)
+from scaling_service.studies.muller2017.monte_carlo import (
+    SampledUncertainty,
+    UncertaintySettings,
+    propagate_by_samples,
 )
 
 SUBJECTS = 10
@@ -107,8 +106,8 @@ def study_person(
     person = make_excited_person(seed, recorded)
     performance = person.performances["in_order"]
     recording = performance.recording
-    found = propagate(recording, replace(settings, seed=seed))
-    linear = propagate_linearly(recording, settings.levels, settings.noise_on)
+    found = propagate_by_samples(recording, replace(settings, seed=seed))
+    linear = propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
     error, inertial = _compute_true_errors(person, performance)
@@ -150,7 +149,7 @@ def study_person(
     )
 
 
-def describe_uncertainty(name: str, found: WrenchUncertainty) -> dict[str, Any]:
+def describe_uncertainty(name: str, found: SampledUncertainty) -> dict[str, Any]:
     """The fields of a ``PropagatedEntry``."""
     return {
         "name": name,
@@ -259,11 +258,13 @@ def _study_real(file: str | Path, settings: UncertaintySettings) -> list[Propaga
     """A real person's recordings, with the model as it is."""
     found = dynamics(
         file,
-        DynamicsSettings(start=AS_IT_IS, samples=settings.samples),
+        DynamicsSettings(start=AS_IT_IS),
         UNSMOOTHED.model_copy(update={"seed": settings.seed}),
     )
     subject = found.prepared.subject.id
     return [
-        PropagatedEntry.model_validate(describe_uncertainty(f"{subject} {name}", trial.uncertainty))
+        PropagatedEntry.model_validate(
+            describe_uncertainty(f"{subject} {name}", propagate_by_samples(trial.recording, settings))
+        )
         for name, trial in found.trials.items()
     ]

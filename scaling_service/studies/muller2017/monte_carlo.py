@@ -1,37 +1,45 @@
-"""A residual's uncertainty by Monte Carlo, of the motion and of the plates (Muller et al. 2017, sec. 2.2)."""
+"""A residual's uncertainty by Monte Carlo, of the motion and of the plates, as Muller et al. 2017 draw it.
+
+The closed form of ``dynamics`` gives the same numbers without samples: this is the paper's way, and what the
+closed form is tested against. Results do not depend on the executor.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
+from scaling_service.capabilities.dynamics.uncertainty.linear import (
+    BEYOND,
+    UNIFORM_RANGE,
+    compute_error_and_indicator,
+    fit_slopes_through_zero,
+)
+from scaling_service.capabilities.dynamics.uncertainty.plates import (
+    SIGMAS,
+    PlateNoise,
+    PressedPlates,
+    list_pressed,
+)
+from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, NoiseOn, Reference
+from scaling_service.capabilities.dynamics.uncertainty.total import LEVELS, WrenchUncertainty
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
-from scaling_service.model.forces import CONTACT_N
-from scaling_service.numerics.multibody.tree import cross, pose_links
+from scaling_service.core.threads import Serial
+from scaling_service.numerics.multibody.tree import cross
 
-UNIFORM_RANGE = np.sqrt(12.0)
-"""Range of a uniform distribution over its standard deviation (Muller et al. 2017, eq. 10)."""
-
-BEYOND = 0.1
-"""Reference errors that the database reaches beyond the largest level (chosen; the paper: "arbitrarily")."""
-
-EXACT_M = 1e-6
-"""Reconstruction error below which markers are followed exactly (chosen: far below any camera's noise)."""
+PER_SAMPLE = 3
+"""Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
+them lie in the lowest level, so that every level draws from more motions than it draws)."""
 
 _LEVER_M = 0.1
 """How far markers move per radian of noise, about (chosen: the filter lets a third of it through, and markers
 sit some 0.3 m from their joints); only where the search for the largest perturbation begins."""
-
-SIGMAS = 3.0
-"""A data sheet's figure of a plate stands for three standard deviations, and so does the dispersion that is
-reported (Muller et al. 2017, sec. 2.2)."""
 
 CHUNK = 125
 """Samples per task (chosen: some seconds of work each, so that two workers end together)."""
@@ -75,19 +83,6 @@ def draw_database(
     largest = _find_largest(reference, seed, error, reach + BEYOND)
     rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
     return MotionDatabase(error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:])
-
-
-def compute_error_and_indicator(reference: Reference) -> tuple[float, Array]:
-    """Of the reference motion itself, which must not follow its markers exactly."""
-    error, residual = reference.residual(reference.q)
-    if error < EXACT_M:
-        raise InputError(
-            "the model follows its markers without error, so nothing tells how uncertain the motion is",
-            file=reference.trial,
-            field="markers",
-            remedy="Give the measured markers with the motion",
-        )
-    return error, reference.indicator(residual)
 
 
 def _sample(
@@ -155,83 +150,7 @@ def draw_levels(
     return tuple(found)
 
 
-def fit_slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Least-squares lines without intercept, and how well they fit.
-
-    Of x (n,) and y (n, k): slopes (k,), ``r2 = 1 - SSE / sum y^2`` (right without intercept: Eisenhauer 2003,
-    Teach Stat 25:76-80), and the centred ``1 - SSE / sum (y - mean)^2``, which is never larger.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> fitted = fit_slopes_through_zero(np.array([1.0, 2.0]), np.array([[2.0], [4.0]]))
-    >>> [values.tolist() for values in fitted]
-    [[2.0], [1.0], [1.0]]
-    """
-    slopes = x @ y / (x @ x)
-    left = ((y - np.outer(x, slopes)) ** 2).sum(axis=0)
-    centred = 1.0 - left / ((y - y.mean(axis=0)) ** 2).sum(axis=0)
-    return slopes, 1.0 - left / (y**2).sum(axis=0), centred
-
-
-@dataclass(frozen=True, slots=True)
-class PlateNoise:
-    """What the data sheet of a force plate promises (AMTI, as Muller et al. 2017 quote it)."""
-
-    share: float = 0.001  # of the load
-    least_n: float = 0.22  # not less than this
-    centre_m: float = 0.0002  # of the centre of pressure, in each direction
-    surface_m: float = 0.0  # height of the plates' surface
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Plates:
-    """Residual (6, n), and each load's force and lever from the root (k, 3, n), over the frames used.
-
-    ``sigma`` and ``centre`` (k, 1, n) are standard deviations of the components of each force and of its
-    centre of pressure, zero without contact.
-    """
-
-    residual: Array
-    force: Array
-    lever: Array
-    sigma: Array
-    centre: Array
-    scale: Array
-
-
-def draw_plate_dispersion(
-    reference: Reference, noise: PlateNoise, samples: int, seed: int, executor: Executor
-) -> Array:
-    """Three standard deviations of the indicator under noise of forces and centres of pressure, (6,)."""
-    used = reference.used
-    _, residual = reference.residual(reference.q)
-    poses = pose_links(reference.body.tree, reference.q[:, used], reference.body.p)
-    root = poses.frames[poses.plan.link_node[0], 3]
-    force, moment = (np.moveaxis(x[used], 0, -1) for x in (reference.loads.force, reference.loads.moment))
-    pressing = force[:, 1]
-    loaded = pressing > CONTACT_N
-    ground = np.array([0.0, noise.surface_m, 0.0])[:, None]
-    about = moment - cross(np.broadcast_to(ground, force.shape), force)
-    # n x M / (n . F) with the normal n up
-    flat = np.stack([about[:, 2], np.zeros_like(pressing), -about[:, 0]], axis=1)
-    centre = np.divide(flat, pressing[:, None], out=np.zeros_like(flat), where=loaded[:, None]) + ground
-    load = np.linalg.norm(force, axis=1)
-    sigma = np.where(loaded, np.maximum(noise.share * load, noise.least_n) / SIGMAS, 0.0)[:, None]
-    spread = np.where(loaded, noise.centre_m / SIGMAS, 0.0)[:, None]
-    plates = _Plates(
-        residual=residual[:, used],
-        force=force,
-        lever=centre - root,
-        sigma=sigma,
-        centre=spread,
-        scale=reference.scale,
-    )
-    rows = _sample(executor, partial(_push, plates, seed, reference.trial), samples)
-    return np.asarray(SIGMAS * rows.std(axis=0, ddof=1))
-
-
-def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:
+def _push(plates: PressedPlates, seed: int, trial: str, number: int) -> Array:
     """The residual indicator under one draw of noise; what the plates measure too much is missing then."""
     rng = stream(seed, "uncertainty", trial, "plates", number)
     pushed = plates.sigma * rng.standard_normal(plates.force.shape)
@@ -240,3 +159,81 @@ def _push(plates: _Plates, seed: int, trial: str, number: int) -> Array:
     residual = plates.residual - np.concatenate([pushed.sum(axis=0), moment.sum(axis=0)])
     rms: Array = np.sqrt(np.einsum("cn,cn->c", residual, residual) / residual.shape[1]) / plates.scale
     return rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UncertaintySettings:
+    """How uncertainty is sampled."""
+
+    samples: int = 1000  # per level, and of the force plates
+    levels: tuple[float, ...] = LEVELS  # of added reconstruction error
+    # perturbed motions in the database from which each level draws with replacement; unless given, three
+    # times the samples. The paper does not say how many it had.
+    motions: int | None = None
+    noise_on: NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
+    plates: PlateNoise = field(default_factory=PlateNoise)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.samples < 2 or (self.motions is not None and self.motions < 2):
+            raise InputError("two samples at least are needed", field="samples", remedy="Take 1000")
+        increasing = list(self.levels) == sorted(set(self.levels))
+        if len(self.levels) < 2 or min(self.levels) <= 0.0 or not increasing:
+            raise InputError(
+                "a line needs two levels at least, positive and increasing",
+                field="levels",
+                remedy="Take 0.2,0.4,0.6,0.8,1.0",
+            )
+
+    @property
+    def database_size(self) -> int:
+        """How many motions are perturbed."""
+        return PER_SAMPLE * self.samples if self.motions is None else self.motions
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SampledUncertainty(WrenchUncertainty):
+    """A residual's uncertainty with the levels that were drawn."""
+
+    levels: tuple[Level, ...]
+
+
+def propagate_by_samples(
+    recording: LoadedMotion,
+    settings: UncertaintySettings = UncertaintySettings(),
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> SampledUncertainty:
+    """Muller's whole study for one recording, by Monte Carlo.
+
+    Samples are drawn by the executor, in this thread unless one is given; every sample has a random stream of
+    its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
+    error, so that there is nothing to scale a perturbation by.
+    """
+    reference = Reference.of(recording, settings.noise_on)
+    run = executor or Serial()
+    database = draw_database(
+        reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
+    )
+    levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
+    push = partial(_push, list_pressed(reference, settings.plates), settings.seed, reference.trial)
+    plate = SIGMAS * _sample(run, push, settings.samples).std(axis=0, ddof=1)
+    added = np.array([level.added_m for level in levels])
+    dispersion = np.array([level.dispersion for level in levels])
+    slopes, r2, centred = fit_slopes_through_zero(1e2 * added, dispersion)  # per cm
+    kinematic = 1e2 * database.error_m * slopes
+    total = kinematic + plate
+    return SampledUncertainty(
+        trial=reference.trial,
+        frames=int(reference.used.sum()),
+        reconstruction_error_m=database.error_m,
+        dr=database.dr,
+        kinematic=kinematic,
+        plate=plate,
+        total=total,
+        slopes_per_cm=slopes,
+        r2=r2,
+        r2_centred=centred,
+        levels=levels,
+    )

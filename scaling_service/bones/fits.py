@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import shapes
 from scaling_service.bones.results import Quality, Sphere
-from scaling_service.bones.shapes import fit_cylinder, fit_sphere, span_plane
 from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ def refine_sphere(
         if int(near.sum()) < _FEWEST:
             return None
         weight = (1.0 - (gap[near] / limit) ** 2) ** 2
-        fit = fit_sphere(about.points[near], weight * about.areas[near], start=centre)
+        fit = shapes.fit_sphere(about.points[near], weight * about.areas[near], start=centre)
         moved = float(np.linalg.norm(fit.centre - centre)) + abs(fit.radius - radius)
         if not fit.converged or moved > 0.5 * radius:
             return None
@@ -260,7 +260,7 @@ def refine_cylinder(
         if int(near.sum()) < _FEWEST:
             return None
         support = np.where(near, (1.0 - (gap / limit) ** 2) ** 2, 0.0)
-        fit = fit_cylinder(chosen.points[near], direction, point, (support * chosen.areas)[near])
+        fit = shapes.fit_cylinder(chosen.points[near], direction, point, (support * chosen.areas)[near])
         moved = float(
             np.linalg.norm(fit.point - point)
             + abs(fit.radius - radius)
@@ -272,7 +272,7 @@ def refine_cylinder(
         limit = _BAND * radius
         if moved < _SETTLED_M:
             break
-    first, second = span_plane(direction)
+    first, second = shapes.span_plane(direction)
     angle = np.arctan2(radial[near] @ second, radial[near] @ first)
     sectors = np.unique(((angle + np.pi) * (_SECTORS / (2 * np.pi))).astype(int) % _SECTORS)
     whole = np.zeros(len(surface.points))

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.constellation import MOST_UNLIKE, RARE, measure_sockets, measure_unlikeness
+from scaling_service.bones import constellation, fits
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
 from scaling_service.bones.edges import refuse_cut
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface, prepare
@@ -145,7 +144,7 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         side=None,
         side_from="shape",
         points={name: surface.to_image(point) for name, point in points.items()},
-        spheres={name: place_sphere(surface, ball) for name, ball in sockets.items()},
+        spheres={name: fits.place_sphere(surface, ball) for name, ball in sockets.items()},
         axes=axes,
         deviations=deviations,
         axis_deviations=axis_deviations,
@@ -161,15 +160,15 @@ class _Pose:
     """Which way a pelvis lies. ``odds``: of it against its best rival, as a logarithm to base 10."""
 
     frame: _Frame
-    right: SphereOnBone
-    left: SphereOnBone
+    right: fits.SphereOnBone
+    left: fits.SphereOnBone
     odds: float
 
 
 def _choose_pose(surface: Surface) -> _Pose:
     """The likeliest of all poses of all pairs of sockets; see :func:`find_pelvis_landmarks`."""
     some = surface.part(np.arange(len(surface.points)) % max(1, len(surface.points) // _COARSE) == 0)
-    found: list[tuple[float, _Frame, SphereOnBone, SphereOnBone]] = []
+    found: list[tuple[float, _Frame, fits.SphereOnBone, fits.SphereOnBone]] = []
     why = "it has no spines and pubis as a pelvis has"
     for low, high in _pair_sockets(surface):
         for left, right in ((low, high), (high, low)):
@@ -181,13 +180,15 @@ def _choose_pose(surface: Surface) -> _Pose:
                     why = error.problem
                     continue
                 places = spines | {"acetabulum_r": right.centre, "acetabulum_l": left.centre}
-                unlike = measure_unlikeness(places) + measure_sockets(right.covered, left.covered)
+                unlike = constellation.measure_unlikeness(places) + constellation.measure_sockets(
+                    right.covered, left.covered
+                )
                 found.append((unlike, frame, right, left))
     if not found:
         raise MeshRefused(why, remedy="Give whole hip bones, not deformed")
     best, frame, right, left = min(found, key=lambda one: one[0])
     rivals = [unlike for unlike, other, *_ in found if min(other.x @ frame.x, other.z @ frame.z) < _APART]
-    odds = 0.5 * (min(rivals, default=MOST_UNLIKE) - best) / np.log(10.0)
+    odds = 0.5 * (min(rivals, default=constellation.MOST_UNLIKE) - best) / np.log(10.0)
     if odds < _SURE:
         raise MeshRefused(
             f"two ways in which it may lie are nearly as likely (odds of {10**odds:.0f} to 1)",
@@ -196,9 +197,11 @@ def _choose_pose(surface: Surface) -> _Pose:
     return _Pose(frame=frame, right=right, left=left, odds=float(odds))
 
 
-def _pair_sockets(surface: Surface) -> list[tuple[SphereOnBone, SphereOnBone]]:
+def _pair_sockets(surface: Surface) -> list[tuple[fits.SphereOnBone, fits.SphereOnBone]]:
     """Pairs of hollow spheres of equal size at a pelvis's distance."""
-    found = [s for s in find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED]
+    found = [
+        s for s in fits.find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED
+    ]
     pairs = [
         (a, b)
         for a, b in combinations(found, 2)
@@ -213,7 +216,7 @@ def _pair_sockets(surface: Surface) -> list[tuple[SphereOnBone, SphereOnBone]]:
     return pairs
 
 
-def _start_frame(left: SphereOnBone, right: SphereOnBone, angle: float) -> _Frame:
+def _start_frame(left: fits.SphereOnBone, right: fits.SphereOnBone, angle: float) -> _Frame:
     """From the line of the sockets, turned about it by an angle, rad."""
     z = right.centre - left.centre
     half = 0.5 * float(np.linalg.norm(z))
@@ -250,7 +253,7 @@ def _find_vertex(surface: Surface, direction: Array, within: Mask) -> Array:
     return np.asarray(points[int(np.argmax(points @ direction))])
 
 
-def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = find_tip) -> _Frame:
+def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = fits.find_tip) -> _Frame:
     """Turned until the plane touches the tips of spines and pubis, which single vertices do not move."""
     for _ in range(_TURNS):
         tips: dict[str, Array] = {}
@@ -262,7 +265,7 @@ def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = find_tip) -> _
 
 
 def _level_spines(
-    surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = find_tip
+    surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = fits.find_tip
 ) -> tuple[dict[str, Array], _Frame]:
     """Where the plane touches the pubis, ASIS and PSIS once they stand level, and the frame that does."""
     touching: dict[str, Array] = {}
@@ -292,11 +295,11 @@ def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
 def _list_doubts(points: dict[str, Array], sacrum: bool) -> Iterator[str]:
     """What may be wrong with points: how people's pelves are built, and the sacrum."""
     whole = all(f"{name}_{side}" in points for name in ("asis", "psis", "pubic_tubercle") for side in "rl")
-    unlike = measure_unlikeness(points) if whole else 0.0
-    if unlike > MOST_UNLIKE:
+    unlike = constellation.measure_unlikeness(points) if whole else 0.0
+    if unlike > constellation.MOST_UNLIKE:
         yield (
-            f"its landmarks lie to one another as in fewer than one of {1.0 / RARE:.0f} pelves: asis, psis, "
-            "pubic tubercle and mid asis may be other points; look at them"
+            f"its landmarks lie to one another as in fewer than one of {1.0 / constellation.RARE:.0f} "
+            "pelves: asis, psis, pubic tubercle and mid asis may be other points; look at them"
         )
     if sacrum:
         yield (
@@ -344,7 +347,7 @@ def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
 
 
 def _find_furthest(
-    surface: Surface, direction: Array, within: Mask, name: str, find: _Finder = find_tip
+    surface: Surface, direction: Array, within: Mask, name: str, find: _Finder = fits.find_tip
 ) -> Array:
     if int(within.sum()) < 10:
         raise MeshRefused(

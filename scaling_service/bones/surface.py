@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import mesh
-from scaling_service.bones.edges import NO_RIMS, Rims, find_rims
+from scaling_service.bones import edges, mesh
 from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ class Surface:
     R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
     edge: float = 0.0  # m; median length of the edges that were given
-    rims: Rims = NO_RIMS  # of the whole surface, also of its parts
+    rims: edges.Rims = edges.NO_RIMS  # of the whole surface, also of its parts
     notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
@@ -160,7 +159,7 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         R_image_own=axes,
         noise=noise,
         edge=edge,
-        rims=find_rims(points, triangles),
+        rims=edges.find_rims(points, triangles),
         notes=tuple(notes),
     )
 

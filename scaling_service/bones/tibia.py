@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import pieces, results
 from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.deviations import TURN, Tip, add_definitions
 from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
 from scaling_service.bones.fits import SHARP_M, find_spheres
-from scaling_service.bones.pieces import Shank, require_shank, separate_fibula
-from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
 from scaling_service.bones.surface import Surface, prepare
 
@@ -63,8 +62,8 @@ class TibiaFrame:
 
 
 def find_tibia_landmarks(
-    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
-) -> tuple[BoneLandmarks, TibiaFrame]:
+    vertices: Array, faces: NDArray[np.integer], *, named_side: results.Side | None = None
+) -> tuple[results.BoneLandmarks, TibiaFrame]:
     """Landmarks of a tibia of unknown orientation and side, the fibula joined, apart or absent.
 
     ``vertices``: (n, 3), m. ``faces``: (m, 3): the whole bone, or its end at the knee or at the ankle.
@@ -74,9 +73,9 @@ def find_tibia_landmarks(
     Raises MeshRefused: it is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
-    shank = separate_fibula(surface)
+    shank = pieces.separate_fibula(surface)
     tibia, fibula = shank.tibia, shank.fibula
-    require_shank(shank)
+    pieces.require_shank(shank)
     if fibula is None:
         _refuse_femur(tibia)
     pose = find_shank_pose(shank, named_side)
@@ -116,7 +115,7 @@ def find_tibia_landmarks(
     if "ankle_centre" in off:
         deviations |= add_definitions({"ankle_centre_malleoli": off["ankle_centre"]}, {})[0]
         deviations["ankle_centre"] = deviations.pop("ankle_centre_malleoli")
-    landmarks = BoneLandmarks(
+    landmarks = results.BoneLandmarks(
         bone="tibia",
         side=pose.side,
         side_from=pose.side_from,
@@ -156,13 +155,15 @@ def _refuse_femur(tibia: Surface) -> None:
     """A bone without fibula that bears a femoral head is a femur."""
     balls = find_spheres(tibia, HEAD_RADII_M)
     if balls and balls[0].covered >= HEAD_COVERED:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it bears a ball that covers {balls[0].covered:.2f} of its sphere, as a femur's head",
             remedy="Give the surface of a tibia, with or without its fibula",
         )
 
 
-def _add_fibula_head(shank: Shank, pose: ShankPose, tips: dict[str, Tip], refused: dict[str, str]) -> None:
+def _add_fibula_head(
+    shank: pieces.Shank, pose: ShankPose, tips: dict[str, Tip], refused: dict[str, str]
+) -> None:
     if shank.fibula is None:
         refused["fibula_head"] = "there is no fibula in the surface"
     elif shank.joined:

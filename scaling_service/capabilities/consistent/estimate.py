@@ -7,11 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.geometric import (
-    GeometricIdentification,
-    KnownMotion,
-    identify_geometry,
-)
+from scaling_service.capabilities.consistent import geometric
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
 from scaling_service.capabilities.consistent.problem import PLAIN, ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
@@ -179,14 +175,14 @@ def _refit_geometry(
     fitted: Sequence[ConsistentRecording],
     moved: Sequence[ConsistentMotion],
     settings: ConsistentSettings,
-) -> GeometricIdentification:
+) -> geometric.GeometricIdentification:
     """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
     names = fitted[0].motion.markers
     known = [
-        KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
+        geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
         for r, m in zip(fitted, moved, strict=True)
     ]
-    return identify_geometry(
+    return geometric.identify_geometry(
         start,
         names,
         known,

@@ -20,28 +20,15 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
-from scaling_service.capabilities.dynamics.uncertainty.total import (
-    LoadedMotion,
-    WrenchUncertainty,
-    propagate,
-)
+from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.unmeasured import (
     Unmeasured,
     find_unmeasured,
     find_unmeasured_frames,
 )
 from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    COMPONENTS,
-    HICKS,
-    InverseDynamics,
-    Residuals,
-    evaluate_residuals,
-    find_judged_frames,
-    find_trembling,
-    solve_inverse_dynamics,
-)
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
@@ -77,11 +64,11 @@ class TrialDynamics:
 
     motion: Motion  # as the markers have it, not filtered
     forces: TrialForces
-    dynamics: InverseDynamics
+    dynamics: inverse_dynamics.InverseDynamics
     frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
-    residuals: Residuals  # over these frames
-    recording: LoadedMotion  # the same, as its uncertainty is asked of it
-    uncertainty: WrenchUncertainty  # of the residual, over the same frames
+    residuals: inverse_dynamics.Residuals  # over these frames
+    recording: total.LoadedMotion  # the same, as its uncertainty is asked of it
+    uncertainty: total.WrenchUncertainty  # of the residual, over the same frames
     # flight, and what bears the person that no plate measures
     unmeasured: tuple[Unmeasured, ...] = ()
     warnings: tuple[str, ...] = ()  # plain sentences
@@ -109,7 +96,7 @@ class DynamicsResults:
     @property
     def residuals(self) -> ResultTable:
         """RMS of the residual wrench of every recording, N and N m."""
-        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in COMPONENTS]
+        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in inverse_dynamics.COMPONENTS]
         rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
         return ResultTable("RMS of the residual", ("trial", *units), rows)
 
@@ -231,9 +218,11 @@ def _identify(
 def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
-    found = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
+    found = inverse_dynamics.solve_inverse_dynamics(
+        prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz
+    )
     unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
-    frames = find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
+    frames = inverse_dynamics.find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
     weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
     if weight is not None:
         weight.check()
@@ -245,8 +234,8 @@ def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettin
             field="forces",
             remedy="Give the forces of all plates, or record without a chair or a hold",
         )
-    residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
-    recording = LoadedMotion(
+    residuals = inverse_dynamics.evaluate_residuals(found, prepared.height_m, frames=frames)
+    recording = total.LoadedMotion(
         model=prepared.model,
         motion=motion,
         loads=forces.loads,
@@ -254,7 +243,7 @@ def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettin
         frames=frames,
         cutoff_hz=chosen.cutoff_hz,
     )
-    said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
+    said = _warn(forces, motion, inverse_dynamics.find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
     return TrialDynamics(
         motion=motion,
@@ -263,7 +252,7 @@ def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettin
         frames=frames,
         residuals=residuals,
         recording=recording,
-        uncertainty=propagate(recording),
+        uncertainty=total.propagate(recording),
         unmeasured=unmeasured,
         warnings=warnings,
     )
@@ -312,7 +301,7 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
     for name, found in trials.items():
-        components = ", ".join(np.array(COMPONENTS)[found.calibration_supported])
+        components = ", ".join(np.array(inverse_dynamics.COMPONENTS)[found.calibration_supported])
         if components:
             able.setdefault(components, []).append(name)
     if not able:
@@ -329,7 +318,11 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
 
 def _describe_gates(trials: Mapping[str, TrialDynamics]) -> str:
     broken = {
-        name: [gate.name for gate in found.residuals.gates if gate.source == HICKS and not gate.passed]
+        name: [
+            gate.name
+            for gate in found.residuals.gates
+            if gate.source == inverse_dynamics.HICKS and not gate.passed
+        ]
         for name, found in trials.items()
     }
     failing = [name for name, gates in broken.items() if gates]

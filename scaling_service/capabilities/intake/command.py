@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.shared.flags import Only, Out, with_flags
+from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.text import list_few
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 _COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 
 
-@with_flags
+@flags.with_flags
 def proof(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With recordings.", show_default=False)],
-    out: Out,
-    settings: Annotated[Settings, Only("up", "forward")],
+    out: flags.Out,
+    settings: Annotated[Settings, flags.Only("up", "forward")],
 ) -> None:
     """Look at the files of a folder: what they are for, axes, labels, gaps, and what scaling would refuse.
 

@@ -17,12 +17,12 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files import recording
 from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
@@ -52,7 +52,7 @@ class RecordingFile:
     """A recording as it was read, and what it alone says."""
 
     file: str
-    trial: Recording  # in the laboratory's axes, m as stated
+    trial: recording.Recording  # in the laboratory's axes, m as stated
     axes: Orientation
     forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
     problems: tuple[ProblemEntry, ...] = ()
@@ -82,7 +82,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
 
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
-    trial = repair_markers(read_recording(file))
+    trial = repair_markers(recording.read_recording(file))
     seen = RecordingFile(file=file.name, trial=trial, axes=decide_axes(trial, up, forward))
     if trial.plates is None:
         return seen
@@ -123,7 +123,7 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
 def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-    level = list_level_corners(trial) if isinstance(trial, Recording) else None
+    level = list_level_corners(trial) if isinstance(trial, recording.Recording) else None
     # Labels whose role no other label has: of two persons nobody knows whose it is.
     every = list(roles.values())
     return decide(
@@ -166,7 +166,7 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     suffix = file.suffix.lower()
     if suffix in _TABLES:
         return _read_markers(file, up, forward)
-    if suffix in READERS:
+    if suffix in recording.READERS:
         guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
         return _try_reading(guess, file, lambda: look_at(file, up, forward))
     reader = _READERS.get(suffix)

@@ -16,7 +16,7 @@ from scaling_service.capabilities.intake.document import (
     SizesProof,
 )
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
-from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
+from scaling_service.model.anatomy import marker_sets
 from scaling_service.model.anatomy.markers import (
     SACRUM,
     describe_likeness,
@@ -198,7 +198,7 @@ def assign_extra_markers(unused: Sequence[str], who: Identification, model: Body
 
     ``unused``: labels that no marker took; points that software computed are left out.
     """
-    known = assign_tracking_segments(unused, model)
+    known = marker_sets.assign_tracking_segments(unused, model)
     return [
         ExtraMarker(
             label=label,
@@ -249,7 +249,7 @@ def with_extra_markers(
         return dict(proposed)
     others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
     moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
-    known = assign_tracking_segments([e.label for e in extra if e.label in moving], model)
+    known = marker_sets.assign_tracking_segments([e.label for e in extra if e.label in moving], model)
     shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
     found = {
         e.label: e.segment
@@ -281,7 +281,7 @@ def guess_segment(label: str) -> str | None:
 
 def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
     """The set that all labels together are closest to."""
-    found = recognise(labels)
+    found = marker_sets.recognise(labels)
     if found is None:
         return None
     return MarkerSetProof(
@@ -313,7 +313,9 @@ def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[
         known = [f"{width}_{side.lower()}" for side in sides]
         measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
         planes = [
-            find_plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l")
+            marker_sets.find_plane_marker(
+                labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l"
+            )
             for s in sides
         ]
         text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"

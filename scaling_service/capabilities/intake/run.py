@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from scaling_service.capabilities.intake import warnings
+from scaling_service.capabilities.intake import roles, warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
@@ -44,16 +44,6 @@ from scaling_service.capabilities.intake.markers import (
     with_extra_markers,
 )
 from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
-from scaling_service.capabilities.intake.roles import (
-    ask_for_person,
-    assign_roles,
-    check_sizes,
-    choose_static,
-    list_named_files,
-    order_keys,
-    propose_subject,
-    with_sizes,
-)
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.intake.tables import Ground, check_recording
 from scaling_service.capabilities.scaling.methods.table import calibrate
@@ -169,7 +159,7 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     look = _Look(folder, document, found, settings)
     known, trials = look.known, look.trials
-    sizes = check_sizes(known, look.list_stated_sizes())
+    sizes = roles.check_sizes(known, look.list_stated_sizes())
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
@@ -190,11 +180,13 @@ def prove(
         {marker: label for marker, label in sure.items() if label not in named.values()} | named
     ) | find_sacral_label(markers, who)
     free = [one for one in extra if one.label not in explicit.values()]
-    proposed = propose_subject(known, found, look.roles, usual, explicit)
+    proposed = roles.propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
-        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes))
+        proposed = roles.order_keys(
+            roles.with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes)
+        )
     report("asking what scaling would refuse", _SHOWN)
-    look.problems += [*look.compare(), *ask_for_person(sizes)]
+    look.problems += [*look.compare(), *roles.ask_for_person(sizes)]
     look.problems += look.refusals(proposed, who)
     files = [look.role(item) for item in found]
     look.problems += warnings.check_unused_forces(files, look.recordings)
@@ -229,8 +221,8 @@ class _Look:
     ) -> None:
         self.folder, self.found, self.settings = folder, found, settings
         self.known = merge_known(found, document)
-        self.roles = assign_roles(found, self.known)
-        self.static = choose_static(self.roles)
+        self.roles = roles.assign_roles(found, self.known)
+        self.static = roles.choose_static(self.roles)
         self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
         self.problems: list[ProblemEntry] = []
         self.seen = [self._correct_labels(item) for item in self.raw]
@@ -260,7 +252,7 @@ class _Look:
 
     def _missing(self) -> Iterator[ProblemEntry]:
         names = [item.name for item in self.found]
-        for place, file in list_named_files(self.known).items():
+        for place, file in roles.list_named_files(self.known).items():
             if file not in names:
                 yield ProblemEntry(
                     severity="error",
@@ -383,7 +375,7 @@ class _Look:
     def role(self, item: InputFile) -> FileRole:
         """A file and its place in the document."""
         role, why = self.roles.get(item.name, (None, item.why))
-        named = item.name in list_named_files(self.known).values()
+        named = item.name in roles.list_named_files(self.known).values()
         if item.kind == "forces" and role is None and item.usable:
             why = f"{why}, but no movement without plates of its own has its name or time"
         if item.kind == "recording" and role is None and item.usable and not self.known.get("trials"):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, strip_prefix
+from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.recording.identity.body import (
@@ -105,7 +105,7 @@ def identify(
     names = [
         label
         for label in dict.fromkeys(standing.labels)
-        if not is_computed(strip_prefix(label)) and not is_unlabelled(label)
+        if not markers.is_computed(markers.strip_prefix(label)) and not is_unlabelled(label)
     ]
     if len(names) > MOST_LABELS:
         return Identification({}, None)
@@ -307,7 +307,7 @@ def _explain(
     near: float,
     landmark: str | None,
 ) -> str:
-    meaning = look_up_meaning(label)
+    meaning = markers.look_up_meaning(label)
     parts = []
     mates = share.argmax(axis=1) == share[row].argmax()
     known = spreads[row, mates & np.isfinite(spreads[row]) & (np.arange(len(share)) != row)]

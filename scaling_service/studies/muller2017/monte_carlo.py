@@ -13,12 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics.uncertainty.linear import (
-    BEYOND,
-    UNIFORM_RANGE,
-    compute_error_and_indicator,
-    fit_slopes_through_zero,
-)
+from scaling_service.capabilities.dynamics.uncertainty import linear
 from scaling_service.capabilities.dynamics.uncertainty.plates import (
     SIGMAS,
     PlateNoise,
@@ -79,8 +74,8 @@ def draw_database(
 
     ``reach`` is the reconstruction error that must be covered, over the reference's.
     """
-    error, dr = compute_error_and_indicator(reference)
-    largest = _find_largest(reference, seed, error, reach + BEYOND)
+    error, dr = linear.compute_error_and_indicator(reference)
+    largest = _find_largest(reference, seed, error, reach + linear.BEYOND)
     rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
     return MotionDatabase(error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:])
 
@@ -145,7 +140,7 @@ def draw_levels(
         before = after - 1
         nearer = wanted - ascending[before] < ascending[after] - wanted
         drawn = order[np.where(nearer, before, after)]
-        spread = UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
+        spread = linear.UNIFORM_RANGE * database.indicators[drawn].std(axis=0, ddof=1)
         found.append(Level(added, spread, len(np.unique(drawn))))
     return tuple(found)
 
@@ -221,7 +216,7 @@ def propagate_by_samples(
     plate = SIGMAS * _sample(run, push, settings.samples).std(axis=0, ddof=1)
     added = np.array([level.added_m for level in levels])
     dispersion = np.array([level.dispersion for level in levels])
-    slopes, r2, centred = fit_slopes_through_zero(1e2 * added, dispersion)  # per cm
+    slopes, r2, centred = linear.fit_slopes_through_zero(1e2 * added, dispersion)  # per cm
     kinematic = 1e2 * database.error_m * slopes
     total = kinematic + plate
     return SampledUncertainty(

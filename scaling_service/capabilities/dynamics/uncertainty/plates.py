@@ -26,9 +26,6 @@ class PlateNoise:
     surface_m: float = 0.0  # height of the plates' surface
 
 
-DATA_SHEET = PlateNoise()
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PressedPlates:
     """Residual (6, n), and each load's force and lever from the root (k, 3, n), over the frames used.

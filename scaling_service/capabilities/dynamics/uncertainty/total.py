@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_motion_noise
 from scaling_service.capabilities.dynamics.uncertainty.plates import (
-    DATA_SHEET,
     PlateNoise,
     propagate_plate_noise,
 )
@@ -67,7 +66,7 @@ def propagate(
     *,
     levels: tuple[float, ...] = LEVELS,
     noise_on: NoiseOn = "rotations",
-    plates: PlateNoise = DATA_SHEET,
+    plates: PlateNoise = PlateNoise(),
 ) -> WrenchUncertainty:
     """How far the motion's and the plates' noise move the residual of one recording.
 

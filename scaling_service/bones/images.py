@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.surface import STRAY_SHARE
 from scaling_service.bones.whole import UNITS, find_unit
 from scaling_service.core.errors import FileUnreadable, InputError
-from scaling_service.files.mesh import Mesh, read_mesh
+from scaling_service.files.mesh import FINE_FACES, Mesh, read_mesh
 from scaling_service.files.segmentation import Segmentation, is_segmentation, read_segmentation
 from scaling_service.numerics.multibody.laws import Array
 
@@ -51,13 +51,18 @@ class ImagedBones:
     unit: str = "mm"  # of the surfaces' files
     voxel: float = 0.0
     passed_over: tuple[str, ...] = ()
+    thinned: Mapping[str, int] = field(default_factory=dict)  # bones to the faces in their files
 
     def tell(self) -> tuple[str, ...]:
-        """Which labels were passed over."""
+        """Which surfaces were thinned, and which labels were passed over."""
+        thinned = tuple(
+            f"{name}: of {count:,} faces in the file about {FINE_FACES:,} were used"
+            for name, count in self.thinned.items()
+        )
         if not self.passed_over:
-            return ()
+            return thinned
         some = ", ".join(self.passed_over[:_TOLD]) + (" …" if len(self.passed_over) > _TOLD else "")
-        return (f"segmentation: no bone of ours, or without its tibia: {some}",)
+        return (*thinned, f"segmentation: no bone of ours, or without its tibia: {some}")
 
     def widen(self, found: Mapping[str, BoneLandmarks]) -> dict[str, BoneLandmarks]:
         """Landmarks with deviations that hold the voxel size."""
@@ -77,7 +82,8 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     InputError: a file cannot be read; MeshRefused: a segmentation has no bone of ours, or does not tell its
     sides.
     """
-    loose = {name: _get_arrays(_read(name, path)) for name, path in paths.items() if name != SEGMENTATION}
+    read = {name: _read(name, path) for name, path in paths.items() if name != SEGMENTATION}
+    loose = {name: _get_arrays(mesh) for name, mesh in read.items()}
     measured: dict[str, Arrays] = {}
     voxel = 0.0
     left_over: tuple[str, ...] = ()
@@ -95,7 +101,13 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
         unit = find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
     unit = unit or "mm"
     scaled = {name: (UNITS[unit] * v, f) for name, (v, f) in loose.items()}
-    return ImagedBones(meshes=measured | scaled, unit=unit, voxel=voxel, passed_over=left_over)
+    return ImagedBones(
+        meshes=measured | scaled,
+        unit=unit,
+        voxel=voxel,
+        passed_over=left_over,
+        thinned={name: mesh.thinned_from for name, mesh in read.items() if mesh.thinned_from},
+    )
 
 
 def _read(name: str, path: Path) -> Mesh:

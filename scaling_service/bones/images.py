@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,8 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.surface import STRAY_SHARE
 from scaling_service.bones.whole import UNITS, find_unit
 from scaling_service.core.errors import FileUnreadable, InputError
-from scaling_service.files.mesh import Mesh, read_mesh
-from scaling_service.files.segmentation import is_segmentation, read_segmentation
+from scaling_service.files import segmentation
+from scaling_service.files.mesh import FINE_FACES, Mesh, read_mesh
 from scaling_service.numerics.multibody.laws import Array
 
 Arrays = tuple[Array, NDArray[np.intp]]
@@ -54,13 +54,18 @@ class ImagedBones:
     unit: str = "mm"  # of the surfaces' files
     voxel: float = 0.0
     passed_over: tuple[str, ...] = ()
+    thinned: Mapping[str, int] = field(default_factory=dict)  # bones to the faces in their files
 
     def tell(self) -> tuple[str, ...]:
-        """Which labels were passed over."""
+        """Which surfaces were thinned, and which labels were passed over."""
+        thinned = tuple(
+            f"{name}: of {count:,} faces in the file about {FINE_FACES:,} were used"
+            for name, count in self.thinned.items()
+        )
         if not self.passed_over:
-            return ()
+            return thinned
         some = ", ".join(self.passed_over[:_TOLD]) + (" …" if len(self.passed_over) > _TOLD else "")
-        return (f"segmentation: no bone of ours, or without its tibia: {some}",)
+        return (*thinned, f"segmentation: no bone of ours, or without its tibia: {some}")
 
     def widen(self, found: Mapping[str, BoneLandmarks]) -> dict[str, BoneLandmarks]:
         """Landmarks with deviations that hold the voxel size."""
@@ -80,20 +85,21 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     InputError: a file cannot be read; MeshRefused: a segmentation has no bone of ours, or does not tell its
     sides.
     """
-    loose = {name: _get_arrays(_read(name, path)) for name, path in paths.items() if name != SEGMENTATION}
+    read = {name: _read(name, path) for name, path in paths.items() if name != SEGMENTATION}
+    loose = {name: (mesh.vertices, mesh.faces) for name, mesh in read.items()}
     measured: dict[str, Arrays] = {}
     voxel = 0.0
     left_over: tuple[str, ...] = ()
     if SEGMENTATION in paths:
         path = paths[SEGMENTATION]
-        if not path.exists() or not is_segmentation(path):
+        if not path.exists() or not segmentation.is_segmentation(path):
             raise FileUnreadable(
                 "it is no segmentation",
                 file=path,
                 field=SEGMENTATION,
                 remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
             )
-        found = read_segmentation(path)
+        found = segmentation.read_segmentation(path)
         voxel = _MM * float(np.sqrt((found.voxel**2).sum() / 12.0))
         scale = _MM if voxel else 1.0
         labels = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in found.surfaces.items()}
@@ -106,7 +112,13 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
         unit = find_unit({name: float(np.ptp(v, axis=0).max()) for name, (v, _) in loose.items()})
     unit = unit or "mm"
     scaled = {name: (UNITS[unit] * v, f) for name, (v, f) in loose.items()}
-    return ImagedBones(meshes=measured | scaled, unit=unit, voxel=voxel, passed_over=left_over)
+    return ImagedBones(
+        meshes=measured | scaled,
+        unit=unit,
+        voxel=voxel,
+        passed_over=left_over,
+        thinned={name: mesh.thinned_from for name, mesh in read.items() if mesh.thinned_from},
+    )
 
 
 def _read(name: str, path: Path) -> Mesh:
@@ -213,7 +225,3 @@ def _join(meshes: list[Arrays]) -> Arrays:
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
     faces = [faces + start for (_, faces), start in zip(meshes, starts, strict=True)]
     return np.vstack([vertices for vertices, _ in meshes]), np.vstack(faces)
-
-
-def _get_arrays(mesh: Mesh) -> Arrays:
-    return mesh.vertices, mesh.faces

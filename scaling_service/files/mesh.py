@@ -20,7 +20,12 @@ from scaling_service.core.errors import FileUnreadable
 MAX_BYTES = 400 * 2**20
 """Largest file read: chosen, 8 million binary STL triangles, a hundred times a fine bone."""
 
-MAX_FACES = 3_000_000  # most triangles used: chosen, landmarking takes about a minute with as many
+MAX_FACES = 8_000_000  # most triangles read: chosen, as many as the largest binary STL has
+FINE_FACES = 500_000  # chosen: ten times a fine bone; a surface with more is thinned to about as many
+_FACES_A_CELL = 3.1  # faces over area by cells squared, of a femur thinned; bends add some
+
+_STL_HEAD = 84  # bytes before the first face: text and the number of faces
+_STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
 _REMEDY = "Export the surface again as binary STL"
 
@@ -46,10 +51,11 @@ _DAMAGED = (
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A surface as it is in the file."""
+    """A surface as it is in the file, or thinned from more faces than landmarks need."""
 
     vertices: Array  # (n, 3); in the file's own unit and axes; STL repeats them for every face
     faces: NDArray[np.intp]  # (m, 3)
+    thinned_from: int = 0  # faces in the file, where these are fewer
 
 
 def read_mesh(path: str | os.PathLike[str]) -> Mesh:
@@ -90,7 +96,42 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
         raise FileUnreadable("some vertices are not finite numbers", file=file, remedy=_REMEDY)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise FileUnreadable("some faces name vertices that do not exist", file=file, remedy=_REMEDY)
-    return Mesh(vertices, faces)
+    if len(faces) > FINE_FACES:
+        return Mesh(*_thin(vertices, faces), thinned_from=len(faces))
+    return Mesh(vertices.astype(float, copy=False), faces.astype(np.intp, copy=False))
+
+
+def _thin(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, NDArray[np.intp]]:
+    """A surface with one vertex, their mean, for all that lie in one cell of a grid."""
+    # Imported here: VTK takes a second and 100 MB, and few bones are so fine.
+    import pyvista
+    from vtkmodules.vtkFiltersCore import vtkBinnedDecimation
+
+    surface = pyvista.PolyData.from_regular_faces(vertices, faces.astype(int, copy=False))
+    cell = np.sqrt(_FACES_A_CELL * surface.area / FINE_FACES)
+    divisions = np.ceil(np.ptp(vertices, axis=0) / cell).clip(1).astype(int)
+    bins = vtkBinnedDecimation()
+    bins.SetInputData(surface)
+    bins.AutoAdjustNumberOfDivisionsOff()
+    bins.SetNumberOfDivisions(*divisions.tolist())
+    bins.SetPointGenerationModeToBinAverages()
+    bins.Update()
+    thinned = pyvista.wrap(bins.GetOutput())
+    faces = np.asarray(thinned.regular_faces, dtype=np.intp)
+    # Sides of a fold that fell into the same cells cancel, so that a closed surface stays closed.
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(thinned.points, dtype=float), faces[np.sort(first[count % 2 == 1])]
+
+
+def _with_stl(file: Path) -> tuple[Array, NDArray[np.integer]]:
+    """Binary STL as it lies on the disk, with little beside it in memory; text through trimesh."""
+    with file.open("rb") as stream:
+        head = stream.read(_STL_HEAD)
+    count = int.from_bytes(head[-4:], "little")
+    if len(head) < _STL_HEAD or file.stat().st_size != _STL_HEAD + count * _STL_FACE.itemsize or count == 0:
+        return _with_trimesh(file)
+    corners = np.memmap(file, _STL_FACE, mode="r", offset=_STL_HEAD)["corners"]
+    return np.array(corners).reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
 
 
 def _with_trimesh(file: Path) -> tuple[Array, NDArray[np.intp]]:
@@ -141,7 +182,7 @@ def _with_pyvista(file: Path) -> tuple[Array, NDArray[np.intp]]:
     return np.asarray(triangles.points, dtype=float), faces
 
 
-READERS: Mapping[str, Callable[[Path], tuple[Array, NDArray[np.intp]]]] = MappingProxyType(
-    {".stl": _with_trimesh, ".ply": _with_trimesh, ".obj": _with_trimesh, ".vtp": _with_pyvista}
+READERS: Mapping[str, Callable[[Path], tuple[Array, NDArray[np.integer]]]] = MappingProxyType(
+    {".stl": _with_stl, ".ply": _with_trimesh, ".obj": _with_trimesh, ".vtp": _with_pyvista}
 )
 """Suffix (lower case) to reader. A new format is a function and a row."""

@@ -103,8 +103,14 @@ def _read_folder(folder: Path) -> Segmentation:
     return Segmentation(surfaces=surfaces, rightward=np.array([1.0, 0.0, 0.0]), voxel=voxel)
 
 
-def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
-    """Labels (i, j, k), what takes indices to mm, (4, 4), and the names that stand in the file."""
+def describe_label_map(path: str | os.PathLike[str]) -> str:
+    """How many voxels a label map has, by its header alone; FileUnreadable as for reading it."""
+    shape = _open(Path(path)).shape
+    return f"a label map of {' x '.join(map(str, shape))} voxels"
+
+
+def _open(file: Path) -> Any:
+    """An image of nibabel, of which nothing but the header was read."""
     try:
         import nibabel
     except ImportError:
@@ -121,13 +127,26 @@ def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
                 file=file,
                 remedy="Export the labels as one map, cropped to the bones",
             )
+    except (OSError, ValueError, EOFError, nibabel.filebasedimages.ImageFileError) as error:
+        raise _refuse(file, error) from None
+    return image
+
+
+def _refuse(file: Path, error: Exception) -> FileUnreadable:
+    return FileUnreadable(
+        f"it cannot be read as NIfTI ({error})", file=file, remedy="Export the label map again"
+    )
+
+
+def _read_volume(file: Path) -> tuple[NDArray[Any], Array, dict[int, str]]:
+    """Labels (i, j, k), what takes indices to mm, (4, 4), and the names that stand in the file."""
+    image = _open(file)
+    try:
         raw = np.asanyarray(image.dataobj)
         affine: Array = np.asarray(image.affine, dtype=np.float64)
         names = dict(_read_own_names(image.header.extensions))
-    except (OSError, ValueError, EOFError, nibabel.filebasedimages.ImageFileError) as error:
-        raise FileUnreadable(
-            f"it cannot be read as NIfTI ({error})", file=file, remedy="Export the label map again"
-        ) from None
+    except (OSError, ValueError, EOFError) as error:
+        raise _refuse(file, error) from None
     if raw.dtype.kind == "f":
         if not np.isfinite(raw).all() or (raw != np.rint(raw)).any():
             raise FileUnreadable(

@@ -132,6 +132,19 @@ def test_pelvis(person: Person) -> None:
     assert np.linalg.norm(socket - person.centre("hip_r")) <= 2.0
 
 
+def test_a_knee_whose_femur_was_not_imaged_stands_over_its_plateaus(person: Person) -> None:
+    """Of each person by a place that two others share, in whichever pose the image lies."""
+    alone = find_landmarks({"tibia_r": person.meshes["tibia_r"]})["tibia_r"]
+    off = np.linalg.norm(alone.points["knee_centre"] - person.found["femur_r"].points["knee_centre"])
+    assert off <= 1.7 * alone.deviations["knee_centre"]
+    assert "knee_centre" not in person.found["tibia_r"].points
+    left = find_landmarks(
+        {"tibia_l": (person.meshes["tibia_r"][0] * [-1.0, 1, 1], person.meshes["tibia_r"][1])}
+    )
+    mirrored = left["tibia_l"].points["knee_centre"] * [-1.0, 1, 1]
+    assert mirrored == pytest.approx(alone.points["knee_centre"], abs=1e-4)
+
+
 def test_a_millimetre_of_noise_moves_hip_and_knee_by_half_at_most(person: Person) -> None:
     """Condyles of a rough bone are no spheres: which part of them is fitted then hangs on the noise."""
     vertices, faces = merge_vertices(*person.meshes["femur_r"])  # STL repeats a vertex for every face

@@ -154,6 +154,9 @@ def test_bones_that_show_no_length_are_refused() -> None:
     alone = ImageEvidence(centres={"ankle_r": (0.0, 0.0, 0.0)})
     with pytest.raises(SubjectInvalid, match="nor a length of a bone"):
         calibrate(replace(who.session, images=alone), "EB")
+    posterior, plain = (calibrate(replace(who.session, images=e), "MAP") for e in (alone, None))
+    assert measure_segment_lengths(posterior.model) == measure_segment_lengths(plain.model)
+    assert any("not used" in note for note in posterior.warnings)
 
 
 def test_what_a_poor_image_leaves_open_widens_lengths() -> None:
@@ -175,3 +178,40 @@ def test_deviations_of_centres_and_axes_of_one_name_stay_apart() -> None:
     people = read_people()
     assert found.deviate_centre("knee_r", people) == pytest.approx(0.003)
     assert found.deviate_axis("knee_r", people) == pytest.approx(0.1 / np.sqrt(2))
+
+
+PIECES = {
+    "pelvis": ({"hip_r", "hip_l"}, {"pelvis"}),
+    "pelvis and thigh": ({"hip_r", "hip_l", "knee_r"}, {"pelvis", "femur_r"}),
+    "leg without pelvis": ({"hip_r", "knee_r", "ankle_r"}, {"femur_r", "tibia_r"}),
+}
+
+
+@pytest.mark.parametrize("model", ["lower_limb_14dof", "own.osim"])
+@pytest.mark.parametrize("piece", PIECES)
+def test_pieces_of_an_image_count_each_by_itself(piece: str, model: str) -> None:
+    """What a piece shows is as in the whole image, whatever else was imaged; nothing else lies in it."""
+    who = known()
+    shown, lying = PIECES[piece]
+    whole = imaged(who, TILTS_DEG, markers=False)
+    spines = {"RASIS", "LASIS", "RPSIS", "LPSIS"} if "pelvis" in lying else set()
+    evidence = ImageEvidence(
+        centres={name: at for name, at in whole.centres.items() if name in shown},
+        axes={"knee_r": whole.axes["knee_r"]} if "femur_r" in lying else {},
+        landmarks={n: at for n, at in whole.landmarks.items() if n in spines | {"RLFE", "RMFE"}},
+    )
+    session = replace(who.session, subject=replace(who.session.subject, model=model))
+    alone, beside = (calibrate(replace(session, images=e), "EB") for e in (evidence, whole))
+    assert set(alone.image_poses) == lying
+    assert {segment for segment, whose in alone.bone_sized.items() if whose == "own"} >= lying - {"pelvis"}
+    ours, theirs = measure_segment_lengths(alone.model), measure_segment_lengths(beside.model)
+    for name, segment in (("inter_hip", "pelvis"), ("femur_r", "femur_r"), ("shank_r", "tibia_r")):
+        assert (abs(ours[name] - theirs[name]) < 1e-6) == (segment in lying)
+    joint = alone.model.segment("tibia_r").joint_name
+    if "femur_r" in lying and model != "own.osim":
+        assert alone.axis_tilts[joint] == pytest.approx(beside.axis_tilts[joint], abs=1e-9)
+    posterior, markers = (calibrate(s, "MAP") for s in (replace(session, images=evidence), session))
+    sds = [{p.name: p.sd for p in found.parameters} for found in (posterior, markers)]
+    told = {"pelvis": "centre.hip_r.y", "femur_r": "scale.femur_r", "tibia_r": "scale.tibia_r"}
+    for segment, name in told.items():
+        assert (sds[0][name] < 0.7 * sds[1][name]) == (segment in lying), name

@@ -105,6 +105,27 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.Monkey
         read_mesh(path)
 
 
+def test_a_surface_finer_than_needed_is_thinned_and_stays_where_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=25.0)
+    ball.apply_translation([40.0, -300.0, 7.0])
+    for suffix in (".stl", ".ply"):
+        ball.export(tmp_path / f"fine{suffix}")
+    assert read_mesh(tmp_path / "fine.stl").thinned_from == 0
+    monkeypatch.setattr(module, "FINE_FACES", 5000)
+    for suffix in (".stl", ".ply"):
+        found = read_mesh(tmp_path / f"fine{suffix}")
+        assert found.thinned_from == len(ball.faces) == 81920
+        assert 3000 < len(found.faces) < 8000
+        edges = np.sort(found.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0).all()  # closed
+        radii = np.linalg.norm(found.vertices - [40.0, -300.0, 7.0], axis=1)
+        assert (
+            np.abs(radii - 25.0).max() < 0.05
+        )  # the middle of a cell's vertices lies below a ball's surface
+
+
 def test_vertices_that_are_not_numbers(tmp_path: Path) -> None:
     (tmp_path / "n.obj").write_text("v nan 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
     with pytest.raises(FileUnreadable, match="not finite"):

@@ -243,6 +243,22 @@ def test_bones_are_known_by_their_names(name: str, bone: str | None) -> None:
     assert recognise_bone(name) == bone
 
 
+def test_a_segmentation_is_the_persons_bones_unless_surfaces_are_there(lab: Path) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    labels = nibabel.Nifti1Image(np.ones((4, 5, 6), dtype=np.uint8), np.eye(4))
+    nibabel.save(labels, lab / "labels.nii.gz")
+    found = proof(lab)
+    told = next(f for f in found.files if f.name == "labels.nii.gz")
+    assert (told.kind, told.role) == ("segmentation", "bones.segmentation")
+    assert found.proposal is not None
+    assert found.proposal["bones"] == {"segmentation": "labels.nii.gz", "units": "mm"}
+    (lab / "labels.nii.gz").write_bytes(b"no image")
+    broken = next(f for f in proof(lab).files if f.name == "labels.nii.gz")
+    assert broken.role is None
+    assert broken.problem is not None
+    assert "NIfTI" in broken.problem.problem
+
+
 def test_two_standing_recordings_are_not_both_taken(lab: Path) -> None:
     session = known_person().session
     assert session.static is not None

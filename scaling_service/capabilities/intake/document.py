@@ -50,7 +50,9 @@ class FileRole(base.Part):
     """An uploaded file, and what it is for."""
 
     name: str
-    kind: Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
+    kind: Literal[
+        "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
+    ]
     role: str | None = Field(description="Its place in the subject's document, such as `trials.static`.")
     named: bool = Field(description="Whether the document has it there; else it is a proposal.")
     why: str

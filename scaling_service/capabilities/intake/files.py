@@ -23,6 +23,7 @@ from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.osim.setups import read_scale_setup
+from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
@@ -135,7 +136,9 @@ def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientatio
     )
 
 
-Kind = Literal["recording", "forces", "model", "mesh", "image_markers", "setup", "subject", "other"]
+Kind = Literal[
+    "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -169,6 +172,8 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     if suffix in recording.READERS:
         guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
         return _try_reading(guess, file, lambda: look_at(file, up, forward))
+    if file.name.lower().endswith(MAP_SUFFIXES):
+        return _read_label_map(file)
     reader = _READERS.get(suffix)
     if reader is None:
         return InputFile(name=file.name, kind="other", why="of no kind that is used here")
@@ -222,6 +227,14 @@ def _read_mesh(file: Path) -> InputFile:
     return _try_reading(
         InputFile(name=file.name, kind="mesh", why="a surface, by its suffix"), file, read_unit
     )
+
+
+def _read_label_map(file: Path) -> InputFile:
+    guess = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
+    try:
+        return replace(guess, why=describe_label_map(file))
+    except InputError as error:
+        return replace(guess, problem=make_problem(error, file=file.name))
 
 
 def _read_csv(file: Path) -> InputFile:

@@ -148,8 +148,12 @@ def _split_name(name: str) -> set[str]:
 def assign_bones(found: Sequence[InputFile]) -> Roles:
     """Surfaces whose names say which bone they are; a bone that two files claim is left to the user.
 
-    So is a talus without its tibia, beside which alone its trochlea can be told.
+    So is a talus without its tibia, beside which alone its trochlea can be told. A segmentation counts where
+    it is the only one and no surface is there.
     """
+    maps = [f.name for f in found if f.kind == "segmentation" and f.usable]
+    if len(maps) == 1 and not any(f.kind == "mesh" and f.usable for f in found):
+        return {maps[0]: ("bones.segmentation", "the only one")}
     claims = [
         (f.name, bone) for f in found if f.kind == "mesh" and f.usable and (bone := recognise_bone(f.name))
     ]
@@ -300,7 +304,7 @@ def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _find_unit(found: Sequence[InputFile], files: Any) -> str:
-    units = [str(f.content) for f in found if f.name in set(files)]
+    units = [str(f.content) for f in found if f.name in set(files) and f.kind == "mesh"]
     return max(units, key=units.count, default="mm")
 
 

@@ -62,6 +62,9 @@ class TibiaDocument(BoneDocument):
 
     ankle_centre_mm: Vector | None = None
     ankle_centre_from: Literal["talus", "malleoli"] | None = None
+    knee_centre_mm: Vector | None = Field(
+        default=None, description="Where no femur shows it: over the plateaus, as in other persons."
+    )
     ankle_centre_malleoli_mm: Vector | None = Field(default=None, description="Where a talus was given too.")
     ankle_axis: Vector | None = Field(default=None, description="Of the talus, to the subject's right.")
     plateau_axis: Vector | None = Field(default=None, description="Across the plateau, to the right.")

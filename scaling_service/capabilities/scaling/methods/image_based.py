@@ -16,10 +16,10 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
 from scaling_service.capabilities.scaling.methods.image_points import (
+    ImagedParts,
     doubt_sizes,
     find_epicondyles,
-    find_imaged_pelvis,
-    find_whole_legs,
+    find_imaged_parts,
     size_beside_legs,
     size_by_lengths,
 )
@@ -58,26 +58,29 @@ _WORTH_SAYING = 0.5  # mm or deg; less is rounded to nothing
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Leg:
-    """One leg as imaged: frames of thigh and shank, and the knee's axis in the thigh."""
+    """One leg as imaged: frames of thigh and shank, and the knee's axis in the thigh; None without ankle."""
 
     femur: Frames
-    tibia: Frames
+    tibia: Frames | None
     knee: Vector
-    ankle: Vector
+    ankle: Vector | None
     tilt: Tilt
 
 
 def _measure_leg(evidence: ImageEvidence, side: str) -> _Leg:
-    hip, knee, ankle = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle"))
+    hip, knee = (np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee"))
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = find_epicondyles(evidence, side, knee)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
     femur = _turn_through(femur, hip, knee)
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = tilt_of(direction if direction[2] > 0.0 else -direction)
+    below = _to_vector(femur.to_local(knee)[0])
+    if f"ankle_{side}" not in evidence.centres:
+        return _Leg(femur=femur, tibia=None, knee=below, ankle=None, tilt=tilt)
+    ankle = np.array(evidence.centres[f"ankle_{side}"])
     tibia = _carry_shank(femur, knee, ankle, tilt)
-    local = femur.to_local(knee)[0], tibia.to_local(ankle)[0]
-    return _Leg(femur=femur, tibia=tibia, knee=_to_vector(local[0]), ankle=_to_vector(local[1]), tilt=tilt)
+    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
 
 
 def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
@@ -108,37 +111,39 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: Tilt) -> Frames
     return Frames((femur.rotation[0] @ hinge)[None], knee[None])
 
 
-def _with_leg(model: BodyModel, leg: _Leg, hip: Array, side: str) -> BodyModel:
-    """The model with a leg's joint centres and knee axis; without a foot its ankle is a landmark."""
-    model = with_centre(model, f"femur_{side}", _to_vector(hip))
+def _with_leg(model: BodyModel, leg: _Leg, side: str) -> BodyModel:
+    """The model with a leg's centres and knee axis; without a foot its ankle is a landmark."""
     model = with_centre(model, f"tibia_{side}", leg.knee)
     foot = find_segment(model, "foot", side)
-    if foot is not None:
+    if foot is not None and leg.ankle is not None:
         model = with_centre(model, foot, leg.ankle)
     model = with_axis(model, model.segment(f"tibia_{side}").joint_name, leg.tilt)
-    return move_markers(model, {f"{side.upper()}AJC": leg.ankle})
+    return model if leg.ankle is None else move_markers(model, {f"{side.upper()}AJC": leg.ankle})
 
 
-def _with_other_leg(model: BodyModel, evidence: ImageEvidence, pelvis: Frames, side: str) -> BodyModel:
-    """The hip of the leg that was not imaged: the pelvis's own, or the imaged one mirrored."""
-    imaged = "l" if side == "r" else "r"
-    own = evidence.centres.get(f"hip_{side}")
-    if own is not None:
-        return with_centre(model, f"femur_{side}", _to_vector(pelvis.to_local(own)[0]))
-    x, y, z = _to_vector(pelvis.to_local(evidence.centres[f"hip_{imaged}"])[0])
-    return with_centre(model, f"femur_{side}", (x, y, -z))
+def _with_hips(model: BodyModel, evidence: ImageEvidence, pelvis: Frames) -> BodyModel:
+    """Both hips where the image shows them in the pelvis; one that it does not show is the other's mirror."""
+    for side, other in ("rl", "lr"):
+        if f"femur_{side}" in model.segment_names:
+            own = f"hip_{side}" in evidence.centres
+            at = evidence.centres[f"hip_{side if own else other}"]
+            x, y, z = _to_vector(pelvis.to_local(at)[0])
+            model = with_centre(model, f"femur_{side}", (x, y, z if own else -z))
+    return model
 
 
-def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Trial | None) -> Calibration:
+def _bring_onto_bones(
+    start: Calibration, evidence: ImageEvidence, parts: ImagedParts, standing: Trial | None
+) -> Calibration:
     """An OpenSim model brought onto the bones; what has no bone stays as markers have it."""
-    pelvis, sides = find_imaged_pelvis(evidence), find_whole_legs(start.model, evidence)
-    assert pelvis is not None
+    sides = parts.thighs
     names = {s: tuple(find_segment(start.model, role, s) for role in ("femur", "tibia")) for s in "rl"}
     found = Registration(start.model)
-    register_pelvis(found, evidence, pelvis)
+    if parts.pelvis is not None:
+        register_pelvis(found, evidence, parts.pelvis)
     for side in sides:
         register_leg(found, evidence, side, _find_rightward(evidence, side))
-    others = [s for s in "rl" if s not in sides and None not in names[s]]
+    others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
     for side in others:
         mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in found.poses}
@@ -148,7 +153,12 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
     new = [name for name in placed if name not in found.model.marker_names]
     added = [Marker.at(name, imaged[name][0], placed[name], anatomical=False) for name in new]
     model = move_markers(found.model.with_markers((*found.model.markers, *added)), placed)
-    alike = {f"{part}_{side}" for side in others for part in ("femur", "shank")}
+    alike = {
+        f"{part}_{side}"
+        for side in others
+        for part, whole in (("femur", sides), ("shank", parts.shanks))
+        if whole
+    }
     legs = frozenset(name for name, size in start.sizes.items() if size.dimension in alike)
     if standing is not None:
         model = place_on(model, standing, (legs | found.poses.keys()) - {s for s, _ in imaged.values()})
@@ -163,7 +173,7 @@ def _bring_onto_bones(start: Calibration, evidence: ImageEvidence, standing: Tri
         model=model,
         generic=start.generic,
         scale_factors=factors,
-        warnings=(*start.warnings, *_list_osim_notes(found, sides, legs, placed)),
+        warnings=(*start.warnings, *_list_osim_notes(found, parts, legs, placed)),
         image_poses=found.poses,
         bone_sized=dict.fromkeys(found.ratios, "own") | dict.fromkeys(legs, "other leg"),
         joint_moves=found.moves,
@@ -180,7 +190,7 @@ def _find_rightward(evidence: ImageEvidence, side: str) -> Array:
 
 
 def _list_osim_notes(
-    found: Registration, sides: list[str], others: frozenset[str], placed: Mapping[str, Vector]
+    found: Registration, parts: ImagedParts, others: frozenset[str], placed: Mapping[str, Vector]
 ) -> list[str]:
     """Which segments lie on bones, what scaling could not do, and what is not from images.
 
@@ -202,7 +212,7 @@ def _list_osim_notes(
     if others:
         notes.append(
             f"EB: {list_few(sorted(others))}: of a leg that was not imaged, sized as in persons with such a "
-            f"{' and '.join(words[s] for s in sides)} leg, as far as markers allow"
+            f"{' and '.join(words[s] for s in parts.thighs)} leg, as far as markers allow"
         )
     rest = [name for name in found.model.segment_names if name not in found.ratios.keys() | others]
     if rest:
@@ -229,11 +239,11 @@ def _list_factors(start: Calibration, model: BodyModel) -> dict[str, Vector]:
     return factors
 
 
-def _list_notes(model: BodyModel, sides: list[str], placed: Mapping[str, Vector]) -> list[str]:
+def _list_notes(model: BodyModel, parts: ImagedParts, placed: Mapping[str, Vector]) -> list[str]:
     """What is not from images."""
     notes = []
-    other = [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]
-    if other:
+    other = [s for s in "rl" if s not in parts.thighs and f"femur_{s}" in model.segment_names]
+    if other and parts.thighs:
         names = " and ".join("right" if s == "r" else "left" for s in other)
         notes.append(
             f"EB: the {names} leg was not imaged whole: its lengths are those of persons with such another "
@@ -256,29 +266,33 @@ def _scale(
 ) -> Calibration:
     """The image-based model, without deviations."""
     standing = session.static
-    sides = find_whole_legs(start.model, evidence)
-    if not sides:
+    parts = find_imaged_parts(start.model, evidence)
+    sides = parts.thighs
+    if parts.pelvis is None and not sides:
         return size_by_lengths(session, settings, start, evidence)
     base = size_beside_legs(session, settings, start, evidence)
     if session.subject.model.lower().endswith(".osim"):
-        onto = _bring_onto_bones(base, evidence, standing)
+        onto = _bring_onto_bones(base, evidence, parts, standing)
         doubts = doubt_sizes(start.model, onto.model, onto.image_poses)
         return replace(onto, warnings=(*onto.warnings, *doubts))
     model, notes = base.model, [*base.warnings]
-    pelvis = find_imaged_pelvis(evidence)
-    assert pelvis is not None
-    frames: dict[str, Frames] = {"pelvis": pelvis}
-    tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0))
+    frames: dict[str, Frames] = {}
+    if parts.pelvis is not None:
+        frames["pelvis"] = parts.pelvis
+        model = _with_hips(model, evidence, parts.pelvis)
+    tilts: dict[str, Tilt] = dict.fromkeys(base.axis_tilts, (0.0, 0.0)) if sides else dict(base.axis_tilts)
     for side in sides:
         leg = _measure_leg(evidence, side)
-        frames |= {f"femur_{side}": leg.femur, f"tibia_{side}": leg.tibia}
-        model = _with_leg(model, leg, pelvis.to_local(evidence.centres[f"hip_{side}"])[0], side)
+        frames[f"femur_{side}"] = leg.femur
+        if leg.tibia is not None:
+            frames[f"tibia_{side}"] = leg.tibia
+        model = _with_leg(model, leg, side)
         tilts[model.segment(f"tibia_{side}").joint_name] = leg.tilt
-    for side in [s for s in "rl" if s not in sides and f"femur_{s}" in model.segment_names]:
+    for side in [s for s in "rl" if sides and s not in sides and f"femur_{s}" in model.segment_names]:
         x, y = tilts[model.segment(f"tibia_{sides[0]}").joint_name]
         joint = model.segment(f"tibia_{side}").joint_name
         tilts[joint] = (-x, -y)
-        model = with_axis(_with_other_leg(model, evidence, pelvis, side), joint, tilts[joint])
+        model = with_axis(model, joint, tilts[joint])
     imaged = {name: at for name, at in evidence.markers.items() if at[0] in frames}
     placed = {n: _to_vector(frames[segment].to_local(at)[0]) for n, (segment, at) in imaged.items()}
     # Markers that the model does not have yet are placed from their segment alone.
@@ -288,7 +302,7 @@ def _scale(
     seen = {segment for segment, _ in imaged.values()}
     if standing is not None:
         model = place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += [*_list_notes(model, sides, placed), *doubt_sizes(start.model, model, frames)]
+    notes += [*_list_notes(model, parts, placed), *doubt_sizes(start.model, model, frames)]
     return Calibration(
         method="EB",
         model=model,
@@ -343,8 +357,9 @@ class ImageBased:
         """Replace joint centres, knee axes and markers of a marker-based model by what images show.
 
         The marker-based model stays where nothing was imaged. Where the image shows no marker, those of
-        imaged segments are placed from the standing trial. Where no leg is imaged whole, the bones at hand
-        size their segments, and the rest follows as in persons with such bones.
+        imaged segments are placed from the standing trial. A pelvis with a hip, a thigh and a shank below it
+        count each by itself. Where none is whole, the bones at hand size their segments, and the rest follows
+        as in persons with such bones.
 
         Raises SubjectInvalid: there are no images, they show no length of the model, or landmarks lie apart
         as no markers of this person do.

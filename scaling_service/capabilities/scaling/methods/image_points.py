@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,12 +42,31 @@ def find_imaged_pelvis(evidence: ImageEvidence) -> Frames | None:
     return None
 
 
-def find_whole_legs(model: BodyModel, evidence: ImageEvidence) -> list[str]:
-    """The sides of which hip, knee and ankle were imaged, with the pelvis, and that the model has."""
-    if find_imaged_pelvis(evidence) is None or find_segment(model, "pelvis", "") is None:
-        return []
-    roles = ("femur", "tibia")
-    return [s for s in evidence.sides() if all(find_segment(model, role, s) is not None for role in roles)]
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ImagedParts:
+    """What of a model an image shows well enough to lay it there; ``thighs``, ``shanks``: sides."""
+
+    pelvis: Frames | None  # frame of its spines, where a hip centre is known, too
+    thighs: tuple[str, ...]
+    shanks: tuple[str, ...]  # each below its thigh
+
+
+def find_imaged_parts(model: BodyModel, evidence: ImageEvidence) -> ImagedParts:
+    """A pelvis by spines and a hip, a thigh by hip, knee and its condyles, a shank by the ankle below it."""
+    known, pelvis = evidence.centres.keys(), find_imaged_pelvis(evidence)
+    placed = find_segment(model, "pelvis", "") is not None and not known.isdisjoint(("hip_r", "hip_l"))
+    thighs = tuple(
+        side
+        for side in "rl"
+        if {f"hip_{side}", f"knee_{side}"} <= known
+        and all(find_segment(model, role, side) is not None for role in ("femur", "tibia"))
+        and (
+            {f"{side.upper()}LFE", f"{side.upper()}MFE"} <= evidence.landmarks.keys()
+            or (f"knee_{side}" in evidence.axes and pelvis is not None)
+        )
+    )
+    shanks = tuple(side for side in thighs if f"ankle_{side}" in known)
+    return ImagedParts(pelvis=pelvis if placed else None, thighs=thighs, shanks=shanks)
 
 
 def find_epicondyles(evidence: ImageEvidence, side: str, knee: Array) -> tuple[Array, Array]:
@@ -118,6 +137,12 @@ def find_lengths(evidence: ImageEvidence, model: BodyModel) -> dict[str, float]:
     }
 
 
+def shows_sizes(evidence: ImageEvidence, model: BodyModel) -> bool:
+    """Whether an image shows a part of a model whole, or a length of it."""
+    parts = find_imaged_parts(model, evidence)
+    return parts.pelvis is not None or bool(parts.thighs) or bool(find_lengths(evidence, model))
+
+
 def size_beside_legs(
     session: Session, settings: CalibrationSettings, start: Calibration, evidence: ImageEvidence
 ) -> Calibration:
@@ -129,7 +154,7 @@ def size_beside_legs(
     legs = {
         name: length for name, length in find_lengths(evidence, start.model).items() if name != "inter_hip"
     }
-    return start if session.scale_setup is not None else scale_linearly(session, settings, legs)
+    return start if session.scale_setup is not None or not legs else scale_linearly(session, settings, legs)
 
 
 def size_by_lengths(
@@ -139,19 +164,20 @@ def size_by_lengths(
     lengths = find_lengths(evidence, start.model)
     if not lengths or session.scale_setup is not None:
         raise SubjectInvalid(
-            "the images show neither a pelvis and one whole leg of the model nor a length of a bone"
+            "the images show neither a pelvis with a hip, nor a whole thigh, nor a length of a bone"
             if not lengths
-            else "a scale set-up sizes all segments, and the images show no pelvis and one whole leg",
+            else "a scale set-up sizes all segments, and the images show no pelvis with a hip and no thigh",
             field="bones",
-            remedy="Give pelvis, femur and tibia of at least one side, for a model with these segments",
+            remedy="Give pelvis and femur, or femur and tibia of one side, for a model with these segments",
         )
     found = scale_linearly(session, settings, lengths)
     parts = {name: name.replace("shank", "tibia").replace("inter_hip", "pelvis") for name in lengths}
     own = [s for part in parts.values() if (s := find_segment(found.model, *_split_role(part))) is not None]
     sizes = ", ".join(f"{name} {1e3 * length:.0f} mm" for name, length in lengths.items())
     notes = [
-        f"EB: no pelvis with one whole leg was imaged: bones give {sizes}; joints' axes and centres stay as "
-        "markers have them, and other sizes are those of persons with such bones, as far as markers allow"
+        f"EB: neither a pelvis with a hip nor a whole thigh was imaged: bones give {sizes}; joints' axes and "
+        "centres stay as markers have them, and other sizes are those of persons with such bones, as far as "
+        "markers allow"
     ]
     doubts = doubt_sizes(start.model, found.model, own)
     return replace(

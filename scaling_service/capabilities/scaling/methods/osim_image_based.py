@@ -198,16 +198,21 @@ def _find_model_forward(model: BodyModel, pelvis: str) -> Array:
 def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
     """Size a thigh and a shank, lay them into the image, and move knee axis and ankle to what it shows.
 
+    Where the ankle was not imaged the shank stays as it is.
+
     ``lateral``: (3,), from the left to the right epicondyle or near it, in the image.
     """
-    centres = {joint: np.array(evidence.centres[f"{joint}_{side}"]) for joint in ("hip", "knee", "ankle")}
-    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
-    lengths = {
-        femur: np.linalg.norm(centres["hip"] - centres["knee"]),
-        tibia: np.linalg.norm(centres["knee"] - centres["ankle"]),
+    centres = {
+        joint: np.array(evidence.centres[f"{joint}_{side}"])
+        for joint in ("hip", "knee", "ankle")
+        if f"{joint}_{side}" in evidence.centres
     }
+    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
+    lengths = {femur: np.linalg.norm(centres["hip"] - centres["knee"])}
+    if "ankle" in centres:
+        lengths[tibia] = np.linalg.norm(centres["knee"] - centres["ankle"])
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    found.resize({name: float(lengths[name] / np.linalg.norm(np.subtract(*ends[name]))) for name in ends})
+    found.resize({n: float(length / np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
     values = straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
@@ -224,8 +229,9 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
     found.poses[femur] = thigh
     onto = carried.T @ rotation.T @ flexion
     found.turn(knee, onto / np.linalg.norm(onto) * np.sign(model_axis[2]), values)
-    _register_shank(found, femur, tibia, thigh, centres["ankle"], ends[tibia])
-    _move_ankle(found, evidence, tibia, side, centres["ankle"])
+    if "ankle" in centres:
+        _register_shank(found, femur, tibia, thigh, centres["ankle"], ends[tibia])
+        _move_ankle(found, evidence, tibia, side, centres["ankle"])
 
 
 def _find_leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:

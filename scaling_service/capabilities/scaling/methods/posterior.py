@@ -19,6 +19,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.scaling.methods.fitting import Progress
 from scaling_service.capabilities.scaling.methods.image_based import EB
+from scaling_service.capabilities.scaling.methods.image_points import shows_sizes
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
 from scaling_service.capabilities.scaling.methods.people_prior import (
     Imaged,
@@ -100,9 +101,13 @@ class JointPosterior:
         """
         assert start is not None
         clock, people = time.perf_counter(), read_people()
-        if session.images is not None:
+        images = session.images
+        unused: tuple[str, ...] = ()
+        if images is not None and shows_sizes(images, start.model):
             start = EB.calibrate(session, start, settings, None)
-        imaged = find_imaged(start, session.images)
+        elif images is not None:
+            unused, images = ("MAP: the images show no length and no part of this model: not used",), None
+        imaged = find_imaged(start, images)
         names = [m.name for m in start.model.markers if m.weight > 0.0]
         frames = _choose_frames(session, names, settings.n_frames, people)
         q, level, steps = solve_task(Task.of(start.model, frames.trial), frames.trial.times).q, 1.0, 0
@@ -138,7 +143,7 @@ class JointPosterior:
             cost=float(np.nansum(gaps**2)),
             iterations=steps,
             wall_s=time.perf_counter() - clock,
-            warnings=(*start.warnings, *_list_warnings(found, estimated)),
+            warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
             image_poses=start.image_poses,
             sizes=_list_sizes(start, values, sds) | _list_pelvis(start, prior, found),
             bone_sized=start.bone_sized,

@@ -548,7 +548,7 @@ export interface FileList {
 
 export interface FileRole {
   name: string;
-  kind: "recording" | "forces" | "model" | "mesh" | "image_markers" | "setup" | "subject" | "other";
+  kind: "recording" | "forces" | "model" | "mesh" | "segmentation" | "image_markers" | "setup" | "subject" | "other";
   role: string | null;
   named: boolean;
   why: string;
@@ -1489,6 +1489,7 @@ export interface TibiaDocument {
   warnings: Array<string>;
   ankle_centre_mm: [number, number, number] | null;
   ankle_centre_from: "talus" | "malleoli" | null;
+  knee_centre_mm: [number, number, number] | null;
   ankle_centre_malleoli_mm: [number, number, number] | null;
   ankle_axis: [number, number, number] | null;
   plateau_axis: [number, number, number] | null;

@@ -10,7 +10,7 @@ import { cell, table, type Cell } from "../ui/table.ts";
 import type { Draft } from "./draft.ts";
 
 const KINDS: Record<FileRole["kind"], string> = {
-  recording: "recording", forces: "forces", model: "model", mesh: "bone", image_markers: "markers on the image",
+  recording: "recording", forces: "forces", model: "model", mesh: "bone", segmentation: "bones, segmented", image_markers: "markers on the image",
   setup: "OpenSim set-up", subject: "subject file", other: "other",
 };
 
@@ -51,6 +51,8 @@ function optionsOf(kind: FileRole["kind"], recordings: readonly string[], bones:
       return [none, ...recordings.map((name) => plain(`forces.${name}`, `forces of ${name}`))];
     case "mesh":
       return [none, ...bones.map((bone) => plain(`bones.${bone}`, bone))];
+    case "segmentation":
+      return [none, plain("bones.segmentation", "bones: segmentation")];
     case "model":
       return [none, plain("model"), plain("marker_set", "marker set"), plain("scale_setup", "scale set-up")];
     case "setup":

@@ -25,7 +25,7 @@ export function dropZone(subject: string | null): HTMLElement {
   return dropBox(
     take,
     h("p", null, subject === null
-      ? "Drop a folder or files here: recordings (C3D, TRC), forces (MOT), a model (.osim), bones (STL, PLY, OBJ, VTP), a subject file."
+      ? "Drop a folder or files here: recordings (C3D, TRC), forces (MOT), a model (.osim), bones (STL, PLY, OBJ, VTP, or a segmentation as NIfTI), a subject file."
       : `Drop more files of ${subject} here. One of the same name is replaced.`),
     status,
     more,

@@ -12,6 +12,7 @@ from rich.markup import escape
 
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
+from scaling_service.studies.benchmark.command import benchmark as benchmark
 
 COMMANDS = ("reproduce", "benchmark")
 

@@ -15,8 +15,9 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import sum_mass, to_matrix
+from scaling_service.model.inertia import compile_mechanism, sum_mass, to_matrix
 from scaling_service.model.results import Motion
+from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,
@@ -33,6 +34,9 @@ from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
 """Weights of the central second difference of order 8 at lags 1 to 4, times the squared step (Fornberg 1988,
 Math Comput 51:699-706, table 1). At 5 Hz and 100 frames per second it errs by 3e-8, at 20 Hz by 8e-4."""
+
+SLOPES = (0.8, -0.2, 4.0 / 105.0, -1.0 / 280.0)
+"""The same of the first difference, times the step."""
 
 HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
@@ -171,6 +175,15 @@ def difference_twice(x: Array, step_s: float) -> Array:
     return result / step_s**2
 
 
+def difference_once(x: Array, step_s: float) -> Array:
+    """First derivative along the last axis without the halo, shape (..., n - 2 HALO)."""
+    n = x.shape[-1] - 2 * HALO
+    result: Array = np.zeros((*x.shape[:-1], n))
+    for lag, weight in enumerate(SLOPES, start=1):
+        result += weight * (x[..., HALO + lag : HALO + lag + n] - x[..., HALO - lag : HALO - lag + n])
+    return result / step_s
+
+
 NoiseOn = Literal["rotations", "all"]
 """Which coordinates are perturbed. One size cannot serve radians and metres: as much noise on the root's
 position as on every angle moves the whole body and is nearly all of the forces' uncertainty, the vertical
@@ -199,6 +212,7 @@ class Reference:
 
     trial: str
     body: PointBody
+    mechanism: Mechanism  # the same body, for derivatives
     low_pass: LowPass
     step_s: float
     q: Array  # (n_coordinates, n), rad or m: filtered
@@ -248,6 +262,7 @@ class Reference:
         return cls(
             trial=motion.trial,
             body=PointBody.of(model, motion.markers),
+            mechanism=compile_mechanism(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),

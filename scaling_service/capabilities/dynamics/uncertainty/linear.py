@@ -36,6 +36,7 @@ from scaling_service.numerics.multibody.tree import (
     compute_jacobian,
     cross,
     place_tree_markers,
+    pose_links,
 )
 from scaling_service.numerics.wrench import differentiate_wrench
 
@@ -75,7 +76,7 @@ def compute_wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterato
             rows = np.arange(whole.start + HALO, whole.stop - HALO)
             kept = reference.used[rows] & (rows % every == 0)
             if kept.any():
-                poses = reference.body.poses(np.ascontiguousarray(reference.q[:, whole]))
+                poses = pose_links(reference.tree, np.ascontiguousarray(reference.q[:, whole]), reference.p)
                 by_lag = _by_lag(reference, reference.q[:, whole], reference.external[:3, rows])
                 yield WrenchJacobian(rows[kept], by_lag[..., kept], poses, HALO + np.flatnonzero(kept))
 
@@ -88,7 +89,7 @@ def _by_lag(reference: Reference, q: Array, external: Array) -> Array:
     """
     step = reference.step_s
     motion = Motion(q[:, HALO:-HALO], difference_once(q, step), difference_twice(q, step))
-    screws = list_screws(reference.mechanism, motion, reference.body.p, reference.varied)
+    screws = list_screws(reference.mechanism, motion, reference.p, reference.varied)
     found = differentiate_wrench(reference.mechanism, screws, len(reference.varied))
     by = found.by.transpose(2, 3, 1, 0)  # q, qdot and qddot first
     # about the moving root, needed and provided alike: M - root x F
@@ -204,7 +205,7 @@ def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple
 
     Both are flat, in m; the spread is the standard deviation per direction, mean over the three.
     """
-    tree, poses = reference.body.tree, block.poses
+    tree, poses = reference.tree, block.poses
     placed = place_tree_markers(tree, poses)
     moved = compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
     away = placed[..., block.kept] - reference.measured[..., block.rows]

@@ -6,10 +6,11 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import (
@@ -54,6 +55,10 @@ def pose_problem(
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
         names = [task.markers[k] for k in rows]
+        stated = [noise for name in names if (noise := freed.marker(name).noise) is not None]
+        if len(stated) == len(names):
+            groups.append(ErrorGroup(rows, np.diag(np.repeat(np.square(stated), 3))))
+            continue
         share = people.loose_share if lawful else 1.0
         skin = cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
         groups.append(ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
@@ -110,6 +115,25 @@ def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> 
     sds = np.array(posterior.sds)
     rows = [posterior.names.index(name) for name in names]
     return np.asarray((alike * np.outer(sds, sds))[np.ix_(rows, rows)])
+
+
+def pack_posterior(model: BodyModel, names: Sequence[str], covariance: Array) -> BodyModel:
+    """The model with how well these of its parameters are known, beside what was known of others before.
+
+    ``covariance`` (n, n). Those of both are taken as independent.
+    """
+    known = _take_posterior(model)
+    before = unpack_covariance(known, known.names)
+    whole = block_diag(before, covariance) if known.names else covariance
+    sds = np.sqrt(np.diag(whole))
+    alike = whole / np.outer(sds, sds)
+    told = replace(
+        known,
+        names=(*known.names, *names),
+        sds=tuple(sds.tolist()),
+        correlations=tuple(alike[np.tril_indices(len(sds), -1)].tolist()),
+    )
+    return replace(model, posterior=told)
 
 
 def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task, tuple[str, ...]]:

@@ -37,7 +37,7 @@ def ik(
     ],
     recordings: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING…", help="C3D or TRC files.", show_default=False, readable=False),
+        typer.Argument(metavar="RECORDING…", help="C3D, TRC or STO files.", show_default=False, readable=False),
     ],
     out: Out,
     options: MotionOptions,
@@ -77,10 +77,15 @@ def show(document: MotionDocument, out: Path) -> None:
     for name, trial in document.trials.items():
         error = trial.kinematic_error_mm
         lost = list_few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
-        numbers = [f"{value:.1f}" for value in (error.mean, error.rms, error.max)]
+        numbers = ["–" if v is None else f"{v:.1f}" for v in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]
     print_table(console, Table(caption="", columns=columns, rows=rows))
+    turned = {name: t.rotation_error_deg for name, t in document.trials.items() if t.rotation_error_deg}
+    if turned:
+        labels = list(dict.fromkeys(label for errors in turned.values() for label in errors))
+        rows = [Row(x, [f"{e[x]:.1f}" if x in e else "–" for e in turned.values()]) for x in labels]
+        print_table(console, Table(caption="", columns=["Rotation error, deg, RMS", *turned], rows=rows))
     say(console, "Note", "yellow", document.warnings)
     list_files(console, out, [", ".join([*document.files, "ik.json"])])
 

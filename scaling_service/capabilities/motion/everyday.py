@@ -196,6 +196,7 @@ def estimate_everyday_sd(
     noise = np.full(len(task.markers), np.nan)
     for group in problem.groups:
         noise[group.markers] = np.sqrt(np.diag(group.covariance).reshape(-1, 3).mean(axis=1))
+    noise = noise[[not task.model.marker(name).is_direction for name in task.markers]]
     combined = None
     if rates is not None:
         change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])

@@ -206,14 +206,21 @@ def _list_hypotheses(
         yield from _list_axes(table, trials, segments)
         return
     worlds = {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": _Z_UP}
+    # Where sensors have the segments' own axes, these say which way is up.
+    ups = [m[:, 1] for label in _list_upright(segments) if (m := _average_plain(trials, label)) is not None]
+    mean = np.sum(ups, axis=0)
+    own = max(worlds, key=lambda world: float(worlds[world][1] @ mean))
+    yield _Hypothesis(
+        told=f"sensors' axes are those of their segments, their world is {own}",
+        turn=worlds[own],
+        before=same,
+        after=same,
+    )
     neutral = pose_neutral_frames(model)
     calibrating = trials[0] if standing is None else standing
     rows = slice(0, 1) if standing is None else slice(None)
     pose = {label: _average(_take(calibrating, label)[rows]) for label in segments}
     for world, turn in worlds.items():
-        yield _Hypothesis(
-            told=f"sensors' axes are those of their segments, their world is {world}", turn=turn, before=same, after=same
-        )
         known = {label: turn @ first for label, first in pose.items() if first is not None}
         before = {label: neutral[segments[label]][0].T for label in known}
         where = "the first frame" if standing is None else f"'{calibrating.name}'"
@@ -241,9 +248,7 @@ def _list_axes(
 
     Up is the axis that is nearest to the vertical on average, and right the one along the line of the hips.
     """
-    upright = [s for s in segments if segments[s].lower().startswith(_UPRIGHT)] or list(segments)
-    mean = {label: _average_plain(trials, label) for label in upright}
-    means = [m for m in mean.values() if m is not None]
+    means = [m for label in _list_upright(segments) if (m := _average_plain(trials, label)) is not None]
     vertical = np.array([m.T @ [0.0, 1.0, 0.0] for m in means]).sum(axis=0)
     across = np.zeros(3)
     for trial in trials:
@@ -274,6 +279,11 @@ def _list_axes(
 
 
 _UPRIGHT = ("pelvis", "torso", "thorax", "femur", "tibia")
+
+
+def _list_upright(segments: Mapping[str, str]) -> list[str]:
+    """Labels of what stands more or less upright, all where nothing does."""
+    return [x for x, name in segments.items() if name.lower().startswith(_UPRIGHT)] or list(segments)
 
 
 def _average_plain(trials: Sequence[Trial], label: str) -> Array | None:

@@ -22,6 +22,7 @@ from scaling_service.capabilities.motion.everyday import (
 )
 from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
+from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.motion.task import Task
@@ -192,12 +193,15 @@ def ik(
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
         loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
-        trials, found = loaded.session.evaluation, {}
+        session, found = loaded.session, {}
+        model_of, trials = session.model, session.evaluation
+        if any(trial.rotations is not None for trial in trials):
+            mounted = mount(model_of, trials, session.static, turned=options.up is not None)
+            model_of, trials = mounted.model, mounted.trials
+            loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(
-                loaded.session.model, trial, skin=not options.bone_pins, angles=options.angles
-            )
+            found[trial.name] = track(model_of, trial, skin=not options.bone_pins, angles=options.angles)
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 

@@ -14,7 +14,11 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.whole import check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
-from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
+from scaling_service.capabilities.subject.axes import (
+    decide_axes,
+    decide_axes_of_rotations,
+    list_level_corners,
+)
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.capabilities.subject.reading import (
     apply_to_each,
@@ -40,7 +44,13 @@ from scaling_service.model.trial import Bone, ImageEvidence, Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
-from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
+from scaling_service.recording.orientation import (
+    Orientation,
+    apply,
+    check_axes,
+    stand_along,
+    turn_rotations,
+)
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
@@ -173,12 +183,13 @@ def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> 
 def understand(read: Read, settings: Settings, *, facing: bool = False, standing: bool = False) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     model = labels.without_computed(read.model, read.subject)
-    labels.check_explicit(read.subject, model, list(read.recordings.values()))
-    subject, of_tracking = labels.with_tracking_markers(read.subject, model, read.recordings)
+    marked = {path: found for path, found in read.recordings.items() if found.labels}
+    if not marked:
+        return _understand_rotations(read, model, settings)
+    labels.check_explicit(read.subject, model, list(marked.values()))
+    subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked)
     wanted = labels.list_wanted(model, subject)
-    named = apply_to_each(
-        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), read.recordings
-    )
+    named = apply_to_each(lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked)
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
         {path: list_level_corners(found) for path, found in read.recordings.items()},
@@ -193,12 +204,36 @@ def understand(read: Read, settings: Settings, *, facing: bool = False, standing
     return Understood(
         subject=subject,
         model=model,
-        trials=apply_to_each(lambda _, one: apply(axes, one[0]), named),
+        trials={
+            path: apply(axes, named[path][0]) if path in named else _turn_alone(found.trial, settings)
+            for path, found in read.recordings.items()
+        },
         labels={path: used for path, (_, used) in named.items()},
         clusters=labels.sort_by_segment(model, subject),
         axes=axes,
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
         notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
+    )
+
+
+def _turn_alone(trial: Trial, settings: Settings) -> Trial:
+    """A recording of rotations without markers, whose laboratory may be another."""
+    return turn_rotations(decide_axes_of_rotations(trial, settings), trial)
+
+
+def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
+    """As :func:`understand`, where no recording has a marker."""
+    axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
+    first = next(iter(axes.values()))
+    return Understood(
+        subject=read.subject,
+        model=model,
+        trials={path: turn_rotations(axes[path], found.trial) for path, found in read.recordings.items()},
+        labels={path: {} for path in axes},
+        clusters={},
+        axes=first,
+        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
+        notes=read.notes,
     )
 
 
@@ -208,13 +243,16 @@ def question(understood: Understood) -> tuple[Finding, ...]:
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
     NotAPerson: a finding beyond doubt.
     """
-    subject, trials = understood.subject, understood.trials
+    subject = understood.subject
+    trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
+    if not trials:
+        return ()
     apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
     checks.refuse_repeated(trials, subject)
     given = Recordings(
         trials=list(trials.values()),
         clusters=understood.clusters,
-        static=None if subject.static is None else trials[subject.static].name,
+        static=trials[subject.static].name if subject.static in trials else None,
         stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=understood.model,
     )
@@ -225,8 +263,12 @@ def question(understood: Understood) -> tuple[Finding, ...]:
 def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
-    ready = apply_to_each(lambda _, trial: clean(trial, understood.clusters, settings), understood.trials)
+    ready = apply_to_each(
+        lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
+        understood.trials,
+    )
     placed = labels.list_placed(understood.model, subject, ready.values())
+    marked = [trial for trial in understood.trials.values() if trial.labels]
     model, of_freedoms = lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
@@ -242,7 +284,7 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
             *of_freedoms,
             *of_setup,
             *of_images,
-            *checks.summarise_recordings(model, subject, list(understood.trials.values())),
+            *(checks.summarise_recordings(model, subject, marked) if marked else ()),
             *findings,
         ),
         images=images,

@@ -37,6 +37,7 @@ from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Rotations, Trial
 from scaling_service.numerics.least_squares.posterior import solve_posterior
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
+from scaling_service.numerics.multibody.sweep import SweepSettings
 from scaling_service.numerics.multibody.rigid import (
     convert_rotation_to_vector,
     find_nearest_rotation,
@@ -45,11 +46,11 @@ from scaling_service.numerics.multibody.rigid import (
 
 _MARKER_M = 0.010  # the marker beside which rotations are weighed; motion/ranges.py has its source
 _HEADING = "heading"
-_HEADINGS_DEG = 15.0  # chosen: step of the headings that are tried; steps of Gauss-Newton go on from the best
+_HEADINGS_DEG = 30.0  # chosen: step of the headings that are tried; steps of Gauss-Newton go on from the best
 _HEADING_SD = np.pi / np.sqrt(3.0)  # rad: any way round is as likely
-_LOOKED_AT = 24  # chosen: frames, evenly spaced, by which hypotheses are compared
+_LOOKED_AT = 12  # chosen: frames, evenly spaced, by which hypotheses are compared
 _SOLVED = 40  # chosen: frames, evenly spaced, that tell of the mounting
-_CLEAR = 0.5  # chosen: share of the next one's misfit up to which one hypothesis is taken for true
+_ROUGH = SweepSettings(left=2e-2)  # chosen: hypotheses differ by more
 _SHAPES = tuple(
     turn
     for order in permutations(range(3))
@@ -313,7 +314,7 @@ def _choose(
             task = replace(task, bounds=list_coordinate_ranges(placed))
             neutral = repeat_default_pose(placed, 1)[0]
             start = guess_start(task.tree, task.measured, neutral, task.p, task.free)
-            solution = solve_from(task, slice(None), start)
+            solution = solve_from(task, slice(None), start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
         angle = float(np.sqrt(misfit / max(count, 1)) / _MARKER_M * read_rotation_table().total)

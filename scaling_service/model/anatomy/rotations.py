@@ -16,6 +16,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.reference import find_reference_folder, read_reference
 
 _ENDINGS = re.compile(r"(_4x4|[_ ]?imu|_sensor)$", re.IGNORECASE)
+_RADIUS = "radius"
 _SIDE = re.compile(r"^(?:(?P<before>l|r|left|right)[_ ]?(?P<rest>.+?)|(?P<first>.+?)[_ ](?P<after>l|r|left|right))$")
 
 
@@ -78,4 +79,6 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
         name = found["rest"] or found["first"]
         side = (found["before"] or found["after"])[0]
     part = table.parts.get(name.replace("_", "").replace(" ", ""))
+    if part == _RADIUS:  # a model without one has the whole forearm as the ulna
+        return own.get(f"{_RADIUS}_{side}") or find_segment(model, "ulna", side)
     return None if part is None else find_segment(model, part, side)

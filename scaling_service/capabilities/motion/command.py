@@ -45,6 +45,14 @@ def ik(
         Path | None,
         typer.Option(metavar="FILE", help="OpenSim markers to add to an .osim model.", readable=False),
     ] = None,
+    standing: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Sensors' orientations while the person stands as the model does; the first frame unless given.",
+            readable=False,
+        ),
+    ] = None,
     tables: Tables = "",
 ) -> None:
     """Use a scaled model again: the motion of any recordings, with its standard deviations.
@@ -52,6 +60,7 @@ def ik(
     Writes under --out for every recording TRIAL_ik.mot and, with the same columns, TRIAL_ik_sd.mot: the
     standard deviation of each coordinate in each frame; and ik.json with the kinematic errors. With --angles
     TRIAL_clinical.csv, too: the angles of the conventional gait model and their standard deviations.
+    Rotations of a markerless system (Theia3D's C3D) and of sensors (OpenSense's STO) are followed as markers are.
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """
@@ -61,7 +70,9 @@ def ik(
         from scaling_service.capabilities.shared.tables import make_table_writer
 
         write_tables = make_table_writer(tables, out)
-        tracked = compute(model, recordings, options, marker_set=marker_set, progress=progress)
+        tracked = compute(
+            model, recordings, options, marker_set=marker_set, standing=standing, progress=progress
+        )
         document = save_motions(tracked, out)
         write_tables(tracked.tables, document)
     show(document, out)

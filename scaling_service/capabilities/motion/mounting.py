@@ -27,7 +27,12 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.anatomy.rotations import RotationTable, match_rotation, read_rotation_table
+from scaling_service.model.anatomy.rotations import (
+    RotationTable,
+    is_ignored,
+    match_rotation,
+    read_rotation_table,
+)
 from scaling_service.model.body import BodyModel, Joint, Law, Marker, Parameter, Segment, Term, to_vector
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.freed import UNBOUNDED
@@ -146,6 +151,7 @@ def mount(
         return found, level, ready
 
     solved, level, ready = solve(chosen)
+    facing = None
     if chosen.heading is not None:
         # Forward is where the person faces in that pose, as OpenSense has it.
         facing = next(p.value for p in solved.parameters if p.name == _HEADING)
@@ -160,7 +166,7 @@ def mount(
         model=solved,
         trials=ready,
         segments={label: segments[label] for label in segments if label in chosen.before},
-        notes=tuple(_tell(matched, noise, chosen, misfits, solved, measured)),
+        notes=tuple(_tell(matched, noise, chosen, misfits, facing)),
     )
 
 
@@ -480,17 +486,45 @@ def _tell(
     noise: Mapping[str, Noise],
     chosen: _Hypothesis,
     misfits: Mapping[str, float],
-    model: BodyModel,
-    trials: Sequence[Trial],
+    facing: float | None,
 ) -> Iterator[Note]:
     used = ", ".join(f"{label} on {segment}" for label, segment in matched.items() if segment is not None)
     yield Note(code="rotations", severity="note", problem=f"rotations are followed: {used}")
-    left = [label for label, segment in matched.items() if segment is None]
+    ignored = [label for label in matched if is_ignored(label)]
+    left = [label for label, segment in matched.items() if segment is None and label not in ignored]
     if left:
         yield Note(
             code="rotations_unmatched",
             severity="note",
-            problem=f"{list_few(left)} belong to no segment of the model, and are not used",
+            problem=f"rotations that no segment of the model has are not used: {list_few(left)}",
             remedy="Nothing is to be done where the model has no such segment; else name them as its segments are",
         )
-    yield Note(code="mounting", severity="note" if chosen.heading is None else "warning", problem=chosen.told)
+    if ignored:
+        said = f"the laboratory's own frame, and frames for another program, are not used: {list_few(ignored)}"
+        yield Note(code="rotations_ignored", severity="note", problem=said, remedy="Nothing is to be done")
+    turned = [] if facing is None else [f"forward is where they face there, {np.degrees(facing):.0f} deg about the vertical"]
+    yield Note(
+        code="mounting",
+        severity="warning" if chosen.calibrated else "note",
+        problem="; ".join([chosen.told, *turned]),
+        remedy="If it is not so, give the orientations of such a pose (`--standing`, `standing` over HTTP)",
+    )
+    missed = misfits.get(chosen.told, 0.0)
+    if missed > read_rotation_table().total:
+        yield Note(
+            code="mounting_doubtful",
+            severity="warning",
+            problem=f"so mounted the model misses rotations by {np.degrees(missed):.1f} deg, more than ordinary "
+            f"{np.degrees(read_rotation_table().total):.1f}: angles may be off by as much all through",
+            remedy="Give the orientations of a pose in which the person stands as the model does by default",
+        )
+    lasting = [own.lasting for label, own in noise.items() if matched[label] is not None]
+    white = [own.white for label, own in noise.items() if matched[label] is not None]
+    yield Note(
+        code="rotation_noise",
+        severity="note",
+        problem=f"rotations are taken to be off by {np.degrees(max(lasting)):.1f} deg about each axis all through "
+        f"(mounting), and by {np.degrees(max(o.passing for o in noise.values())):.1f} deg from moment to moment "
+        f"(they jitter by {np.degrees(np.median(white)):.1f} deg); deviations hold both",
+        remedy="Nothing is to be done",
+    )

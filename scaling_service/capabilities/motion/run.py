@@ -132,6 +132,7 @@ def ik(
     options: MotionOptions = MotionOptions(),
     *,
     marker_set: str | Path | None = None,
+    standing: str | Path | None = None,
     subject: str = "",
     subject_file: Path | None = None,
     progress: Progress | None = None,
@@ -144,11 +145,16 @@ def ik(
         A built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics, consistent or
         discovery wrote.
     recordings : sequence of path
-        C3D or TRC files. One decision on the laboratory's axes is taken for all.
+        C3D or TRC files of markers, C3D files of segment poses (Theia3D), STO files of sensors' orientations
+        (OpenSense). One decision on the laboratory's axes is taken for all.
     options : MotionOptions
         How recordings are read and followed.
     marker_set : path, optional
         OpenSim markers to add; ``.osim`` only.
+    standing : path, optional
+        Sensors' orientations while the person stands as the model does by default: they tell how sensors are
+        put on. The first frame of the first recording is taken so unless it is given, or sensors have the
+        axes of their segments.
     subject : str
         Whose recordings they are, for the document.
     subject_file : Path, optional
@@ -186,6 +192,7 @@ def ik(
         model=_name_model(model, marker_set),
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
+        static=None if standing is None else Path(standing).absolute(),
         evaluation=files,
     )
     report("reading the recordings", 0.0)
@@ -196,7 +203,8 @@ def ik(
         session, found = loaded.session, {}
         model_of, trials = session.model, session.evaluation
         if any(trial.rotations is not None for trial in trials):
-            mounted = mount(model_of, trials, session.static, turned=options.up is not None)
+            stood = session.static if session.static and session.static.rotations else None
+            mounted = mount(model_of, trials, stood, turned=options.up is not None)
             model_of, trials = mounted.model, mounted.trials
             loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
         for k, trial in enumerate(trials):
@@ -281,7 +289,7 @@ def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
 def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
-        raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D or TRC")
+        raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO")
     by_stem: dict[str, Path] = {}
     for file in files:
         if file.stem in by_stem:

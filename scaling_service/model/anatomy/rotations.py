@@ -67,7 +67,7 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
     >>> [match_rotation(label, body) for label in ("r_thigh_4X4", "tibia_l_imu", "S1:pelvis", "r_hand_4X4")]
     ['femur_r', 'tibia_l', 'pelvis', None]
     """
-    plain = _ENDINGS.sub("", label.rpartition(":")[2].strip().rpartition("/")[2]).lower()
+    plain = _make_plain(label)
     own = {name.lower(): name for name in model.segment_names}
     if plain in own:
         return own[plain]
@@ -82,3 +82,13 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
     if part == _RADIUS:  # a model without one has the whole forearm as the ulna
         return own.get(f"{_RADIUS}_{side}") or find_segment(model, "ulna", side)
     return None if part is None else find_segment(model, part, side)
+
+
+def is_ignored(label: str) -> bool:
+    """Whether a label is of a frame that is no segment's: the laboratory's, or one made for another program."""
+    return _make_plain(label) in read_rotation_table().ignored
+
+
+def _make_plain(label: str) -> str:
+    """A label without its subject, path and ending, in lower case."""
+    return _ENDINGS.sub("", label.rpartition(":")[2].strip().rpartition("/")[2]).lower()

@@ -36,6 +36,7 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.errors import InputError
+from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
@@ -44,7 +45,7 @@ from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
-from scaling_service.model.subject import Subject
+from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.settings import ProcessingSettings
@@ -241,6 +242,19 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
         uncertainty = count_departures(uncertainty, own, solution.q, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     return _gather(model, motion, uncertainty, names)
+
+
+def follow_rotations(
+    model: BodyModel, session: Session, *, turned: bool
+) -> tuple[dict[str, TrackedTrial], tuple[Note, ...]]:
+    """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
+
+    ``turned``: whether the session's axes are those of the sensors' world.
+    """
+    if not session.rotations:
+        return {}, ()
+    mounted = mount(model, session.rotations, session.standing_rotations, turned=turned)
+    return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
 
 
 def _gather(

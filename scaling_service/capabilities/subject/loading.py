@@ -128,14 +128,52 @@ class Understood:
 
 
 def open_subject(
-    subject: Subject | str | Path, settings: Settings = Settings(), *, facing: bool = False
+    subject: Subject | str | Path,
+    settings: Settings = Settings(),
+    *,
+    facing: bool = False,
+    rotations: bool = False,
 ) -> Loaded:
-    """Read a subject, from its file where a path is given, and all that it names; see :func:`load`."""
+    """Read a subject, from its file where a path is given, and all that it names; see :func:`load`.
+
+    ``rotations``: whether recordings of rotations without markers are wanted, apart from the others.
+    Raises TrialUnusable where they are not, and there are any.
+    """
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(subject)
     with blame_file(file):
-        return replace(load(known, settings, facing=facing), file=file)
+        loaded = load(known, settings, facing=facing)
+        return replace(loaded, session=_part_rotations(loaded.session, wanted=rotations), file=file)
+
+
+def _part_rotations(session: Session, *, wanted: bool) -> Session:
+    """The session with recordings of rotations without markers apart."""
+    turned = {
+        path: trial
+        for path, trial in zip(
+            (*session.subject.calibration, *session.subject.evaluation),
+            (*session.calibration, *session.evaluation),
+            strict=True,
+        )
+        if not trial.labels
+    }
+    stood = session.static if session.static is not None and not session.static.labels else None
+    if (turned or stood) and not wanted:
+        raise TrialUnusable(
+            "it holds rotations and no markers, which `ik` and `scale` take, and nothing else does",
+            file=str(next(iter(turned), session.subject.static)),
+            field="trials",
+            remedy="Follow it by `scaling-service ik`, and leave it out here",
+        )
+    return replace(
+        session,
+        static=None if stood else session.static,
+        calibration=tuple(t for t in session.calibration if t.labels),
+        evaluation=tuple(t for t in session.evaluation if t.labels),
+        rotations=tuple(turned.values()),
+        standing_rotations=stood,
+    )
 
 
 def load(

@@ -37,6 +37,7 @@ from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
+from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
@@ -269,6 +270,54 @@ def size_segments(
     return Sizing(
         factors=factors, sizes=sizes, centres=_list_centres(people), people=people, notes=tuple(notes)
     )
+
+
+def size_without_markers(session: Session) -> Sizing:
+    """Factors of each segment where no recording has a marker: as of persons of this stature and sex.
+
+    And by how far apart a markerless system has the joint centres, where the recordings are such a system's.
+    """
+    subject, model = session.subject, session.model
+    lengths = measure_between_origins(session.rotations)
+    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
+    prior = expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
+    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
+    sizes = estimate_sizes(model, nothing, prior)
+    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
+    for segment, (factor, *_) in factors.items():
+        _check(factor, segment)
+    known = [f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value]
+    like = " and ".join(known) or "nothing known"
+    beside = f", and by joint centres of the markerless system ({list_few(list(lengths))})" if lengths else ""
+    deviations = _format_percent([size.sd for size in sizes.values()])
+    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
+    return Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))
+
+
+_BETWEEN = {
+    **{f"femur_{s}": (f"{s}_thigh", f"{s}_shank") for s in "rl"},
+    **{f"shank_{s}": (f"{s}_shank", f"{s}_foot") for s in "rl"},
+    **{f"upper_arm_{s}": (f"{s}_uarm", f"{s}_larm") for s in "rl"},
+    **{f"forearm_{s}": (f"{s}_larm", f"{s}_hand") for s in "rl"},
+    "inter_hip": ("l_thigh", "r_thigh"),
+}
+"""Dimension to the segments of a markerless system between whose origins, proximal joint centres, it lies."""
+
+
+def measure_between_origins(trials: Sequence[Trial]) -> dict[str, float]:
+    """A person's dimensions by the origins of a markerless system's segments, m, as far as they are told."""
+    found: dict[str, list[float]] = {}
+    for trial in trials:
+        held = trial.rotations
+        if held is None or held.origins is None:
+            continue
+        row = {label.rpartition(":")[2].lower().partition("_4x4")[0]: k for k, label in enumerate(held.labels)}
+        for dimension, (one, other) in _BETWEEN.items():
+            if {one, other} <= row.keys():
+                apart = _measure_distance(held.origins[:, row[one]], held.origins[:, row[other]])
+                found.setdefault(dimension, []).append(apart)
+    means = {name: float(np.mean(np.array(values)[np.isfinite(values)])) for name, values in found.items()}
+    return {name: value for name, value in means.items() if np.isfinite(value)}
 
 
 def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> Sizing:

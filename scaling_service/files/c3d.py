@@ -164,7 +164,10 @@ def _read_rotations(
     seen = square & np.isfinite(origins).all(axis=2)
     if not seen.any():
         raise TrialUnusable(
-            "no segment pose of the file holds a rotation", file=file, field="ROTATION", remedy="Export it again"
+            "no segment pose of the file holds a rotation",
+            file=file,
+            field="ROTATION",
+            remedy="Export it again",
         )
     notes = list(repair_each(~seen, labels, "lost_pose", "no rotation there, which counts as not measured"))
     row = {label.lower().removesuffix(POSE_SUFFIX): k for k, label in enumerate(labels)}

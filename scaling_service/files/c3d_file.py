@@ -80,10 +80,16 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
         )
     facts = read_facts(content, file)
     poses = _read_poses(content, facts, file)
+    of_layout: tuple[Repair, ...] = ()
+    of_rate: tuple[Repair, ...] = ()
     if poses is not None and not (facts.points or facts.analogs):
         # Nothing but poses: there is no layout of points to be found.
-        layout, of_layout, of_rate = NO_POINTS, (), ()
-        rate, points, analog = facts.number("ROTATION", "RATE"), np.empty((len(poses), 0, 3)), np.empty((0, 0))
+        layout = NO_POINTS
+        rate, points, analog = (
+            facts.number("ROTATION", "RATE"),
+            np.empty((len(poses), 0, 3)),
+            np.empty((0, 0)),
+        )
         rate = rate if np.isfinite(rate) else facts.rate
     else:
         layout, of_layout = find_layout(facts, len(content), file)
@@ -121,9 +127,7 @@ def _read_poses(content: bytes, facts: Facts, file: Path) -> Array | None:
     count, start = facts.count("ROTATION", "USED") or 0, facts.count("ROTATION", "DATA_START")
     ratio = facts.count("ROTATION", "RATIO") or 1
     frames = facts.count("ROTATION", "FRAMES") or facts.count("POINT", "FRAMES")
-    frames = (frames or facts.last - facts.first + 1) * (
-        1 if facts.count("ROTATION", "FRAMES") else ratio
-    )
+    frames = (frames or facts.last - facts.first + 1) * (1 if facts.count("ROTATION", "FRAMES") else ratio)
     if not count:
         return None
     at = BLOCK * ((start or facts.start) - 1)

@@ -89,7 +89,9 @@ def read_orientations(path: str | os.PathLike[str]) -> Recording:
     turns = Rotation.from_quat(whole.reshape(-1, 4), scalar_first=True).as_matrix()
     turns = np.where(known[..., None, None], turns.reshape(*known.shape, 3, 3), np.nan)
     labels = columns[1:]
-    lost = repair_each(~known, labels, "lost_orientation", "no unit quaternion there, which counts as not measured")
+    lost = repair_each(
+        ~known, labels, "lost_orientation", "no unit quaternion there, which counts as not measured"
+    )
     try:
         rate = float(look_up(header, "datarate") or "")
     except ValueError:

@@ -37,7 +37,9 @@ def ik(
     ],
     recordings: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING…", help="C3D, TRC or STO files.", show_default=False, readable=False),
+        typer.Argument(
+            metavar="RECORDING…", help="C3D, TRC or STO files.", show_default=False, readable=False
+        ),
     ],
     out: Out,
     options: MotionOptions,
@@ -49,7 +51,7 @@ def ik(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Sensors' orientations while the person stands as the model does; the first frame unless given.",
+            help="Sensors' orientations while the person stands as the model does; else the first frame.",
             readable=False,
         ),
     ] = None,
@@ -60,7 +62,7 @@ def ik(
     Writes under --out for every recording TRIAL_ik.mot and, with the same columns, TRIAL_ik_sd.mot: the
     standard deviation of each coordinate in each frame; and ik.json with the kinematic errors. With --angles
     TRIAL_clinical.csv, too: the angles of the conventional gait model and their standard deviations.
-    Rotations of a markerless system (Theia3D's C3D) and of sensors (OpenSense's STO) are followed as markers are.
+    Rotations of a markerless system (Theia3D's C3D) and of sensors (OpenSense's STO) are followed, too.
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """

@@ -49,7 +49,8 @@ class TrackedTrialDocument(Part):
         "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
     )
     rotation_error_deg: dict[str, float] = Field(
-        default={}, description="Measured rotation to the RMS angle between it and the model's, mounting included."
+        default={},
+        description="Measured rotation to the RMS angle between it and the model's, mounting included.",
     )
     frames: int
     summary: dict[str, CoordinateSummary] = Field(

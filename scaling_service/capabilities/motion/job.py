@@ -38,8 +38,8 @@ class MotionRequest(OfOneSubject, MotionOptions):
 
     standing: str | None = Field(
         default=None,
-        description="Uploaded orientations of sensors while the person stands as the model does; the subject's "
-        "static trial unless given, where that is such a file.",
+        description="Uploaded orientations of sensors while the person stands as the model does; the "
+        "subject's static trial unless given, where that is such a file.",
         examples=["standing.sto"],
     )
 

@@ -35,11 +35,13 @@ from scaling_service.capabilities.motion.uncertainty import (
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
@@ -205,7 +207,8 @@ def ik(
         model_of, trials = session.model, session.evaluation
         if any(trial.rotations is not None for trial in trials):
             stood = session.static if session.static and session.static.rotations else None
-            mounted = mount(model_of, trials, stood, turned=options.up is not None)
+            placed = _list_frames(session.subject)
+            mounted = mount(model_of, trials, stood, placed=placed, turned=options.up is not None)
             model_of, trials = mounted.model, mounted.trials
             loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
         for k, trial in enumerate(trials):
@@ -253,8 +256,15 @@ def follow_rotations(
     """
     if not session.rotations:
         return {}, ()
-    mounted = mount(model, session.rotations, session.standing_rotations, turned=turned)
+    placed = _list_frames(session.subject)
+    mounted = mount(model, session.rotations, session.standing_rotations, placed=placed, turned=turned)
     return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
+
+
+def _list_frames(subject: Subject) -> dict[str, tuple[str, Array]]:
+    """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
+    model = subject.model
+    return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
 
 
 def _gather(
@@ -303,7 +313,9 @@ def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
 def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
-        raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO")
+        raise InputError(
+            "no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO"
+        )
     by_stem: dict[str, Path] = {}
     for file in files:
         if file.stem in by_stem:

@@ -185,7 +185,8 @@ def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: 
     """
     assert tree.placed is not None
     seen = find_seen(measured)
-    ahead, point = seen & (tree.placed == 0.0), seen & (tree.placed > 0.0)
+    is_point = np.asarray(tree.placed > 0.0)
+    ahead, point = seen & ~is_point, seen & is_point
     filled = np.where(seen[..., None], measured, 0.0)
     turn = find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
     turn[~ahead.any(axis=1)] = np.nan
@@ -193,8 +194,9 @@ def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: 
     middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
     before = point @ (placed - origin) / count
     reached = middle - np.einsum("nij,nj->ni", turn, before)
-    known = np.isfinite(turn).all(axis=(1, 2))
-    position = np.where(point.any(axis=1)[:, None], reached, origin)
+    known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
+    some = np.asarray(point.any(axis=1))
+    position = np.where(some[:, None], reached, origin)
     return turn @ axes.T, np.where(known[:, None], position, np.nan)
 
 

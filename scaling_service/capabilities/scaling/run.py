@@ -33,10 +33,14 @@ from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.capabilities.scaling.sizes.without_markers import (
+    has_rotations_alone,
+    refuse_without_markers,
+)
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.documents.results import TruthDocument
 from scaling_service.files.osim.models import render_osim
@@ -173,8 +177,8 @@ def run(
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with loaded.blame_files():
-        if _has_rotations_alone(session):
-            _refuse_without_markers(chosen)
+        if has_rotations_alone(session):
+            refuse_without_markers(chosen)
         elif session.scale_setup is None and session.images is None:
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
@@ -280,24 +284,9 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
     )
 
 
-def _has_rotations_alone(session: Session) -> bool:
-    return bool(session.rotations) and session.static is None and not session.dynamic
-
-
-def _refuse_without_markers(methods: Sequence[str]) -> None:
-    for method in methods:
-        if method != "MB":
-            raise TrialUnusable(
-                f"{method} is fitted to markers, and the recordings hold rotations alone",
-                field="method",
-                remedy="Choose MB, which then sizes the model by sex, stature and, of a markerless system, the "
-                "distances of its joint centres; or name a standing trial with markers under `trials:`",
-            )
-
-
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    if _has_rotations_alone(session):
+    if has_rotations_alone(session):
         return ("MB",), ()
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:

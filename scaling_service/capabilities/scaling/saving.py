@@ -164,7 +164,9 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
     for name, tracked in scaling.followed.items():
         write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
-        write_motion_sd(folder / f"{name}_ik_sd.mot", tracked.motion, tracked.uncertainty.sd, calibration.model)
+        write_motion_sd(
+            folder / f"{name}_ik_sd.mot", tracked.motion, tracked.uncertainty.sd, calibration.model
+        )
     if any(folder.glob(f"*{HELD}")):
         warnings.append(_NUMBERS_ONLY)
     gait = describe_clinical_gait(scaling, results)

@@ -14,7 +14,6 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.recording import Recording
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
@@ -58,30 +57,6 @@ def decide_axes(
                 facing=facing,
             )
     return agree_on_axes(decided, static)
-
-
-def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
-    """Which axes of a recording without markers point up and forward.
-
-    Of a markerless system's segments, whose upright axis is documented; where sensors' world is up shows with a
-    model alone (see ``motion/mounting.py``), so that it is kept here unless it is given.
-    """
-    held, table = trial.rotations, read_rotation_table()
-    assert held is not None
-    if held.of == "sensors" and settings.up is None:
-        return Orientation(np.eye(3))
-    upright = None
-    if held.of == "segments":
-        axes = held.matrices[:, :, :, int(np.abs(table.axes[1]).argmax())]
-        trunk = [k for k, label in enumerate(held.labels) if "pelvis" in label.lower() or "torso" in label.lower()]
-        upright = np.nanmean(axes[:, trunk or slice(None)], axis=(0, 1))
-    points = held.origins
-    if points is None:  # a stick of one metre that stands
-        ends = np.stack([np.zeros(3), np.zeros(3) + (np.ones(3) if upright is None else upright)])
-        points = np.broadcast_to(ends, (trial.n_frames, 2, 3))
-    labels = tuple(f"point {k}" for k in range(points.shape[1]))
-    as_points = replace(trial, labels=labels, markers=points, rotations=None)
-    return decide(as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False)
 
 
 def find_upright(model: BodyModel, trial: Trial, vertical: int = 1) -> Array | None:

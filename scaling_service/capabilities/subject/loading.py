@@ -9,16 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.bones.images import SEGMENTATION, read_bones
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
 from scaling_service.capabilities.subject.axes import (
     decide_axes,
-    decide_axes_of_rotations,
     list_level_corners,
 )
+from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.capabilities.subject.reading import (
     apply_to_each,
@@ -27,20 +24,23 @@ from scaling_service.capabilities.subject.reading import (
     load_subject,
     with_stated_sizes,
 )
+from scaling_service.capabilities.subject.rotations import (
+    decide_axes_of_rotations,
+    part_rotations,
+    turn_alone,
+)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
-from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
-from scaling_service.model.anatomy.bones import assign_bones, find_body
-from scaling_service.model.anatomy.markers import match_labels
-from scaling_service.model.body import GROUND, BodyModel, Vector
-from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
+from scaling_service.model.anatomy.bones import assign_bones
+from scaling_service.model.body import GROUND, BodyModel
+from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Bone, ImageEvidence, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
@@ -56,12 +56,6 @@ from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
-
-_BONES_UNUSED = Note(
-    code="bones_unused",
-    problem="bones are used with built-in and .osim models only: image-based methods were left out",
-    remedy="Choose a built-in model of the legs to use the bones",
-)
 
 
 def _tell_lying(vertical: int) -> Note:
@@ -144,36 +138,7 @@ def open_subject(
     known = subject if isinstance(subject, Subject) else load_subject(subject)
     with blame_file(file):
         loaded = load(known, settings, facing=facing)
-        return replace(loaded, session=_part_rotations(loaded.session, wanted=rotations), file=file)
-
-
-def _part_rotations(session: Session, *, wanted: bool) -> Session:
-    """The session with recordings of rotations without markers apart."""
-    turned = {
-        path: trial
-        for path, trial in zip(
-            (*session.subject.calibration, *session.subject.evaluation),
-            (*session.calibration, *session.evaluation),
-            strict=True,
-        )
-        if not trial.labels
-    }
-    stood = session.static if session.static is not None and not session.static.labels else None
-    if (turned or stood) and not wanted:
-        raise TrialUnusable(
-            "it holds rotations and no markers, which `ik` and `scale` take, and nothing else does",
-            file=str(next(iter(turned), session.subject.static)),
-            field="trials",
-            remedy="Follow it by `scaling-service ik`, and leave it out here",
-        )
-    return replace(
-        session,
-        static=None if stood else session.static,
-        calibration=tuple(t for t in session.calibration if t.labels),
-        evaluation=tuple(t for t in session.evaluation if t.labels),
-        rotations=tuple(turned.values()),
-        standing_rotations=stood,
-    )
+        return replace(loaded, session=part_rotations(loaded.session, wanted=rotations), file=file)
 
 
 def load(
@@ -243,7 +208,7 @@ def understand(read: Read, settings: Settings, *, facing: bool = False, standing
         subject=subject,
         model=model,
         trials={
-            path: apply(axes, named[path][0]) if path in named else _turn_alone(found.trial, settings)
+            path: apply(axes, named[path][0]) if path in named else turn_alone(found.trial, settings)
             for path, found in read.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},
@@ -252,11 +217,6 @@ def understand(read: Read, settings: Settings, *, facing: bool = False, standing
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
         notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
     )
-
-
-def _turn_alone(trial: Trial, settings: Settings) -> Trial:
-    """A recording of rotations without markers, whose laboratory may be another."""
-    return turn_rotations(decide_axes_of_rotations(trial, settings), trial)
 
 
 def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
@@ -422,55 +382,3 @@ def _scale_setup(
         return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
-
-
-def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[Note, ...]]:
-    """What a subject's bones and image markers say, and what to tell of it.
-
-    Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
-    InputError: a file cannot be read, or a mesh is not the bone that it is said to be.
-    """
-    if not subject.bones:
-        return None, ()
-    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
-        return None, (_BONES_UNUSED,)
-    imaged = read_bones(subject.bones, subject.bone_units)
-    try:
-        found = imaged.widen(find_landmarks(imaged.meshes))
-        of_image = (*check_joined(found), *imaged.tell())
-    except MeshRefused as error:
-        file = subject.bones.get(error.field or "", subject.bones.get(SEGMENTATION))
-        field = f"bones.{error.field}" if error.field in subject.bones else error.field
-        raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in imaged.meshes.items()}
-    evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
-    notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
-    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
-
-
-def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:
-    for text in bone.warnings:
-        yield Note(code="bone", place=name, problem=text)
-    for point, why in bone.refused.items():
-        yield Note(
-            code="landmark_refused",
-            place=name,
-            problem=f"{point} was not taken: {why}",
-            remedy="Look at the surface of the bone there; without the point, the others are used",
-        )
-
-
-def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
-    """Image markers under the model's names, those on segments that the model has."""
-    if subject.image_markers is None:
-        return {}
-    seen = read_image_markers(subject.image_markers)
-    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-    explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
-    names = match_labels(list(seen), wanted, explicit).mapped
-    placed = {marker: seen[label] for marker, label in names.items()}
-    return {
-        marker: (segment, at)
-        for marker, (bone, at) in placed.items()
-        if (segment := find_body(model, bone) or bone) in model.segment_names
-    }

@@ -17,7 +17,9 @@ from scaling_service.model.reference import find_reference_folder, read_referenc
 
 _ENDINGS = re.compile(r"(_4x4|[_ ]?imu|_sensor)$", re.IGNORECASE)
 _RADIUS = "radius"
-_SIDE = re.compile(r"^(?:(?P<before>l|r|left|right)[_ ]?(?P<rest>.+?)|(?P<first>.+?)[_ ](?P<after>l|r|left|right))$")
+_SIDE = re.compile(
+    r"^(?:(?P<before>l|r|left|right)[_ ]?(?P<rest>.+?)|(?P<first>.+?)[_ ](?P<after>l|r|left|right))$"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -85,7 +87,7 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
 
 
 def is_ignored(label: str) -> bool:
-    """Whether a label is of a frame that is no segment's: the laboratory's, or one made for another program."""
+    """Whether a label is of a frame that is no segment's: the laboratory's, or another program's."""
     return _make_plain(label) in read_rotation_table().ignored
 
 

@@ -211,7 +211,9 @@ def _take_block(
     moved = np.moveaxis(filled, 0, -1)
     moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = gather_clusters(carrier, len(tree.links), evaluate_local_positions(tree, p), moved, heavy, tree.placed)
+    clusters = gather_clusters(
+        carrier, len(tree.links), evaluate_local_positions(tree, p), moved, heavy, tree.placed
+    )
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300

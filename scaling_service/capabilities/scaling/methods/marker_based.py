@@ -29,6 +29,9 @@ from scaling_service.capabilities.scaling.sizes.sizing import (
     NO_BONES,
     Sizing,
     size_segments,
+)
+from scaling_service.capabilities.scaling.sizes.without_markers import (
+    has_rotations_alone,
     size_without_markers,
 )
 from scaling_service.capabilities.shared.settings import CalibrationSettings
@@ -67,7 +70,7 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
-    if session.rotations and session.static is None and not session.calibration:
+    if has_rotations_alone(session):
         return _scale_without_markers(session, clock)
     standing = _require_standing(session)
     session = _with_knee(session, settings)

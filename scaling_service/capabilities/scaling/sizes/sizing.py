@@ -37,7 +37,6 @@ from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
@@ -252,7 +251,7 @@ def size_segments(
     if not len(ratios.logs):
         return _size_by_own_markers(session, people)
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
-        _check(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
+        check_factor(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_write_notes(model, ratios, sizes, subject)]
@@ -266,58 +265,10 @@ def size_segments(
         notes.extend(more)
     for segment, along in factors.items():
         for factor in along:
-            _check(factor, segment)
+            check_factor(factor, segment)
     return Sizing(
         factors=factors, sizes=sizes, centres=_list_centres(people), people=people, notes=tuple(notes)
     )
-
-
-def size_without_markers(session: Session) -> Sizing:
-    """Factors of each segment where no recording has a marker: as of persons of this stature and sex.
-
-    And by how far apart a markerless system has the joint centres, where the recordings are such a system's.
-    """
-    subject, model = session.subject, session.model
-    lengths = measure_between_origins(session.rotations)
-    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
-    prior = expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
-    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
-    sizes = estimate_sizes(model, nothing, prior)
-    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
-    for segment, (factor, *_) in factors.items():
-        _check(factor, segment)
-    known = [f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value]
-    like = " and ".join(known) or "nothing known"
-    beside = f", and by joint centres of the markerless system ({list_few(list(lengths))})" if lengths else ""
-    deviations = _format_percent([size.sd for size in sizes.values()])
-    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
-    return Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))
-
-
-_BETWEEN = {
-    **{f"femur_{s}": (f"{s}_thigh", f"{s}_shank") for s in "rl"},
-    **{f"shank_{s}": (f"{s}_shank", f"{s}_foot") for s in "rl"},
-    **{f"upper_arm_{s}": (f"{s}_uarm", f"{s}_larm") for s in "rl"},
-    **{f"forearm_{s}": (f"{s}_larm", f"{s}_hand") for s in "rl"},
-    "inter_hip": ("l_thigh", "r_thigh"),
-}
-"""Dimension to the segments of a markerless system between whose origins, proximal joint centres, it lies."""
-
-
-def measure_between_origins(trials: Sequence[Trial]) -> dict[str, float]:
-    """A person's dimensions by the origins of a markerless system's segments, m, as far as they are told."""
-    found: dict[str, list[float]] = {}
-    for trial in trials:
-        held = trial.rotations
-        if held is None or held.origins is None:
-            continue
-        row = {label.rpartition(":")[2].lower().partition("_4x4")[0]: k for k, label in enumerate(held.labels)}
-        for dimension, (one, other) in _BETWEEN.items():
-            if {one, other} <= row.keys():
-                apart = _measure_distance(held.origins[:, row[one]], held.origins[:, row[other]])
-                found.setdefault(dimension, []).append(apart)
-    means = {name: float(np.mean(np.array(values)[np.isfinite(values)])) for name, values in found.items()}
-    return {name: value for name, value in means.items() if np.isfinite(value)}
 
 
 def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> Sizing:
@@ -333,7 +284,7 @@ def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> 
         pairs = list(combinations([m for m in shown if m.segment == segment], 2))
         ours = np.array([np.linalg.norm(np.subtract(a.nominal, b.nominal)) for a, b in pairs])
         theirs = np.array(
-            [_measure_distance(standing.position(a.name), standing.position(b.name)) for a, b in pairs]
+            [measure_distance(standing.position(a.name), standing.position(b.name)) for a, b in pairs]
         )
         known = np.isfinite(theirs) & (ours > _SHORTEST_M)
         if known.any():
@@ -359,11 +310,12 @@ def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> 
     found = _with_followers(model, sizes)
     factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in found.items()}
     for segment, (factor, *_) in factors.items():
-        _check(factor, segment)
+        check_factor(factor, segment)
     return Sizing(factors=factors, sizes=found, centres=_list_centres(people), people=people, notes=(note,))
 
 
-def _measure_distance(one: Array, other: Array) -> float:
+def measure_distance(one: Array, other: Array) -> float:
+    """The median distance of two points over the frames (n, 3) that show both, m; NaN where none does."""
     apart = np.linalg.norm(one - other, axis=1)
     known = apart[np.isfinite(apart)]
     return float(np.median(known)) if len(known) else float("nan")
@@ -420,7 +372,7 @@ def _write_notes(
     if unmeasured:
         notes.append(
             f"MB: {list_few(unmeasured)}: not measured; the size is that of {like}, as far as the other "
-            f"segments allow (standard deviation {_format_percent([sizes[n].sd for n in unmeasured])})"
+            f"segments allow (standard deviation {format_percent([sizes[n].sd for n in unmeasured])})"
         )
     following = [name for name in sizes if find_dimension(model.bone_of(name)) is None]
     if following:
@@ -430,12 +382,14 @@ def _write_notes(
     return notes
 
 
-def _format_percent(sds: Sequence[float]) -> str:
+def format_percent(sds: Sequence[float]) -> str:
+    """The range of some relative deviations."""
     low, high = (f"{100.0 * sd:.0f}" for sd in (min(sds), max(sds)))
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def _check(factor: float, segment: str) -> None:
+def check_factor(factor: float, segment: str) -> None:
+    """Refuse a factor that is no person's (TrialUnusable)."""
     if not _SMALLEST < factor < 1.0 / _SMALLEST:
         raise TrialUnusable(
             f"segment '{segment}' would be scaled by {factor:.3g}",

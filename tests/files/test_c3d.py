@@ -84,23 +84,6 @@ def test_files_without_markers(tmp_path):
         read_c3d(tmp_path / "a.c3d")
 
 
-def test_rotations_without_markers_are_refused_by_name(tmp_path, monkeypatch):
-    empty = C3dFile(
-        name="theia",
-        points=np.zeros((4, 0, 3)),
-        labels=(),
-        computed=frozenset(),
-        point_unit="mm",
-        rate_hz=100.0,
-        analog=np.zeros((0, 0)),
-        parameters={"ROTATION": {}},
-        has_rotations=True,
-    )
-    monkeypatch.setattr(c3d, "read_c3d_file", lambda _: empty)
-    with pytest.raises(TrialUnusable, match="rotations of a markerless system"):
-        read_c3d(tmp_path / "theia.c3d")
-
-
 def test_analog_signals_and_parameters(tmp_path):
     analogs = np.random.default_rng(2).normal(size=(1, 2, 40))
     _raw(tmp_path / "a.c3d", ["A"], np.ones((3, 1, 4)), analogs=analogs)

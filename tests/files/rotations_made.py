@@ -27,7 +27,11 @@ def write_poses(
     names, positions = points
     file = ezc3d.c3d()
     about = file["parameters"]["POINT"]
-    about["RATE"]["value"], about["UNITS"]["value"], about["LABELS"]["value"] = [rate_hz], [unit], tuple(names)
+    about["RATE"]["value"], about["UNITS"]["value"], about["LABELS"]["value"] = (
+        [rate_hz],
+        [unit],
+        tuple(names),
+    )
     held = np.ones((4, len(names), n))
     if positions is not None:
         held[:3] = np.moveaxis(positions, 0, -1).swapaxes(0, 1)

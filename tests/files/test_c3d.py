@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.files import c3d
 from scaling_service.files.c3d import read_c3d
-from scaling_service.files.c3d_file import C3dFile, read_c3d_file
+from scaling_service.files.c3d_file import read_c3d_file
 from tests.files.c3d_writing import write_c3d
 from tests.files.made import SHARED_FOLDER, outcome, random_trial
 

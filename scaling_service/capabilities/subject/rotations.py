@@ -7,18 +7,20 @@ from dataclasses import replace
 import numpy as np
 
 from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Trial
+from scaling_service.model.trial import Rotations, Trial
 from scaling_service.recording.orientation import Orientation, decide, turn_rotations
 
 
 def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
     """Which axes of a recording without markers point up and forward.
 
-    Of a markerless system's segments, whose upright axis is documented; where sensors' world is up shows with
-    a model alone (see ``motion/mounting.py``), so that it is kept here unless it is given.
+    Of a markerless system by where thighs and feet are, else by the segments' upright axis as documented;
+    where sensors' world is up shows with a model alone (see ``motion/mounting.py``), so that it is kept here
+    unless it is given.
     """
     held, table = trial.rotations, read_rotation_table()
     assert held is not None
@@ -26,11 +28,7 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
         return Orientation(np.eye(3))
     upright = None
     if held.of == "segments":
-        axes = held.matrices[:, :, :, int(np.abs(table.axes[1]).argmax())]
-        trunk = [
-            k for k, label in enumerate(held.labels) if "pelvis" in label.lower() or "torso" in label.lower()
-        ]
-        upright = np.nanmean(axes[:, trunk or slice(None)], axis=(0, 1))
+        upright = _find_upright_of_segments(held, int(np.abs(table.axes[1]).argmax()))
     points = held.origins
     if points is None:  # a stick of one metre that stands
         ends = np.stack([np.zeros(3), np.zeros(3) + (np.ones(3) if upright is None else upright)])
@@ -38,6 +36,22 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
     labels = tuple(f"point {k}" for k in range(points.shape[1]))
     as_points = replace(trial, labels=labels, markers=points, rotations=None)
     return decide(as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False)
+
+
+def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
+    """Where a body is upright on average, (3,). ``axis``: of the segments' own that is documented to be so."""
+
+    def list_rows(part: str) -> list[int]:
+        return [k for k, label in enumerate(held.labels) if part in label.lower()]
+
+    high, low = list_rows("thigh"), list_rows("foot")
+    if held.origins is not None and high and low:
+        along = np.nanmean(
+            held.origins[:, high] - held.origins[:, low].mean(axis=1, keepdims=True), axis=(0, 1)
+        )
+        return np.asarray(along / np.linalg.norm(along))
+    trunk = list_rows("pelvis") + list_rows("torso")
+    return np.asarray(np.nanmean(held.matrices[:, trunk or slice(None), :, axis], axis=(0, 1)))
 
 
 def turn_alone(trial: Trial, settings: Settings) -> Trial:

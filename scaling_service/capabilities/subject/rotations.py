@@ -39,7 +39,7 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
 
 
 def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
-    """Where a body is upright on average, (3,). ``axis``: of the segments' own that is documented to be so."""
+    """Where a body is upright on average, (3,). ``axis``: of the segments' own that is said to be so."""
 
     def list_rows(part: str) -> list[int]:
         return [k for k, label in enumerate(held.labels) if part in label.lower()]

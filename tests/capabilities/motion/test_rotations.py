@@ -1,4 +1,4 @@
-"""Rotations are observations: segment poses and sensors made from a recording of markers whose motion is known.
+"""Rotations are observations: poses and sensors made from a recording of markers whose motion is known.
 
 OpenSim poses the model (an engine of its own), and its bodies' frames are written as a markerless system's
 and as sensors' files; the motion has to come back.
@@ -250,7 +250,7 @@ def test_bands_cover_noise_of_sensors(truth: Truth, tmp_path: Path, seed: int) -
 
 
 def test_bands_cover_mountings_that_are_off(truth: Truth, tmp_path: Path) -> None:
-    """A constant error is one draw a coordinate, whatever the number of frames: several are taken together."""
+    """A constant error is one draw a coordinate, however many frames: several are taken together."""
     covered = [
         count_covered(ik(truth.model, [make_poses(truth, tmp_path, seed, always=NOISE_DEG)]), truth)
         for seed in range(12)

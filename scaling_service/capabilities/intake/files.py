@@ -21,8 +21,8 @@ from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
-from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.orientations import is_orientation_file
+from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate

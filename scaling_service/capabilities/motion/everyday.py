@@ -142,7 +142,8 @@ def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task,
     names = tuple(p.name for p in freed.parameters)
     ones = np.ones(trial.n_frames)
     people = read_people().with_skin(known.skin)
-    prior, lawful = GaussianPrior(names), model.posterior is not None
+    prior = GaussianPrior(names)
+    lawful = holds_skin(model)
     problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
     return problem, task, names
 
@@ -150,6 +151,12 @@ def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task,
 def knows_people(model: BodyModel) -> bool:
     """Whether a model holds more of its person than plain inverse kinematics uses."""
     return model.posterior is not None or bool(model.expectations)
+
+
+def holds_skin(model: BodyModel) -> bool:
+    """Whether a model was estimated with how skin follows its joints, not only how frames are mounted."""
+    mounted = {p.name for p in model.parameters if p.group == "mounting"}
+    return model.posterior is not None and not mounted.issuperset(model.posterior.names)
 
 
 def _take_posterior(model: BodyModel) -> ParameterPosterior:
@@ -162,7 +169,7 @@ def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
     people, ones = read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
-    prior, lawful = GaussianPrior(()), model.posterior is not None
+    prior, lawful = GaussianPrior(()), holds_skin(model)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
         q = solve_poses(_expect(problem, task, q), q, task.p)

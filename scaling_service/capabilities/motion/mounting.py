@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scaling_service.capabilities.motion.everyday import pack_posterior, pose_problem
+from scaling_service.capabilities.motion.everyday import holds_skin, pack_posterior, pose_problem
 from scaling_service.capabilities.motion.frames import (
     HEADING,
     MARKER_M,
@@ -91,6 +91,12 @@ def mount(
     Raises TrialUnusable: no rotation belongs to a segment of the model.
     """
     table, measured = read_rotation_table(), [t for t in trials if t.rotations is not None]
+    if len({get_rotations(t).of for t in measured}) > 1:
+        raise TrialUnusable(
+            f"recordings of segments and of sensors ({list_few([t.name for t in measured])}) are to be apart",
+            field="recordings",
+            remedy="Give them in two commands",
+        )
     labels = dict.fromkeys(label for t in measured for label in get_rotations(t).labels)
     matched = {
         label: placed[label][0] if label in placed else match_rotation(label, model) for label in labels
@@ -198,7 +204,8 @@ def _solve(
     if HEADING in names:
         start = next(p.value for p in model.parameters if p.name == HEADING)
         prior.add_values([HEADING], np.array([start]), np.array([[_HEADING_SD**2]]))
-    some = [_pick(t, max(_SOLVED // len(trials), 2)) for t in trials]
+    measured = [t for t in trials if t.rotations is not None]
+    some = [_pick(t, max(_SOLVED // len(measured), 2)) for t in measured]
     wanted = list(dict.fromkeys(label for t in some for label in t.labels))
     joined = replace(
         some[0].select(wanted),
@@ -211,7 +218,8 @@ def _solve(
     )
     people = read_people()
     shares = np.minimum(spacing / (2.0 * people.loose_s), 1.0)
-    problem, task = pose_problem(model, joined, people, prior=prior, shares=shares)
+    lawful = holds_skin(model)
+    problem, task = pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
     neutral = repeat_default_pose(model, 1)[0]
     within = replace(task, bounds=list_coordinate_ranges(model))
     start_q = guess_start(task.tree, task.measured, neutral, task.p, task.free)

@@ -204,16 +204,17 @@ def ik(
     with _without_subject_file(), blame_file(None, files):
         loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
         session, found = loaded.session, {}
-        model_of, trials = session.model, session.evaluation
+        trials, mounted = session.evaluation, None
         if any(trial.rotations is not None for trial in trials):
             stood = session.static if session.static and session.static.rotations else None
             placed = _list_frames(session.subject)
-            mounted = mount(model_of, trials, stood, placed=placed, turned=options.up is not None)
-            model_of, trials = mounted.model, mounted.trials
+            mounted = mount(session.model, trials, stood, placed=placed, turned=options.up is not None)
+            trials = mounted.trials
             loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(model_of, trial, skin=not options.bone_pins, angles=options.angles)
+            own = session.model if mounted is None or trial.rotations is None else mounted.model
+            found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 
@@ -226,7 +227,7 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
-    everyday = skin and knows_people(model)
+    everyday = (skin or any(m.is_direction for m in model.markers)) and knows_people(model)
     if everyday:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     motion = make_motion(task, trial, solution)

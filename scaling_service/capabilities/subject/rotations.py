@@ -9,6 +9,7 @@ import numpy as np
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.core.notes import Note
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Rotations, Trial
@@ -78,8 +79,19 @@ def part_rotations(session: Session, *, wanted: bool) -> Session:
             field="trials",
             remedy="Follow it by `scaling-service ik`, and leave it out here",
         )
+    both = [
+        Note(
+            code="rotations_unused",
+            place=trial.name,
+            problem="its rotations are not used, its markers are",
+            remedy="Follow it by `scaling-service ik`, which takes both",
+        )
+        for trial in (session.static, *session.calibration, *session.evaluation)
+        if trial is not None and trial.labels and trial.rotations is not None
+    ]
     return replace(
         session,
+        notes=(*session.notes, *both),
         static=None if stood else session.static,
         calibration=tuple(t for t in session.calibration if t.labels),
         evaluation=tuple(t for t in session.evaluation if t.labels),

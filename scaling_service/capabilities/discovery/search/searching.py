@@ -33,15 +33,16 @@ from scaling_service.capabilities.discovery.laws.candidates import (
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
-from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared
+from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
-from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_plate
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
+from scaling_service.model.inertia import sum_mass
 
-LOAD = "carried_load"
+LOAD, MASS = "carried_load", "segment_mass"
 LABELS, BODY, FORCES = 0.1, 0.6, 0.9  # of the work, where its parts end (chosen)
 _MOVED = 0.3  # deviations by which sizes must move to be worth tracking anew (chosen)
 
@@ -238,7 +239,7 @@ class Search(Naming):
             and (sd := list_usual_deviations(e.candidate, self.fit.model)) is not None
         ]
         weight = balance_weight(self.fit)
-        weighed = any(isinstance(e.candidate.change, Reweighed) for e in self.fit.effects)
+        weighed = self._is_weighed()
         contacts: list[tuple[float, Candidate]] = []
 
         def list_touches(noise: Array) -> list[Touch]:
@@ -277,25 +278,36 @@ class Search(Naming):
         mass = None if declared is None else make_candidate(self.fit, declared)
         if mass is not None and weight is not None:
             of_mass = Ranked(loads.mass, mass)
-            # Recordings that disagree about the weight are one number with gains and biases of their plates
-            at = 0 if weight.disagree else bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
+            at = bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
+            if weight.disagree:  # which is one number with gains and biases of their plates
+                of_plates = (k for k, one in enumerate(ranked) if is_of_plate(one.candidate))
+                at = min(at, next(of_plates, at))
             ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
         return loads, ranked
 
     def _hear_declared(
         self, choice: Sequence[tuple[Candidate, Array]], loads: Loads, weight: Weight | None
     ) -> list[Scored]:
-        """Candidates of the wrench, loads with the declared mass as a further reading."""
+        """Candidates of the wrench, loads and segments' masses with the declared mass as a further reading."""
         declared = self.origin.declared_kg
         if weight is None or declared is None:
             return list(loads.scored)
-        carried = sum(float(e.size[0]) for e in self.fit.effects if e.candidate.kind == LOAD)
-        return [
-            hear_declared(s, borne_kg=weight.plates_kg - carried, declared_kg=declared)
-            if c.kind == LOAD
-            else s
-            for (c, _), s in zip(choice, loads.scored, strict=True)
-        ]
+        of = {LOAD: 0.0, MASS: 0.0}
+        for e in self.fit.effects:
+            if e.candidate.kind in of:
+                of[e.candidate.kind] += float(e.size[0])
+        model, found = sum_mass(self.fit.model) + of[MASS], []
+        for (c, _), s in zip(choice, loads.scored, strict=True):
+            if c.kind == LOAD:
+                s = hear_declared(s, borne_kg=weight.plates_kg - of[LOAD], declared_kg=declared)
+            elif c.kind == MASS and not self._is_weighed():
+                s = hear_sum(s, model_kg=model, declared_kg=declared)
+            found.append(s)
+        return found
+
+    def _is_weighed(self) -> bool:
+        """Whether the model weighs what the plates bear by now."""
+        return any(isinstance(e.candidate.change, Reweighed) for e in self.fit.effects)
 
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
         return fit_wrenches(replace(self.fit, effects=tuple(effects)))

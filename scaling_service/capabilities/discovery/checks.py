@@ -1,4 +1,4 @@
-"""What is refused before the search, and what is said of recordings too short to decide much."""
+"""What is refused before the search."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
@@ -35,7 +34,6 @@ fortieth is left where the model is theirs. Where it is not scaled yet up to nin
 as in a model of another size with the right labels: of such a model it cannot be said."""
 
 _FRAMES = 24  # chosen: poses enough to tell a model that never fits from one that strays
-_FEW_BLOCKS = 8  # chosen: with fewer an effect of three numbers has at most five degrees of freedom left
 _OTHER_SIDE = str.maketrans("rlRL", "lrLR")
 
 
@@ -55,18 +53,6 @@ def check_lengths(trials: Sequence[Trial]) -> None:
                 field="trials",
                 remedy="Leave it out, or name a recording of standing under `static:`",
             )
-
-
-def describe_limits(recordings: Sequence[SearchTrial], block_s: float) -> tuple[str, ...]:
-    """Plain sentences on what recordings cannot decide in blocks of ``block_s`` (s) each."""
-    lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
-    count = sum(max(2, int(length / block_s)) for length in lengths)
-    if count >= _FEW_BLOCKS:
-        return ()
-    return (
-        f"{sum(lengths):.1f} s to fit are {count} blocks of {block_s:g} s that count as independent: "
-        "only strong effects can be told from chance, and hardly any from their likes",
-    )
 
 
 def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> None:

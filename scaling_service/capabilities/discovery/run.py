@@ -95,7 +95,7 @@ def run(
     clock = time.perf_counter() if started is None else started
     report = progress or show_nothing
     with loaded.blame_files():
-        prepared = prepare(loaded, chosen, settings, search.block_s, report_part(report, 0.0, _PREPARING))
+        prepared = prepare(loaded, chosen, settings, report_part(report, 0.0, _PREPARING))
         found = search_effects(
             prepared.model,
             prepared.recordings,

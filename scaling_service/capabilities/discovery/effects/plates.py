@@ -21,7 +21,6 @@ from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.core.arrays import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N")
-MOST_BIAS_N = 300.0  # chosen: half a person's weight is no bias
 
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
@@ -32,8 +31,7 @@ def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
     """Every plate, of its forces, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(name=name, unit=1.0, load=PlateBias(plate, k), low=-MOST_BIAS_N, high=MOST_BIAS_N)
-            for k, name in enumerate(_BIASES)
+            Column(name=name, unit=1.0, load=PlateBias(plate, k)) for k, name in enumerate(_BIASES)
         )
         for trials in scene.scopes_with_forces:
             yield Candidate(kind="plate_bias", where=(plate,), columns=columns, trials=trials)
@@ -42,7 +40,7 @@ def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
 def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
-        column = Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
+        column = Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate))
         for trials in scene.scopes_with_forces:
             yield Candidate(kind="plate_gain", where=(plate,), columns=(column,), trials=trials)
 
@@ -51,7 +49,7 @@ def propose_plate_positions(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
         columns = tuple(
-            Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k), low=-most, high=most)
+            Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k))
             for k, most in enumerate(_MOST_SHIFT_MM)
         )
         for trials in scene.scopes_with_forces:
@@ -65,18 +63,18 @@ def propose_plate_rotations(scene: Scene) -> Iterator[Candidate]:
     tried, too, that also shifts, the shift being that of the ground's origin.
     """
     for plate in scene.plates:
-        vertical = (
-            Column(name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),
-        )
+        vertical = (Column(name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1)),)
         elsewhere = (
             Column(
-                name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0
+                name="about_vertical_deg",
+                unit=DEG,
+                load=PlateTurn(plate, 1, "ground"),
             ),
             # without bounds: far from the ground's origin a small turn goes with a large shift there
             *(Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in (0, 2)),
         )
         leaning = tuple(
-            Column(name=f"tilt_{letter}_deg", unit=DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
+            Column(name=f"tilt_{letter}_deg", unit=DEG, load=PlateTurn(plate, k))
             for k, letter in ((0, "x"), (2, "z"))
         )
         for trials in scene.scopes_with_forces:
@@ -102,7 +100,7 @@ def _is_turn_alone(size: Array) -> bool:
 def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
-        columns = (Column(name="delay_s", unit=1.0, load=Late(), low=-0.3, high=0.3),)
+        columns = (Column(name="delay_s", unit=1.0, load=Late()),)
         for trials in scene.scopes_with_forces:
             yield Candidate(kind="force_delay", where=("forces",), columns=columns, trials=trials)
 
@@ -110,10 +108,7 @@ def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
 def propose_gravity_tilt(scene: Scene) -> Iterator[Candidate]:
     """The whole world, about its two level axes."""
     if scene.plates:
-        columns = tuple(
-            Column(name=name, unit=DEG, load=Tilt(k), low=-15.0, high=15.0)
-            for k, name in ((0, "x_deg"), (2, "z_deg"))
-        )
+        columns = tuple(Column(name=name, unit=DEG, load=Tilt(k)) for k, name in ((0, "x_deg"), (2, "z_deg")))
         yield Candidate(kind="gravity_tilt", where=("world",), columns=columns)
 
 

@@ -21,7 +21,6 @@ from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.swinging import still_skin
-from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
 from scaling_service.core.progress import report_nothing
@@ -41,7 +40,7 @@ class SearchTrial:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SearchContext:
-    """What a search is about, and what it keeps: the model it started from, recordings, settings, caches.
+    """What a search is about, and what it keeps: the model it started from, recordings, settings.
 
     ``advance`` is called whenever a part of the work is done.
     """
@@ -49,7 +48,6 @@ class SearchContext:
     model: BodyModel
     recordings: Sequence[SearchTrial] = ()
     settings: DiscoverySettings = field(default_factory=DiscoverySettings)
-    cache: InertialLoadCache = field(default_factory=InertialLoadCache)
     advance: Callable[[], None] = report_nothing
 
 
@@ -160,7 +158,6 @@ def _fit_wrench(item: MotionFit, fit: Fit, contacts: ContactAssignment) -> Wrenc
         contacts=replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
         gravity=tilt_gravity(here),
         oscillating=tuple(list_loads(here, Wobbling)),
-        cache=fit.context.cache,
     )
     for effect in fit.effects:
         contact = effect.candidate.change

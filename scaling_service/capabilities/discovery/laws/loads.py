@@ -197,13 +197,8 @@ def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
             changing[k] = load
         elif isinstance(load, Wobbling):
             oscillating.setdefault(load.shape, {})[k] = load.segment
-        elif isinstance(load, Tilt):
+        else:
             made[:, :, k] = load.column(fit)
-        else:  # the motion has no part in it: made once for all draws of its noise
-            kept = fit.contacts.columns
-            if load not in kept:
-                kept[load] = load.column(fit)
-            made[:, :, k] = kept[load]
     if changing:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
         made[:, :, list(changing)] = fit.compute_needed_more(segments, np.array(changes))

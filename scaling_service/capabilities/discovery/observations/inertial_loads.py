@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from threading import Lock
 
 import numpy as np
 
@@ -17,8 +15,6 @@ from scaling_service.model.inertia import compile_mechanism
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.wrench import compute_regressor_blocks
-
-_BUDGET = 3e8  # bytes; chosen: three trials of a full body for some 15 s, and four draws of their noise each
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +38,7 @@ class InertialLoads:
         poses = pose_links(self.mechanism.tree, self.rated.rates.q, list_parameter_values(self.model))
         return np.ascontiguousarray(poses.origins[0].T)
 
+    @cached_property
     def per_number(self) -> Array:
         """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
         p = list_parameter_values(self.model)
@@ -52,30 +49,8 @@ class InertialLoads:
 
     @property
     def mechanism(self) -> Mechanism:
-        """The model, compiled: once for a motion and all draws of its noise."""
+        """The model, compiled."""
         return _compiled(self.model)
 
 
 _compiled = lru_cache(8)(compile_mechanism)  # chosen: bodies of as many recordings, if each has its own
-
-
-class InertialLoadCache:
-    """Keeps :meth:`InertialLoads.per_number` of what was asked for lately, as far as it fits in memory.
-
-    The search asks for the same ones again and again; it owns one of these.
-    """
-
-    def __init__(self) -> None:
-        self._known: OrderedDict[InertialLoads, Array] = OrderedDict()
-        self._one_at_a_time = Lock()
-
-    def per_number(self, loads: InertialLoads) -> Array:
-        """Made if it is not known."""
-        found = self._known.get(loads)
-        made = loads.per_number() if found is None else found
-        with self._one_at_a_time:
-            self._known[loads] = made
-            self._known.move_to_end(loads)
-            while sum(array.nbytes for array in self._known.values()) > _BUDGET:
-                self._known.popitem(last=False)
-        return made

@@ -288,7 +288,7 @@ class Search(Naming):
     def _hear_declared(
         self, choice: Sequence[tuple[Candidate, Array]], loads: Loads, weight: Weight | None
     ) -> list[Scored]:
-        """Candidates of the wrench, loads and segments' masses with the declared mass as a further reading."""
+        """Candidates of the wrench, loads and segments with the declared mass as a further reading."""
         declared = self.origin.declared_kg
         if weight is None or declared is None:
             return list(loads.scored)

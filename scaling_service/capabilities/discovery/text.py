@@ -170,9 +170,9 @@ def _is_worse(level: LevelDocument) -> bool:
 
 
 def choose_tone(verdict: str, effects: Sequence[EffectDocument], worse: str) -> Tone:
-    """Whether a headline is good news: not where a size is to doubt, or something was made worse."""
+    """Whether a headline is good news, as nothing is: not where a size is to doubt or something got worse."""
     if verdict == "nothing":
-        return "plain"
+        return "good"
     doubtful = worse or any(has_doubtful_size(effect) for effect in effects)
     return "good" if verdict == "found" and not doubtful else "fair"
 

@@ -24,8 +24,6 @@ _BIASES = ("fx_N", "fy_N", "fz_N")
 
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
-_MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
-
 
 def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
     """Every plate, of its forces, in all recordings and in each."""
@@ -48,10 +46,7 @@ def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:
 def propose_plate_positions(scene: Scene) -> Iterator[Candidate]:
     """Every loaded plate, in all recordings and in each."""
     for plate in scene.plates:
-        columns = tuple(
-            Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k))
-            for k, most in enumerate(_MOST_SHIFT_MM)
-        )
+        columns = tuple(Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in range(3))
         for trials in scene.scopes_with_forces:
             yield Candidate(kind="plate_position", where=(plate,), columns=columns, trials=trials)
 

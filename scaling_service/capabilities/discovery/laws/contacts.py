@@ -60,7 +60,7 @@ def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
 
 
 def fit_point(spells: Sequence[Spell], segment: str) -> Array:
-    """The point (3,) within reach of the segment about which the disagreement has least moment, in its frame, m.
+    """The point (3,), m, within a segment's reach about which the disagreement has least moment, in its axes.
 
     Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
     products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
@@ -74,7 +74,7 @@ def fit_point(spells: Sequence[Spell], segment: str) -> Array:
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
         point = _step_point(spells, segment, point, middle, (low, high))
-    return point
+    return np.asarray(point)
 
 
 def _step_point(

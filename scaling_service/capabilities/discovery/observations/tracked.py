@@ -1,4 +1,4 @@
-"""A recording as the search sees it: tracked by the model, with the noise floor of its markers."""
+"""A recording as the search sees it: tracked by the model."""
 
 from __future__ import annotations
 
@@ -27,22 +27,6 @@ from scaling_service.numerics.multibody.tree import (
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
 _FEWEST_BLOCKS = 4  # of a trial; chosen: a spread needs three, and one may be empty
-LEAST_M = 2e-4
-"""m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
-of a millimetre). Recordings that show less were smoothed before."""
-
-_NORMAL = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
-
-_UNLIKE = 2.0
-"""How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
-times). What shows less was smoothed, what shows more is no noise of the cameras."""
-
-_THIRD = 20.0  # variance of third differences of white noise of unit variance
-
-_ENOUGH = 30
-"""Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
-
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
 
 
@@ -54,7 +38,6 @@ class MotionFit:
     role: Role
     task: Task  # the model as tracked, with the markers used
     q: Array  # (n_frames, n_coordinates), rad or m
-    floor: Array  # (n_markers,), m: standard deviation of the noise of one coordinate of each marker
 
     @classmethod
     def of(
@@ -69,15 +52,13 @@ class MotionFit:
 
         ``astray``: markers that wander by some factor more than others, which draw the pose the less.
         """
-        plain = Task.of(model, trial, bounded=False)
-        floor = estimate_marker_noise(plain.measured)
-        task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor, astray))
+        weights = {m.name: astray.get(m.name, 1.0) ** -2 for m in model.markers if m.weight > 0.0}
+        task = Task.of(model, trial, bounded=False, weights=weights)
         return cls(
             trial=trial,
             role=role,
             task=task,
             q=solve_task(task, trial.times, _carry_over_motion(task, near)).q,
-            floor=floor,
         )
 
     @property
@@ -140,11 +121,6 @@ class MotionFit:
     def _inertial_loads(self) -> dict[tuple[bytes, float], InertialLoads]:
         return {}
 
-    @property
-    def square(self) -> float:
-        """Whitened sum of squares of all residuals."""
-        return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
-
     @cached_property
     def seen(self) -> NDArray[np.bool_]:
         """Where a marker was seen, (n_frames, n_markers)."""
@@ -168,34 +144,6 @@ def without_span(residuals: Array, basis: Array) -> Array:
     """Residuals (n, r) without what a basis (n, q, r) takes of them."""
     taken = basis @ residuals[:, :, None]
     return residuals - (basis.transpose(0, 2, 1) @ taken)[:, :, 0]
-
-
-def estimate_marker_noise(measured: Array) -> Array:
-    """Standard deviation (m) of one coordinate's noise for each marker, (n_markers,).
-
-    A body moves smoothly from frame to frame, a camera's noise does not: third differences of a marker's path
-    keep the noise and next to nothing of the movement. A marker seen too briefly gets the others' median.
-    ``measured``: not smoothed, (n_frames, n_markers, 3), m; NaN where not seen.
-    """
-    steps = np.diff(measured, n=3, axis=0)
-    spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
-    typical = float(np.nanmedian(spread)) if np.isfinite(spread).any() else LEAST_M
-    known = np.where(np.isfinite(spread), spread, typical)
-    return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
-
-
-def _spread(steps: Array) -> float:
-    known = steps[np.isfinite(steps).all(axis=1)]
-    if len(known) < _ENOUGH:
-        return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_THIRD))
-
-
-def _weight_markers(task: Task, floor: Array, astray: Mapping[str, float]) -> dict[str, float]:
-    """One over the variance of each marker, the median marker's being one."""
-    typical = float(np.median(floor))
-    pairs = zip(task.markers, floor.tolist(), strict=True)
-    return {name: (typical / (astray.get(name, 1.0) * sd)) ** 2 for name, sd in pairs}
 
 
 def _carry_over_motion(task: Task, near: MotionFit | None) -> Array | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -83,7 +83,7 @@ class Look:
     def of(cls, item: MotionFit, base: Base, generators: Generators, clusters: Sequence[Cluster]) -> Look:
         """Frames at equal times."""
         rows = np.unique(np.linspace(0, len(item.q) - 1, min(FRAMES, len(item.q))).round().astype(np.intp))
-        gap, pose, columns = generators.at(replace(item, floor=np.ones(len(item.markers))), rows)
+        gap, pose, columns = generators.at(item, rows)
         axes = place_in_segments(item, rows)
         return cls(
             item=item,

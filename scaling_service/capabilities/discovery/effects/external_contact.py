@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.laws.contacts import (
 )
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
-from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
+from scaling_service.capabilities.discovery.ordinary.sums import find_best_span
 from scaling_service.capabilities.kinetics.forces import find_feet
 from scaling_service.core.arrays import Array
 

@@ -15,8 +15,8 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import make_clusters
-from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
 from scaling_service.capabilities.discovery.ordinary.sums import (
+    find_best_span,
     list_patterns,
     place_in_segments,
     turn_vectors,

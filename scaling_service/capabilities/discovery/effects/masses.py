@@ -10,8 +10,7 @@ from scaling_service.capabilities.discovery.effects._columns import MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
-from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
-from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.core.arrays import Array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal
@@ -12,22 +12,65 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import (
     Poses,
     place_tree_markers,
     pose_links,
 )
+from scaling_service.numerics.wrench import compute_regressor_blocks
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
 _FEWEST_BLOCKS = 4  # of a trial; chosen: a spread needs three, and one may be empty
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InertialLoads:
+    """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here."""
+
+    model: BodyModel
+    times: Array
+    q: Array
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float  # of the light filter of coordinates
+
+    @cached_property
+    def rated(self) -> RatedMotion:
+        """The motion with its rates, filtered."""
+        return differentiate_motion(self.model, self.times, self.q, cutoff_hz=self.cutoff_hz)
+
+    @cached_property
+    def root(self) -> Array:
+        """The trunk's origin, (n, 3), m."""
+        poses = pose_links(self.mechanism.tree, self.rated.rates.q, list_parameter_values(self.model))
+        return np.ascontiguousarray(poses.origins[0].T)
+
+    @cached_property
+    def per_number(self) -> Array:
+        """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
+        p = list_parameter_values(self.model)
+        found = compute_regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
+        made = np.concatenate([block.ground for block in found])
+        made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
+        return made
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The model, compiled."""
+        return _compiled(self.model)
+
+
+_compiled = lru_cache(8)(compile_mechanism)  # chosen: bodies of as many recordings, if each has its own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

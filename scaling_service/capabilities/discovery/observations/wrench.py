@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
+from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit, Role
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel

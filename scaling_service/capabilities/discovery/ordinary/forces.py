@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.loads import (
     Inertial,
     Late,
@@ -26,6 +25,8 @@ from scaling_service.capabilities.discovery.laws.loads import (
     PlateTurn,
     Tilt,
     compute_columns,
+    differentiate_centre,
+    scale_segment,
 )
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part

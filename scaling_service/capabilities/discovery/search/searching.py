@@ -227,7 +227,9 @@ class Search:
             for r in reversed(ranked)
             if r.odds >= self.settings.odds
             and r.scored is not None
-            and self._is_rival(r.candidate, first.candidate)
+            and set(r.candidate.where) & set(first.candidate.where)
+            and r.candidate.trials == first.candidate.trials
+            and r.candidate.key not in self.refused
         }
         if len(rivals) < 2:
             return ranked
@@ -249,11 +251,6 @@ class Search:
             ),
             key=lambda r: (r.candidate.key != best, -r.odds),
         )
-
-    def _is_rival(self, one: Candidate, first: Candidate) -> bool:
-        """Whether two sit at the same place in the same recordings."""
-        same = bool(set(one.where) & set(first.where)) and one.trials == first.trials
-        return same and one.key not in self.refused
 
     def _refit_markers(self, effects: Sequence[Estimate]) -> Fit:
         return fit_recordings(self.fit.context, effects, self.fit)

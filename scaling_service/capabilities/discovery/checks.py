@@ -70,32 +70,36 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
                 field="markers",
                 remedy="Exchange the labels in the recording, or map them under `markers:`",
             )
-        if not scaled and UNSCALED_M < away <= LARGEST_M:
-            raise TrialUnusable(
-                f"the model does not have this person's size: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="model",
-                remedy="Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
-            )
-        if scaled and MISFIT_M < away <= LARGEST_M:
-            raise TrialUnusable(
-                f"the scaled model does not follow this recording: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="model",
-                remedy="Look at the scaling first (`scale`), at the labels under `markers:`, and at whether "
-                "the static trial is of this person and day",
-            )
-        if away > LARGEST_M:
-            raise TrialUnusable(
-                f"the model does not fit this recording at all: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="markers",
-                remedy="Check that model and recording are of the same person, that the files' units are "
-                "right, and that no labels are exchanged",
-            )
+        for wrong, what, field, remedy in (
+            (
+                away > LARGEST_M,
+                "the model does not fit this recording at all",
+                "markers",
+                "Check that model and recording are of the same person, that the files' units are right, and "
+                "that no labels are exchanged",
+            ),
+            (
+                scaled and away > MISFIT_M,
+                "the scaled model does not follow this recording",
+                "model",
+                "Look at the scaling first (`scale`), at the labels under `markers:`, and at whether the "
+                "static trial is of this person and day",
+            ),
+            (
+                not scaled and away > UNSCALED_M,
+                "the model does not have this person's size",
+                "model",
+                "Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
+            ),
+        ):
+            if wrong:
+                said = f"half of the markers are more than {1e3 * away:.0f} mm away from the model's"
+                raise TrialUnusable(
+                    f"{what}: {said}, so no single effect is looked for",
+                    file=trial.name,
+                    field=field,
+                    remedy=remedy,
+                )
 
 
 def measure_typical_distance(model: BodyModel, trial: Trial) -> float:

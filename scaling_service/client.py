@@ -22,21 +22,9 @@ import requests
 from pydantic import BaseModel, ValidationError
 
 from scaling_service.core.errors import InputError
+from scaling_service.documents import service
 from scaling_service.documents.jobs import State
 from scaling_service.documents.reading import check_document, read_content
-from scaling_service.documents.service import (
-    ExampleList,
-    FileEntry,
-    FileList,
-    JobDocument,
-    JobPage,
-    MarkerMapDocument,
-    Problem,
-    SubjectDetail,
-    SubjectPage,
-    SubjectSummary,
-    Vocabulary,
-)
 
 TIMEOUT_S = 60.0
 """Without a byte for so long, the service is taken for gone. Chosen: event streams speak each 15 s."""
@@ -46,7 +34,7 @@ _MOST_WAIT_S = 5.0
 _CHUNK_BYTES = 1 << 20
 
 Model = TypeVar("Model", bound=BaseModel)
-PageModel = TypeVar("PageModel", SubjectPage, JobPage)
+PageModel = TypeVar("PageModel", service.SubjectPage, service.JobPage)
 
 
 class ServiceRefused(InputError):
@@ -90,18 +78,18 @@ class Client:
 
     # Subjects
 
-    def put_subject(self, document: Mapping[str, Any]) -> SubjectDetail:
+    def put_subject(self, document: Mapping[str, Any]) -> service.SubjectDetail:
         """Give a subject's document."""
-        return _parse(SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
+        return _parse(service.SubjectDetail, self._call("POST", "/v1/subjects", json=dict(document)))
 
-    def upload(self, subject: str, path: str | Path, name: str | None = None) -> FileEntry:
+    def upload(self, subject: str, path: str | Path, name: str | None = None) -> service.FileEntry:
         """Upload a file of a subject, under its own name unless another is given."""
         file = Path(path)
         place = f"{_make_subject_path(subject)}/files/{quote(name or file.name, safe='')}"
         with file.open("rb") as content:
-            return _parse(FileEntry, self._call("PUT", place, data=content))
+            return _parse(service.FileEntry, self._call("PUT", place, data=content))
 
-    def put_subject_file(self, path: str | Path) -> SubjectDetail:
+    def put_subject_file(self, path: str | Path) -> service.SubjectDetail:
         """Give a subject's document, YAML or JSON, and upload the files beside it that it names."""
         file = Path(path)
         document = read_content(file)
@@ -113,13 +101,13 @@ class Client:
                 self.upload(subject, file.parent / name)
         return self.subject(subject)
 
-    def subject(self, subject: str) -> SubjectDetail:
+    def subject(self, subject: str) -> service.SubjectDetail:
         """One subject."""
-        return _parse(SubjectDetail, self._call("GET", _make_subject_path(subject)))
+        return _parse(service.SubjectDetail, self._call("GET", _make_subject_path(subject)))
 
-    def subjects(self) -> Iterator[SubjectSummary]:
+    def subjects(self) -> Iterator[service.SubjectSummary]:
         """All subjects, newest first."""
-        for page in self._read_pages(SubjectPage, "/v1/subjects", {}):
+        for page in self._read_pages(service.SubjectPage, "/v1/subjects", {}):
             yield from page.items
 
     def delete_subject(self, subject: str) -> None:
@@ -130,15 +118,17 @@ class Client:
 
     def put_examples(self, persons: int = 1) -> list[str]:
         """Put the built-in example among the subjects, and others like it for a cohort; their names."""
-        return _parse(ExampleList, self._call("POST", "/v1/examples", params={"persons": persons})).subjects
+        return _parse(
+            service.ExampleList, self._call("POST", "/v1/examples", params={"persons": persons})
+        ).subjects
 
-    def vocabulary(self) -> Vocabulary:
+    def vocabulary(self) -> service.Vocabulary:
         """Built-in models with their markers, methods and bones."""
-        return _parse(Vocabulary, self._call("GET", "/v1/vocabulary"))
+        return _parse(service.Vocabulary, self._call("GET", "/v1/vocabulary"))
 
     def marker_map(self) -> dict[str, str]:
         """Label to model marker, as the laboratory has them."""
-        return _parse(MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
+        return _parse(service.MarkerMapDocument, self._call("GET", "/v1/marker-map")).labels
 
     def put_marker_map(self, labels: Mapping[str, str]) -> None:
         """Keep which label is which marker, in place of what was kept before."""
@@ -146,28 +136,28 @@ class Client:
 
     # Jobs
 
-    def ask(self, route: str, /, **request: Any) -> JobDocument:
+    def ask(self, route: str, /, **request: Any) -> service.JobDocument:
         """Ask for a job; one that was done before comes back done.
 
         The route is such as ``scalings/linear`` or ``comparisons/joint-angles``, the request its body as
         documented at ``/docs``.
         """
-        return _parse(JobDocument, self._call("POST", f"/v1/{route}", json=request))
+        return _parse(service.JobDocument, self._call("POST", f"/v1/{route}", json=request))
 
-    def job(self, job: JobDocument | str) -> JobDocument:
+    def job(self, job: service.JobDocument | str) -> service.JobDocument:
         """A job as it is now."""
-        return _parse(JobDocument, self._call("GET", _make_job_path(job)))
+        return _parse(service.JobDocument, self._call("GET", _make_job_path(job)))
 
-    def jobs(self, **chosen: str) -> Iterator[JobDocument]:
+    def jobs(self, **chosen: str) -> Iterator[service.JobDocument]:
         """All jobs, newest first; of one ``state``, ``kind`` or ``subject`` where given."""
-        for page in self._read_pages(JobPage, "/v1/jobs", chosen):
+        for page in self._read_pages(service.JobPage, "/v1/jobs", chosen):
             yield from page.items
 
-    def events(self, job: JobDocument | str) -> Iterator[JobDocument]:
+    def events(self, job: service.JobDocument | str) -> Iterator[service.JobDocument]:
         """A job each time that it changes, until it is over; connections that break are made again."""
         return (found for found in self._watch(job) if found is not None)
 
-    def wait(self, job: JobDocument | str, timeout_s: float = 3600.0) -> JobDocument:
+    def wait(self, job: service.JobDocument | str, timeout_s: float = 3600.0) -> service.JobDocument:
         """Wait until a job is done; JobEnded is raised where it failed or was cancelled.
 
         TimeoutError is raised where it is not over in time; it goes on. The time is looked at whenever the
@@ -181,7 +171,7 @@ class Client:
                 raise TimeoutError(f"the job is not over after {timeout_s:g} s")
         return _require_done(self.job(job))
 
-    def _watch(self, job: JobDocument | str) -> Iterator[JobDocument | None]:
+    def _watch(self, job: service.JobDocument | str) -> Iterator[service.JobDocument | None]:
         """A job each time that it changes, and None where the service only says that it lives."""
         seen = -1
         while True:
@@ -198,16 +188,16 @@ class Client:
             if answer.status_code == 204:
                 return
 
-    def result(self, job: JobDocument | str) -> dict[str, Any]:
+    def result(self, job: service.JobDocument | str) -> dict[str, Any]:
         """What a job found."""
         found: dict[str, Any] = self._call("GET", f"{_make_job_path(job)}/result").json()
         return found
 
-    def files(self, job: JobDocument | str) -> list[FileEntry]:
+    def files(self, job: service.JobDocument | str) -> list[service.FileEntry]:
         """What a job made."""
-        return _parse(FileList, self._call("GET", f"{_make_job_path(job)}/files")).items
+        return _parse(service.FileList, self._call("GET", f"{_make_job_path(job)}/files")).items
 
-    def download(self, job: JobDocument | str, folder: str | Path) -> list[Path]:
+    def download(self, job: service.JobDocument | str, folder: str | Path) -> list[Path]:
         """Download all that a job made into a folder."""
         written = []
         for file in self.files(job):
@@ -222,14 +212,16 @@ class Client:
             written.append(target)
         return written
 
-    def cancel(self, job: JobDocument | str) -> JobDocument:
+    def cancel(self, job: service.JobDocument | str) -> service.JobDocument:
         """Wish that a job ends; one that is over is left as it is."""
         found = self.job(job)
         return (
-            found if found.state.is_over else _parse(JobDocument, self._call("DELETE", _make_job_path(job)))
+            found
+            if found.state.is_over
+            else _parse(service.JobDocument, self._call("DELETE", _make_job_path(job)))
         )
 
-    def delete(self, job: JobDocument | str) -> None:
+    def delete(self, job: service.JobDocument | str) -> None:
         """Delete a job that is over, with all that it made."""
         if not self.job(job).state.is_over:
             raise InputError(
@@ -275,7 +267,7 @@ class Client:
 
 def _make_refusal(answer: requests.Response) -> ServiceRefused:
     try:
-        problem = Problem.model_validate_json(answer.content)
+        problem = service.Problem.model_validate_json(answer.content)
     except ValidationError:
         error = ServiceRefused(f"the service answered {answer.status_code}", remedy="Look at its log")
     else:
@@ -292,23 +284,23 @@ def _make_subject_path(name: str) -> str:
     return f"/v1/subjects/{quote(name, safe='')}"
 
 
-def _make_job_path(job: JobDocument | str) -> str:
-    return f"/v1/jobs/{job.id if isinstance(job, JobDocument) else quote(job, safe='')}"
+def _make_job_path(job: service.JobDocument | str) -> str:
+    return f"/v1/jobs/{job.id if isinstance(job, service.JobDocument) else quote(job, safe='')}"
 
 
-def _parse_events(answer: requests.Response) -> Iterator[JobDocument | None]:
+def _parse_events(answer: requests.Response) -> Iterator[service.JobDocument | None]:
     """The jobs in an event stream, and None for its comments, until it ends or breaks."""
     try:
         for line in answer.iter_lines(chunk_size=1):  # else the last lines wait for more
             if line.startswith(b":"):
                 yield None
             elif line.startswith(b"data: {") and line != b"data: {}":
-                yield JobDocument.model_validate_json(line[6:])
+                yield service.JobDocument.model_validate_json(line[6:])
     except (requests.ConnectionError, requests.exceptions.ChunkedEncodingError):
         return
 
 
-def _require_done(job: JobDocument) -> JobDocument:
+def _require_done(job: service.JobDocument) -> service.JobDocument:
     if job.state is State.DONE:
         return job
     failure = job.failure

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import fits
 from scaling_service.bones.deviations import GRAIN_M
-from scaling_service.bones.fits import CylinderOnBone, SphereOnBone, measure_coverage, refine_cylinder
 from scaling_service.bones.shapes import SphereFit, fit_sphere_pair
 from scaling_service.bones.surface import Surface
 
@@ -69,9 +69,9 @@ class Knee:
     """What was found at the distal end, in the surface's own frame, m."""
 
     frame: _Frame
-    low: SphereOnBone  # to the subject's left
-    high: SphereOnBone  # to the subject's right
-    cylinder: CylinderOnBone | None
+    low: fits.SphereOnBone  # to the subject's left
+    high: fits.SphereOnBone  # to the subject's right
+    cylinder: fits.CylinderOnBone | None
     distal: NDArray[np.bool_]
 
     @property
@@ -135,7 +135,7 @@ def find_knee(surface: Surface, distal_end: float, rightward: Array | None = Non
     return Knee(frame=frame, low=low, high=high, cylinder=cylinder, distal=distal)
 
 
-def _doubt_condyles(low: SphereOnBone, high: SphereOnBone, width: float) -> str | None:
+def _doubt_condyles(low: fits.SphereOnBone, high: fits.SphereOnBone, width: float) -> str | None:
     for ball in (low, high):
         if not CONDYLE_RADII_M[0] <= ball.radius <= CONDYLE_RADII_M[1]:
             return f"a condyle's sphere has a radius of {1e3 * ball.radius:.0f} mm"
@@ -151,7 +151,9 @@ def _doubt_condyles(low: SphereOnBone, high: SphereOnBone, width: float) -> str 
     return None
 
 
-def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOnBone, SphereOnBone] | str:
+def _fit_both_spheres(
+    surface: Surface, frame: _Frame
+) -> tuple[_Frame, fits.SphereOnBone, fits.SphereOnBone] | str:
     """Spheres and their common axis in turn, until both stay."""
     pair: tuple[SphereFit, SphereFit] | None = None
     for step in range(_STEPS):
@@ -167,7 +169,13 @@ def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOn
         ]
         if min(int((weight > 0).sum()) for weight in chosen) < _FEWEST:
             return "no sphere fits the back of a condyle"
-        new = _fit_pair(surface, chosen, pair)
+        # Both spheres through their vertices, each worth as many observations as it has grains of area.
+        # Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
+        points = [surface.points[weight > 0] for weight in chosen]
+        counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
+        rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
+        noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
+        new = fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
         settled = max(float(np.linalg.norm(a.centre - b.centre)) for a, b in zip(new, pair, strict=True))
         pair = new
         axis = pair[1].centre - pair[0].centre
@@ -181,30 +189,16 @@ def _fit_both_spheres(surface: Surface, frame: _Frame) -> tuple[_Frame, SphereOn
     if pair is None:
         return "no sphere fits the back of a condyle"
     balls = [
-        SphereOnBone(
+        fits.SphereOnBone(
             centre=ball.centre,
             radius=ball.radius,
             rms=ball.rms,
-            covered=measure_coverage(surface, ball.centre, weight),
+            covered=fits.measure_coverage(surface, ball.centre, weight),
             support=weight,
         )
         for ball, weight in zip(pair, chosen, strict=True)
     ]
     return frame, balls[0], balls[1]
-
-
-def _fit_pair(
-    surface: Surface, chosen: list[Array], pair: tuple[SphereFit, SphereFit]
-) -> tuple[SphereFit, SphereFit]:
-    """Both spheres through their vertices, each worth as many observations as it has grains of area.
-
-    Noise that was smoothed off is counted in: what is left of it is alike over more than one grain.
-    """
-    points = [surface.points[weight > 0] for weight in chosen]
-    counts = [(weight * surface.areas)[weight > 0] / GRAIN_M**2 for weight in chosen]
-    rms = float(np.hypot(pair[0].rms, pair[1].rms)) / np.sqrt(2.0)
-    noise = max(_LEAST_NOISE_M, float(np.hypot(rms, surface.noise)))
-    return fit_sphere_pair(*points, *counts, starts=pair, alike=ALIKE_M, noise=noise)
 
 
 def _weigh_vertices(
@@ -263,9 +257,9 @@ def _guess_sphere(surface: Surface, frame: _Frame, half: NDArray[np.bool_]) -> S
     return SphereFit(rear + radius * frame.x, radius, _FIRST_NOISE_M, converged=True)
 
 
-def _fit_cylinder(surface: Surface, knee: Knee) -> CylinderOnBone | None:
+def _fit_cylinder(surface: Surface, knee: Knee) -> fits.CylinderOnBone | None:
     frame = knee.frame
     on_arc = _weigh_arc(surface.smooth - knee.centre, frame) > 0.5
     within = (_select_half(surface, frame, -1.0) | _select_half(surface, frame, 1.0)) & on_arc
     radius = 0.5 * (knee.low.radius + knee.high.radius)
-    return refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)
+    return fits.refine_cylinder(surface, knee.centre, knee.axis, radius, ridge=CYLINDER_RIDGE, within=within)

@@ -15,7 +15,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.fits import BLUNT_M, WINDOW_M, CylinderOnBone, SphereOnBone, find_tip
+from scaling_service.bones import fits
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface
 from scaling_service.model.people import read_people
@@ -37,12 +37,12 @@ class Tip:
     direction: Array  # (3,), unit
     within: Mask  # (n,)
     _: KW_ONLY
-    depth: float = BLUNT_M  # m
+    depth: float = fits.BLUNT_M  # m
     turn: float = TURN  # rad; standard deviation of the direction about each axis across it
 
     def find(self) -> Array:
         """The tip, (3,), m."""
-        return find_tip(self.surface, self.direction, self.within, self.depth)
+        return fits.find_tip(self.surface, self.direction, self.within, self.depth)
 
     def deviate(self) -> float:
         """By the direction and the mesh, m: how far the tip goes when the direction turns by a deviation."""
@@ -51,11 +51,11 @@ class Tip:
             moved = [self._turn(sign * across) - here for sign in (-1.0, 1.0)]
             total += float(np.mean([way @ way for way in moved]))
         hole = 0.5 * self.surface.rims.measure_near(here)
-        return float(np.sqrt(total + hole**2 + measure_mesh_error(self.surface, WINDOW_M) ** 2))
+        return float(np.sqrt(total + hole**2 + measure_mesh_error(self.surface, fits.WINDOW_M) ** 2))
 
     def _turn(self, across: Array) -> Array:
         turned = np.cos(self.turn) * self.direction + np.sin(self.turn) * across
-        return find_tip(self.surface, turned, self.within, self.depth)
+        return fits.find_tip(self.surface, turned, self.within, self.depth)
 
 
 def measure_mesh_error(surface: Surface, radius: float) -> float:
@@ -63,7 +63,7 @@ def measure_mesh_error(surface: Surface, radius: float) -> float:
     return float(np.hypot(surface.noise, surface.edge**2 / (8.0 * radius)))
 
 
-def deviate_sphere(surface: Surface, ball: SphereOnBone) -> float:
+def deviate_sphere(surface: Surface, ball: fits.SphereOnBone) -> float:
     """Of a sphere's centre by its fit, m: the root of the trace of the least squares' covariance."""
     offset = surface.smooth - ball.centre
     distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-9)
@@ -72,7 +72,7 @@ def deviate_sphere(surface: Surface, ball: SphereOnBone) -> float:
     return float(np.sqrt(np.trace(covariance[:3, :3])))
 
 
-def deviate_cylinder(surface: Surface, tube: CylinderOnBone) -> tuple[float, float]:
+def deviate_cylinder(surface: Surface, tube: fits.CylinderOnBone) -> tuple[float, float]:
     """Of a cylinder's axis by its fit: across it, m, and its direction, rad."""
     first, second = span_plane(tube.direction)
     offset = surface.smooth - tube.point

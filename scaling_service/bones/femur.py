@@ -5,20 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import fits, pieces, results
 from scaling_service.bones.condyles import Knee, find_knee
 from scaling_service.bones.cuts import find_cut_plane, is_cut
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
 from scaling_service.bones.edges import refuse_cut
-from scaling_service.bones.fits import SphereOnBone, find_spheres, place_sphere
-from scaling_service.bones.pieces import find_ends, require_long, require_one_bone
-from scaling_service.bones.results import (
-    BoneLandmarks,
-    Cylinder,
-    MeshRefused,
-    Quality,
-    Side,
-    Sphere,
-)
 from scaling_service.bones.surface import Surface, prepare
 
 Array = NDArray[np.float64]
@@ -29,10 +20,26 @@ _HALF = 0.5  # heads cover 0.49-0.85 of their spheres, other balls on an end 0.2
 _SHORTEST_M = 0.05  # chosen: a head with its neck
 AXES_APART_DEG = 3.0  # sphere axis against cylinder axis, above which a warning is given (contract)
 
+HEAD_RADII_M = (0.015, 0.032)
+"""Heads of adults are 42.5 (2.2) to 48 (2.5) mm wide; wider by 4 SD, and down to a child's."""
+
+HEAD_COVERED = 0.42
+"""Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
+
+HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
+
+SET_OFF_M = 0.008
+"""Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
+trochanter 11."""
+
+STRADDLING = 0.45
+"""Least ratio of two condyles' distances from the line of the shaft: chosen below the 0.6-0.8 of four femurs;
+a trochanter sits on the shaft, a head 24-38 mm beside it."""
+
 
 def find_femur_landmarks(
-    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
-) -> BoneLandmarks:
+    vertices: Array, faces: NDArray[np.integer], *, named_side: results.Side | None = None
+) -> results.BoneLandmarks:
     """Landmarks of a femur of unknown orientation and side.
 
     ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: what the bone is called; believed
@@ -46,13 +53,13 @@ def find_femur_landmarks(
     """
     surface = prepare(vertices, faces)
     refused: dict[str, str] = {}
-    ends = find_ends(surface)
+    ends = pieces.find_ends(surface)
     if ends is not None:
         return _find_on_ends(ends, named_side, refused)
-    surface, notes = require_one_bone(surface, "femur")
+    surface, notes = pieces.require_one_bone(surface, "femur")
     surface, piece = _stand_piece(surface)
     if not piece:
-        require_long(surface, "femur")
+        pieces.require_long(surface, "femur")
     head = find_head(surface, refused, shaft=not piece)
     knee, reason = _find_knee_end(surface, None if piece else head)
     if piece and head is not None:  # one end shows either; a ball on condyles covers less than half
@@ -66,7 +73,7 @@ def find_femur_landmarks(
         knee = None
         refused["knee_centre"] = "the other end flares but bears no head, as that of a tibia"
     if head is None and knee is None:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it is no femur that can be used: {refused['hip_centre']}; {refused['knee_centre']}",
             remedy="Give the surface of one femur, in the right unit",
         )
@@ -83,12 +90,14 @@ def _stand_piece(surface: Surface) -> tuple[Surface, bool]:
     return (surface, False) if normal is None else (surface.turn(normal), True)
 
 
-def _find_on_ends(surface: Surface, named_side: Side | None, refused: dict[str, str]) -> BoneLandmarks:
+def _find_on_ends(
+    surface: Surface, named_side: results.Side | None, refused: dict[str, str]
+) -> results.BoneLandmarks:
     """Landmarks of a femur without its shaft: its head stands medial of its trochanter, and it has a name."""
-    require_long(surface, "femur")
+    pieces.require_long(surface, "femur")
     head = find_head(surface, refused, shaft=False)
     if head is None or named_side is None:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it is two pieces that are not the ends of a femur: {refused['hip_centre']}"
             if head is None
             else "both ends of a femur without its shaft do not tell left from right",
@@ -105,7 +114,7 @@ def _find_on_ends(surface: Surface, named_side: Side | None, refused: dict[str, 
     return _collect(surface, head, knee, (named_side, "name"), refused, notes)
 
 
-def _find_knee_end(surface: Surface, head: SphereOnBone | None) -> tuple[Knee | None, str]:
+def _find_knee_end(surface: Surface, head: fits.SphereOnBone | None) -> tuple[Knee | None, str]:
     """The knee at the end without the head (at either without one), or why there is none."""
     ends = [1.0, -1.0] if head is None else [-float(np.sign(head.centre[0]))]
     tried = [find_knee(surface, end) for end in ends]
@@ -126,12 +135,12 @@ def _widens_distally(surface: Surface, knee: Knee) -> bool:
 
 
 def _tell_side(
-    surface: Surface, head: SphereOnBone | None, knee: Knee | None, named: Side | None
-) -> tuple[Side, str]:
+    surface: Surface, head: fits.SphereOnBone | None, knee: Knee | None, named: results.Side | None
+) -> tuple[results.Side, str]:
     """The head lies medial of the shaft; a bone without one of its ends is what it is called."""
     if head is None or knee is None:
         if named is None:
-            raise MeshRefused(
+            raise results.MeshRefused(
                 "only one end of the femur can be used, which does not tell left from right",
                 remedy="Name it femur_r or femur_l",
             )
@@ -142,38 +151,38 @@ def _tell_side(
     right = knee.frame.z - float(knee.frame.z @ knee.frame.y) * knee.frame.y
     medial = float((head.centre - surface.middle(shaft)) @ right)
     if abs(medial) < 10e-3:  # chosen: a head stands 30-50 mm medial of the shaft
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"the head stands {1e3 * abs(medial):.0f} mm beside the shaft, so left and right are not clear",
             remedy="Check that the bone is whole and not deformed",
         )
-    side: Side = "r" if medial < 0 else "l"
+    side: results.Side = "r" if medial < 0 else "l"
     return side, "shape"
 
 
 def _collect(
     surface: Surface,
-    head: SphereOnBone | None,
+    head: fits.SphereOnBone | None,
     knee: Knee | None,
-    side: tuple[Side, str],
+    side: tuple[results.Side, str],
     refused: dict[str, str],
     notes: list[str],
-) -> BoneLandmarks:
+) -> results.BoneLandmarks:
     points: dict[str, Array] = {}
-    balls: dict[str, Sphere] = {}
-    cylinders: dict[str, Cylinder] = {}
+    balls: dict[str, results.Sphere] = {}
+    cylinders: dict[str, results.Cylinder] = {}
     axes: dict[str, Array] = {}
     off: dict[str, float] = {}
     turned: dict[str, float] = {}
     if head is not None:
         points["hip_centre"] = surface.to_image(head.centre)
-        balls["head"] = place_sphere(surface, head)
+        balls["head"] = fits.place_sphere(surface, head)
         off["hip_centre"] = deviate_sphere(surface, head)
     if knee is not None:
         medial, lateral = (knee.low, knee.high) if side[0] == "r" else (knee.high, knee.low)
         points["knee_centre"] = surface.to_image(knee.centre)
         axes["knee"] = surface.turn_to_image(knee.axis)
-        balls["condyle_medial"] = place_sphere(surface, medial)
-        balls["condyle_lateral"] = place_sphere(surface, lateral)
+        balls["condyle_medial"] = fits.place_sphere(surface, medial)
+        balls["condyle_lateral"] = fits.place_sphere(surface, lateral)
         centres = deviate_sphere(surface, medial), deviate_sphere(surface, lateral)
         off["knee_centre"] = 0.5 * float(np.hypot(*centres))
         turned["knee"] = deviate_line(float(np.linalg.norm(medial.centre - lateral.centre)), *centres)
@@ -188,7 +197,7 @@ def _collect(
         points |= {name: surface.to_image(point) for name, point in ends.items()}
         notes += _note_axes(surface, knee, cylinders)
     deviations, axis_deviations = add_definitions(off, turned)
-    return BoneLandmarks(
+    return results.BoneLandmarks(
         bone="femur",
         side=side[0],
         side_from=side[1],
@@ -209,14 +218,14 @@ def _collect(
     )
 
 
-def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> list[str]:
+def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, results.Cylinder]) -> list[str]:
     """Adds the cylinder; says where the two axes differ."""
     found = knee.cylinder
     if found is None:
         return ["no cylinder fits both condyles"]
     axis = found.direction * np.sign(found.direction @ knee.axis)
-    quality = Quality(found.rms, found.covered)
-    cylinders["condyles"] = Cylinder(
+    quality = results.Quality(found.rms, found.covered)
+    cylinders["condyles"] = results.Cylinder(
         surface.to_image(found.point + axis * float(axis @ (knee.centre - found.point))),
         surface.turn_to_image(axis),
         found.radius,
@@ -228,24 +237,7 @@ def _note_axes(surface: Surface, knee: Knee, cylinders: dict[str, Cylinder]) -> 
     return [f"the axes through the spheres and of the cylinder differ by {apart:.1f} degrees"]
 
 
-HEAD_RADII_M = (0.015, 0.032)
-"""Heads of adults are 42.5 (2.2) to 48 (2.5) mm wide; wider by 4 SD, and down to a child's."""
-
-HEAD_COVERED = 0.42
-"""Least covered share of the head: heads reach 0.49-0.85, the other end 0.22-0.38 (field experience)."""
-
-HEAD_RMS = 0.08  # largest rms as a share of the radius: chosen, nearly four times that of rough MRI (0.022)
-
-SET_OFF_M = 0.008
-"""Least distance between head and shaft: chosen, whole femurs have 25-50 mm, a head cut off with its
-trochanter 11."""
-
-STRADDLING = 0.45
-"""Least ratio of two condyles' distances from the line of the shaft: chosen below the 0.6-0.8 of four femurs;
-a trochanter sits on the shaft, a head 24-38 mm beside it."""
-
-
-def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) -> SphereOnBone | None:
+def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) -> fits.SphereOnBone | None:
     """The best covered sphere near an end of the bone, or None and the reason.
 
     ``shaft``: whether there is one, that a neck sets the head off from.
@@ -253,7 +245,7 @@ def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) 
     ends = surface.smooth[:, 0].min(), surface.smooth[:, 0].max()
     found = [
         ball
-        for ball in find_spheres(surface, HEAD_RADII_M)
+        for ball in fits.find_spheres(surface, HEAD_RADII_M)
         if min(abs(ball.centre[0] - ends[0]), abs(ball.centre[0] - ends[1])) < 2.5 * ball.radius
     ]
     if not found:
@@ -280,7 +272,7 @@ def find_head(surface: Surface, refused: dict[str, str], *, shaft: bool = True) 
     return best
 
 
-def _are_twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
+def _are_twins(surface: Surface, a: fits.SphereOnBone, b: fits.SphereOnBone) -> bool:
     """Whether two balls are alike, as far apart as condyles, and stand on both sides of the shaft.
 
     A round greater trochanter can be as well covered as a head, but it sits on the shaft.
@@ -295,7 +287,7 @@ def _are_twins(surface: Surface, a: SphereOnBone, b: SphereOnBone) -> bool:
     )
 
 
-def _measure_offset(surface: Surface, head: SphereOnBone) -> float:
+def _measure_offset(surface: Surface, head: fits.SphereOnBone) -> float:
     """Distance of the head's centre from the line of the shaft, m."""
     far = np.abs(surface.smooth[:, 0] - head.centre[0])
     shaft = (far > 0.35 * far.max()) & (far < 0.75 * far.max())

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import shapes
 from scaling_service.bones.results import Quality, Sphere
-from scaling_service.bones.shapes import fit_cylinder, fit_sphere, span_plane
 from scaling_service.bones.surface import Surface
 
 Array = NDArray[np.float64]
@@ -25,6 +25,31 @@ _SPHERE_STEPS = 60
 _SETTLED_M = 1e-7
 _ROOM = 1.5  # chosen: centres move by a few mm
 _CLOSED = 6  # steps after which the limit has closed to its widest final value
+
+_FEWEST = 12  # chosen: three times what a sphere needs
+
+_CYLINDER_STEPS = 40
+_BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
+_SECTORS = 72  # of 5 degrees, to measure the arc that is covered
+
+BLUNT_M = 1e-3
+"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
+
+On a paraboloid the noise of the result is, along each axis, that of the vertices times
+sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
+the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
+depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
+
+SHARP_M = 2e-3
+"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
+malleoli of virtual bones stay within 0.3 mm of the truth."""
+
+WINDOW_M = 8e-3
+"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
+malleolus, so that a second bump or a long ridge beside the tip counts little."""
+
+_TIP_STEPS = 40
+_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,12 +111,16 @@ def refine_sphere(
         if int(near.sum()) < _FEWEST:
             return None
         weight = (1.0 - (gap[near] / limit) ** 2) ** 2
-        fit = fit_sphere(about.points[near], weight * about.areas[near], start=centre)
+        fit = shapes.fit_sphere(about.points[near], weight * about.areas[near], start=centre)
         moved = float(np.linalg.norm(fit.centre - centre)) + abs(fit.radius - radius)
         if not fit.converged or moved > 0.5 * radius:
             return None
         centre, radius = fit.centre, fit.radius
-        scatter = 1.4826 * _take_weighted_median(np.abs(gap[near]), about.areas[near])
+        values = np.abs(gap[near])
+        weights = about.areas[near]
+        order = np.argsort(values)
+        total = np.cumsum(weights[order])
+        scatter = 1.4826 * float(values[order][np.searchsorted(total, 0.5 * total[-1])])
         # A vote finds the centre to a few mm and the radius less well: the limit closes in from wide.
         widest = max(_WIDEST, _START * _CLOSING ** (step + 1)) * radius
         limit = float(np.clip(_SPREAD * scatter, _NARROWEST * radius, widest))
@@ -152,9 +181,6 @@ def measure_coverage(surface: Surface, centre: Array, support: Array) -> float:
     return float((surface.areas[support > 0] * facing / distance**2).sum() / (4.0 * np.pi))
 
 
-_FEWEST = 12  # chosen: three times what a sphere needs
-
-
 def _find_peaks(surface: Surface, radii: tuple[float, float], hollow: bool) -> list[tuple[Array, float]]:
     """Where the votes are densest over position and radius, the best first, apart from each other."""
     inwards = surface.normals if hollow else -surface.normals
@@ -189,17 +215,6 @@ def _add_neighbours(votes: Array) -> Array:
         total[1:] += own[:-1]
         total[:-1] += own[1:]
     return votes
-
-
-def _take_weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, 0.5 * total[-1])])
-
-
-_CYLINDER_STEPS = 40
-_BAND = 0.15  # share of the radius beyond which a point has no weight; chosen
-_SECTORS = 72  # of 5 degrees, to measure the arc that is covered
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +260,7 @@ def refine_cylinder(
         if int(near.sum()) < _FEWEST:
             return None
         support = np.where(near, (1.0 - (gap / limit) ** 2) ** 2, 0.0)
-        fit = fit_cylinder(chosen.points[near], direction, point, (support * chosen.areas)[near])
+        fit = shapes.fit_cylinder(chosen.points[near], direction, point, (support * chosen.areas)[near])
         moved = float(
             np.linalg.norm(fit.point - point)
             + abs(fit.radius - radius)
@@ -257,7 +272,7 @@ def refine_cylinder(
         limit = _BAND * radius
         if moved < _SETTLED_M:
             break
-    first, second = span_plane(direction)
+    first, second = shapes.span_plane(direction)
     angle = np.arctan2(radial[near] @ second, radial[near] @ first)
     sectors = np.unique(((angle + np.pi) * (_SECTORS / (2 * np.pi))).astype(int) % _SECTORS)
     whole = np.zeros(len(surface.points))
@@ -272,26 +287,6 @@ def refine_cylinder(
         area=area,
         support=whole,
     )
-
-
-BLUNT_M = 1e-3
-"""Depth below the furthest vertex over which a vertex's weight falls to 1/e, for spines and epicondyles.
-
-On a paraboloid the noise of the result is, along each axis, that of the vertices times
-sqrt(area of a vertex / 8 pi) / depth, whatever its radius. A crooked tip pulls the result aside, the more
-the deeper one looks. Chosen: on virtual bones these points are 0.6-1.7 mm off the truth, with 2 mm of
-depth 1.4-2.7 mm; 1 mm of noise on 60,000 faces leaves 0.3 mm per axis."""
-
-SHARP_M = 2e-3
-"""The same for the ends of tibia and fibula, which are small and even: chosen, half the noise, and the
-malleoli of virtual bones stay within 0.3 mm of the truth."""
-
-WINDOW_M = 8e-3
-"""Standard deviation of the window around the tip, across the direction: chosen, about the radius of a
-malleolus, so that a second bump or a long ridge beside the tip counts little."""
-
-_TIP_STEPS = 40
-_NOTHING = 1e-9  # share of the largest weight below which a vertex is left out, only to be quick
 
 
 def find_tip(surface: Surface, direction: Array, within: NDArray[np.bool_], depth: float = BLUNT_M) -> Array:

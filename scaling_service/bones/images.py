@@ -15,8 +15,8 @@ from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.surface import STRAY_SHARE
 from scaling_service.bones.whole import UNITS, find_unit
 from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.files import segmentation
 from scaling_service.files.mesh import FINE_FACES, Mesh, read_mesh
-from scaling_service.files.segmentation import Segmentation, is_segmentation, read_segmentation
 from scaling_service.numerics.multibody.laws import Array
 
 Arrays = tuple[Array, NDArray[np.intp]]
@@ -37,6 +37,9 @@ _KINDS = {
 _SIDES = {"r": r"right|r|rt|dx", "l": r"left|l|lt|sin"}
 _MM = 1e-3
 _TOLD = 6  # chosen: labels named in a sentence
+
+_TWO_LEGS_M = 0.06  # chosen: shanks of two legs are 0.1-0.3 m apart, pieces of one bone less
+_ASIDE_M = 0.03  # chosen: a leg beside the middle of the body
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,12 +86,20 @@ def read_bones(paths: Mapping[str, Path], unit: str | None = None) -> ImagedBone
     sides.
     """
     read = {name: _read(name, path) for name, path in paths.items() if name != SEGMENTATION}
-    loose = {name: _get_arrays(mesh) for name, mesh in read.items()}
+    loose = {name: (mesh.vertices, mesh.faces) for name, mesh in read.items()}
     measured: dict[str, Arrays] = {}
     voxel = 0.0
     left_over: tuple[str, ...] = ()
     if SEGMENTATION in paths:
-        found = _read_segmentation(paths[SEGMENTATION])
+        path = paths[SEGMENTATION]
+        if not path.exists() or not segmentation.is_segmentation(path):
+            raise FileUnreadable(
+                "it is no segmentation",
+                file=path,
+                field=SEGMENTATION,
+                remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
+            )
+        found = segmentation.read_segmentation(path)
         voxel = _MM * float(np.sqrt((found.voxel**2).sum() / 12.0))
         scale = _MM if voxel else 1.0
         labels = {name: (scale * mesh.vertices, mesh.faces) for name, mesh in found.surfaces.items()}
@@ -115,17 +126,6 @@ def _read(name: str, path: Path) -> Mesh:
         return read_mesh(path)
     except InputError as error:
         raise type(error)(error.problem, file=error.file, field=name, remedy=error.remedy) from None
-
-
-def _read_segmentation(path: Path) -> Segmentation:
-    if not path.exists() or not is_segmentation(path):
-        raise FileUnreadable(
-            "it is no segmentation",
-            file=path,
-            field=SEGMENTATION,
-            remedy="Give a label map (.nii, .nii.gz), or a folder of masks or surfaces",
-        )
-    return read_segmentation(path)
 
 
 def list_files_of(path: Path) -> list[Path]:
@@ -221,15 +221,7 @@ def _part_sides(
             yield side, (vertices[names], compact.reshape(-1, 3))
 
 
-_TWO_LEGS_M = 0.06  # chosen: shanks of two legs are 0.1-0.3 m apart, pieces of one bone less
-_ASIDE_M = 0.03  # chosen: a leg beside the middle of the body
-
-
 def _join(meshes: list[Arrays]) -> Arrays:
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
     faces = [faces + start for (_, faces), start in zip(meshes, starts, strict=True)]
     return np.vstack([vertices for vertices, _ in meshes]), np.vstack(faces)
-
-
-def _get_arrays(mesh: Mesh) -> Arrays:
-    return mesh.vertices, mesh.faces

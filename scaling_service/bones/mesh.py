@@ -12,6 +12,16 @@ Faces = NDArray[np.intp]
 
 _GRID = 2**21 - 1  # three such coordinates fit one 64-bit number; a 0.5 m bone is resolved to 0.25 um
 
+_MOST_STEPS = 120  # chosen: enough for 2 mm on a mesh of 0.4 mm edges
+_UNSHRINK = -1.03  # Taubin 1995's second, swelling step as a share of the first
+
+QUIET_M = 4e-4
+"""Scatter of the vertices about the smoothed surface up to which a mesh is left as it is, m. Chosen above the
+0.06-0.08 mm of bones from computed tomography, the 0.35 mm of a rough one from magnetic resonance, and what
+smoothing takes off meshes of 3,000 faces (0.1-0.36 mm)."""
+
+_MOST_TIMES = 2  # chosen: a mesh that is still coarser holds no landmark
+
 
 def merge_vertices(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     """One vertex for each place (STL repeats them for every face), unused ones gone."""
@@ -50,7 +60,9 @@ def label_pieces(n_vertices: int, faces: Faces) -> NDArray[np.intp]:
 
 def measure_openness(faces: Faces) -> float:
     """Share of edges that have one face only."""
-    _, counts = np.unique(_number_edges(faces), return_counts=True)
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    keys: NDArray[np.intp] = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
+    _, counts = np.unique(keys, return_counts=True)
     return float((counts == 1).mean())
 
 
@@ -88,21 +100,6 @@ def wind_alike(n_vertices: int, faces: Faces) -> tuple[Faces, int]:
     )
     turned ^= share[piece] > 0.5
     return np.where(turned[:, None], faces[:, ::-1], faces), int(turned.sum())
-
-
-def _number_edges(faces: Faces) -> NDArray[np.intp]:
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    keys: NDArray[np.intp] = edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1]
-    return keys
-
-
-_MOST_STEPS = 120  # chosen: enough for 2 mm on a mesh of 0.4 mm edges
-_UNSHRINK = -1.03  # Taubin 1995's second, swelling step as a share of the first
-
-QUIET_M = 4e-4
-"""Scatter of the vertices about the smoothed surface up to which a mesh is left as it is, m. Chosen above the
-0.06-0.08 mm of bones from computed tomography, the 0.35 mm of a rough one from magnetic resonance, and what
-smoothing takes off meshes of 3,000 faces (0.1-0.36 mm)."""
 
 
 def compute_vertex_areas(points: Array, faces: Faces) -> Array:
@@ -180,9 +177,6 @@ def _compute_doubled_areas(points: Array, faces: Faces) -> Array:
     a, b, c = points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]]
     crossed: Array = np.cross(b - a, c - a)
     return crossed
-
-
-_MOST_TIMES = 2  # chosen: a mesh that is still coarser holds no landmark
 
 
 def refine_mesh(points: Array, faces: Faces, edge: float) -> tuple[Array, Faces]:

@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones.constellation import MOST_UNLIKE, RARE, measure_sockets, measure_unlikeness
+from scaling_service.bones import constellation, fits
 from scaling_service.bones.deviations import Tip, add_definitions, deviate_line, deviate_sphere
 from scaling_service.bones.edges import refuse_cut
-from scaling_service.bones.fits import SphereOnBone, find_spheres, find_tip, place_sphere
 from scaling_service.bones.results import BoneLandmarks, MeshRefused
 from scaling_service.bones.shapes import span_plane
 from scaling_service.bones.surface import Surface, prepare
@@ -61,6 +60,18 @@ _SURE = 2.0  # chosen: a hundred to one, as a logarithm; below, a pose is a gues
 
 _SIZE_M = (0.15, 0.42)  # largest extent of both hip bones, a child's to a giant's
 
+_DEFINITIONS = {
+    "acetabulum_r": "centre of the least-squares sphere in the socket",
+    "acetabulum_l": "centre of the least-squares sphere in the socket",
+    "asis_r": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "asis_l": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "psis_r": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "psis_l": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
+    "pubic_tubercle_r": "corner of the pubis: furthest forward, and outward by half as much",
+    "pubic_tubercle_l": "corner of the pubis: furthest forward, and outward by half as much",
+    "mid_asis": "midpoint of both ASIS",
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Frame:
@@ -101,7 +112,17 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     frame = _touch_plane(surface, pose.frame)
     points = {name: ball.centre for name, ball in sockets.items()}
     sacrum = _holds_sacrum(surface, frame)
-    tips = _list_tips(surface, frame, sacrum)
+    # ASIS, PSIS and pubic tubercles
+    spines, level = _level_spines(surface, frame, sacrum)
+    tips = {}
+    for side, sign in _SIDES:
+        regions = _select_regions(surface, frame, sign)
+        near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
+        rear = regions.beside_sacrum if sacrum else regions.rear
+        corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
+        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
+        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
+        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
     found = {name: tip.find() for name, tip in tips.items()}
     refused = _refuse_uneven(found, frame) | refuse_cut(found, surface.rims)
     points |= found
@@ -123,7 +144,7 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
         side=None,
         side_from="shape",
         points={name: surface.to_image(point) for name, point in points.items()},
-        spheres={name: place_sphere(surface, ball) for name, ball in sockets.items()},
+        spheres={name: fits.place_sphere(surface, ball) for name, ball in sockets.items()},
         axes=axes,
         deviations=deviations,
         axis_deviations=axis_deviations,
@@ -134,33 +155,20 @@ def find_pelvis_landmarks(vertices: Array, faces: NDArray[np.integer]) -> BoneLa
     )
 
 
-_DEFINITIONS = {
-    "acetabulum_r": "centre of the least-squares sphere in the socket",
-    "acetabulum_l": "centre of the least-squares sphere in the socket",
-    "asis_r": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "asis_l": "foremost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "psis_r": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "psis_l": "rearmost point of the ilium, ASIS and PSIS level (Wu et al. 2002)",
-    "pubic_tubercle_r": "corner of the pubis: furthest forward, and outward by half as much",
-    "pubic_tubercle_l": "corner of the pubis: furthest forward, and outward by half as much",
-    "mid_asis": "midpoint of both ASIS",
-}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Pose:
     """Which way a pelvis lies. ``odds``: of it against its best rival, as a logarithm to base 10."""
 
     frame: _Frame
-    right: SphereOnBone
-    left: SphereOnBone
+    right: fits.SphereOnBone
+    left: fits.SphereOnBone
     odds: float
 
 
 def _choose_pose(surface: Surface) -> _Pose:
     """The likeliest of all poses of all pairs of sockets; see :func:`find_pelvis_landmarks`."""
     some = surface.part(np.arange(len(surface.points)) % max(1, len(surface.points) // _COARSE) == 0)
-    found: list[tuple[float, _Frame, SphereOnBone, SphereOnBone]] = []
+    found: list[tuple[float, _Frame, fits.SphereOnBone, fits.SphereOnBone]] = []
     why = "it has no spines and pubis as a pelvis has"
     for low, high in _pair_sockets(surface):
         for left, right in ((low, high), (high, low)):
@@ -172,13 +180,15 @@ def _choose_pose(surface: Surface) -> _Pose:
                     why = error.problem
                     continue
                 places = spines | {"acetabulum_r": right.centre, "acetabulum_l": left.centre}
-                unlike = measure_unlikeness(places) + measure_sockets(right.covered, left.covered)
+                unlike = constellation.measure_unlikeness(places) + constellation.measure_sockets(
+                    right.covered, left.covered
+                )
                 found.append((unlike, frame, right, left))
     if not found:
         raise MeshRefused(why, remedy="Give whole hip bones, not deformed")
     best, frame, right, left = min(found, key=lambda one: one[0])
     rivals = [unlike for unlike, other, *_ in found if min(other.x @ frame.x, other.z @ frame.z) < _APART]
-    odds = 0.5 * (min(rivals, default=MOST_UNLIKE) - best) / np.log(10.0)
+    odds = 0.5 * (min(rivals, default=constellation.MOST_UNLIKE) - best) / np.log(10.0)
     if odds < _SURE:
         raise MeshRefused(
             f"two ways in which it may lie are nearly as likely (odds of {10**odds:.0f} to 1)",
@@ -187,9 +197,11 @@ def _choose_pose(surface: Surface) -> _Pose:
     return _Pose(frame=frame, right=right, left=left, odds=float(odds))
 
 
-def _pair_sockets(surface: Surface) -> list[tuple[SphereOnBone, SphereOnBone]]:
+def _pair_sockets(surface: Surface) -> list[tuple[fits.SphereOnBone, fits.SphereOnBone]]:
     """Pairs of hollow spheres of equal size at a pelvis's distance."""
-    found = [s for s in find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED]
+    found = [
+        s for s in fits.find_spheres(surface, SOCKET_RADII_M, hollow=True) if s.covered >= SOCKET_COVERED
+    ]
     pairs = [
         (a, b)
         for a, b in combinations(found, 2)
@@ -204,7 +216,7 @@ def _pair_sockets(surface: Surface) -> list[tuple[SphereOnBone, SphereOnBone]]:
     return pairs
 
 
-def _start_frame(left: SphereOnBone, right: SphereOnBone, angle: float) -> _Frame:
+def _start_frame(left: fits.SphereOnBone, right: fits.SphereOnBone, angle: float) -> _Frame:
     """From the line of the sockets, turned about it by an angle, rad."""
     z = right.centre - left.centre
     half = 0.5 * float(np.linalg.norm(z))
@@ -241,7 +253,7 @@ def _find_vertex(surface: Surface, direction: Array, within: Mask) -> Array:
     return np.asarray(points[int(np.argmax(points @ direction))])
 
 
-def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = find_tip) -> _Frame:
+def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = fits.find_tip) -> _Frame:
     """Turned until the plane touches the tips of spines and pubis, which single vertices do not move."""
     for _ in range(_TURNS):
         tips: dict[str, Array] = {}
@@ -253,7 +265,7 @@ def _touch_plane(surface: Surface, frame: _Frame, find: _Finder = find_tip) -> _
 
 
 def _level_spines(
-    surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = find_tip
+    surface: Surface, frame: _Frame, sacrum: bool, find: _Finder = fits.find_tip
 ) -> tuple[dict[str, Array], _Frame]:
     """Where the plane touches the pubis, ASIS and PSIS once they stand level, and the frame that does."""
     touching: dict[str, Array] = {}
@@ -273,21 +285,6 @@ def _level_spines(
     return spines, level
 
 
-def _list_tips(surface: Surface, frame: _Frame, sacrum: bool) -> dict[str, Tip]:
-    """ASIS, PSIS and pubic tubercles."""
-    spines, level = _level_spines(surface, frame, sacrum)
-    tips = {}
-    for side, sign in _SIDES:
-        regions = _select_regions(surface, frame, sign)
-        near = np.linalg.norm(surface.smooth - spines[f"asis_{side}"], axis=1) < _SPINE_M
-        rear = regions.beside_sacrum if sacrum else regions.rear
-        corner = (frame.x + _OUTWARD * sign * frame.z) / np.hypot(1.0, _OUTWARD)
-        tips[f"asis_{side}"] = Tip(surface, level.x, near & regions.ilium)
-        tips[f"psis_{side}"] = Tip(surface, -level.x, rear)
-        tips[f"pubic_tubercle_{side}"] = Tip(surface, corner, regions.pubis)
-    return tips
-
-
 def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
     """Whether there is bone in the middle behind the sockets."""
     offset = (surface.smooth - frame.middle) / frame.half
@@ -298,11 +295,11 @@ def _holds_sacrum(surface: Surface, frame: _Frame) -> bool:
 def _list_doubts(points: dict[str, Array], sacrum: bool) -> Iterator[str]:
     """What may be wrong with points: how people's pelves are built, and the sacrum."""
     whole = all(f"{name}_{side}" in points for name in ("asis", "psis", "pubic_tubercle") for side in "rl")
-    unlike = measure_unlikeness(points) if whole else 0.0
-    if unlike > MOST_UNLIKE:
+    unlike = constellation.measure_unlikeness(points) if whole else 0.0
+    if unlike > constellation.MOST_UNLIKE:
         yield (
-            f"its landmarks lie to one another as in fewer than one of {1.0 / RARE:.0f} pelves: asis, psis, "
-            "pubic tubercle and mid asis may be other points; look at them"
+            f"its landmarks lie to one another as in fewer than one of {1.0 / constellation.RARE:.0f} "
+            "pelves: asis, psis, pubic tubercle and mid asis may be other points; look at them"
         )
     if sacrum:
         yield (
@@ -350,7 +347,7 @@ def _select_regions(surface: Surface, frame: _Frame, sign: float) -> _Regions:
 
 
 def _find_furthest(
-    surface: Surface, direction: Array, within: Mask, name: str, find: _Finder = find_tip
+    surface: Surface, direction: Array, within: Mask, name: str, find: _Finder = fits.find_tip
 ) -> Array:
     if int(within.sum()) < 10:
         raise MeshRefused(

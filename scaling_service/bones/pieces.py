@@ -22,6 +22,19 @@ or growth plate is below, a fibula (0.3-0.6 of a tibia) and a second femur are a
 LONG_M = (0.08, 0.62)
 """Length of a long bone or a usable part of one; the upper end is above the tallest men's femurs."""
 
+GAP_M = 0.05
+"""Least length of shaft that an image leaves out between two ends of a bone: chosen, a crack is shorter."""
+
+_FIBULA_LENGTH = 0.45
+"""Least ratio of both bones' lengths: whole ones 0.95-1.0; at the ankle the fibula reaches 10-15 mm lower,
+half of a tibia of 25 mm, and a tilted cut takes more. Chosen."""
+_FIBULA_BESIDE = 0.6  # chosen: least share of the shorter bone that lies beside the other
+_ELONGATED = 2.0  # chosen: least length over width of a bone whose own long axis is its shaft's
+_ANKLE_M = 0.02  # chosen: the least of a shank that holds both malleoli
+_FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
+_NO_LENGTH_M = 1e-9
+_FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen
+
 
 def require_one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
     """Without inner shells (the marrow cavity of a CT segmentation); refuses a second bone.
@@ -40,10 +53,6 @@ def require_one_bone(surface: Surface, bone: str) -> tuple[Surface, list[str]]:
             )
         notes.append(f"{len(outer)} pieces that are not joined to the {bone} were left out")
     return (surface.part(surface.shell == 0), notes) if inner or outer else (surface, [])
-
-
-GAP_M = 0.05
-"""Least length of shaft that an image leaves out between two ends of a bone: chosen, a crack is shorter."""
 
 
 def find_ends(surface: Surface) -> Surface | None:
@@ -91,17 +100,6 @@ def require_long(surface: Surface, bone: str) -> None:
             f"it is {1e3 * length:.0f} mm long and {1e3 * thickness:.0f} mm thick, no {bone}",
             remedy=f"Give the surface of a {bone}",
         )
-
-
-_FIBULA_LENGTH = 0.45
-"""Least ratio of both bones' lengths: whole ones 0.95-1.0; at the ankle the fibula reaches 10-15 mm lower,
-half of a tibia of 25 mm, and a tilted cut takes more. Chosen."""
-_FIBULA_BESIDE = 0.6  # chosen: least share of the shorter bone that lies beside the other
-_ELONGATED = 2.0  # chosen: least length over width of a bone whose own long axis is its shaft's
-_ANKLE_M = 0.02  # chosen: the least of a shank that holds both malleoli
-_FIBULA_AREA = (0.12, 0.75)  # of the tibia's; chosen around the usual 0.3-0.45
-_NO_LENGTH_M = 1e-9
-_FUSED_MIDDLE = (0.35, 0.65)  # share of the length where two shafts run apart; chosen
 
 
 @dataclass(frozen=True, slots=True)

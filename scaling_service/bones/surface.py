@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.bones import mesh
-from scaling_service.bones.edges import NO_RIMS, Rims, find_rims
+from scaling_service.bones import edges, mesh
 from scaling_service.bones.results import MeshRefused
 
 Array = NDArray[np.float64]
@@ -29,6 +28,8 @@ COARSE_M = 3e-3  # median edge above which edges are halved: chosen, so that pat
 
 OPEN_SHARE = 1e-3
 """Boundary edges above this share of all are called open; chosen, a pinhole is not worth a warning."""
+
+_FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +51,7 @@ class Surface:
     R_image_own: Array  # (3, 3); rotates this frame into the image's
     noise: float = 0.0
     edge: float = 0.0  # m; median length of the edges that were given
-    rims: Rims = NO_RIMS  # of the whole surface, also of its parts
+    rims: edges.Rims = edges.NO_RIMS  # of the whole surface, also of its parts
     notes: tuple[str, ...] = ()  # what was repaired
 
     def to_image(self, points: Array) -> Array:
@@ -135,7 +136,16 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         notes.append(f"the vertices scatter by {1e3 * noise:.1f} mm about a smooth surface and were smoothed")
     points, triangles = mesh.refine_mesh(points, triangles, COARSE_M)
     label = _number_shells(points, triangles)
-    origin, axes = _find_principal_frame(points, triangles)
+    # Centroid of the surface and its principal axes in columns, right-handed, longest first. Signs follow
+    # the third moments, which no rotation of the image changes.
+    areas = mesh.compute_vertex_areas(points, triangles)
+    w = areas / areas.sum()
+    origin = w @ points
+    local = points - origin
+    axes = find_principal_axes(local, areas)[:, ::-1].copy()
+    skewness = w @ (local @ axes) ** 3
+    axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     points = (points - origin) @ axes
     smooth = mesh.Smoother(points, triangles).smooth(SMOOTHING_M)
     return Surface(
@@ -149,12 +159,9 @@ def prepare(vertices: Array, faces: NDArray[np.integer]) -> Surface:
         R_image_own=axes,
         noise=noise,
         edge=edge,
-        rims=find_rims(points, triangles),
+        rims=edges.find_rims(points, triangles),
         notes=tuple(notes),
     )
-
-
-_FEWEST_FACES = 500  # chosen: a femoral head of a 500-face femur has about 20 vertices
 
 
 def _check(vertices: Array, faces: NDArray[np.integer]) -> tuple[Array, Faces]:
@@ -216,19 +223,3 @@ def _turn_outwards(points: Array, triangles: Faces, label: NDArray[np.intp], not
         notes.append("the normals pointed inwards and were turned")
     flip = inside_out[owner]
     return np.where(flip[:, None], triangles[:, ::-1], triangles)
-
-
-def _find_principal_frame(points: Array, triangles: Faces) -> tuple[Array, Array]:
-    """Centroid of the surface and its principal axes in columns, right-handed, longest first.
-
-    Signs follow the third moments, which no rotation of the image changes.
-    """
-    areas = mesh.compute_vertex_areas(points, triangles)
-    w = areas / areas.sum()
-    origin = w @ points
-    local = points - origin
-    axes = find_principal_axes(local, areas)[:, ::-1].copy()
-    skewness = w @ (local @ axes) ** 3
-    axes[:, :2] *= np.where(skewness[:2] < 0, -1.0, 1.0)
-    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-    return origin, axes

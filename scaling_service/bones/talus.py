@@ -6,17 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from scaling_service.bones import fits, posterior_sphere, results
 from scaling_service.bones.deviations import add_definitions, deviate_cylinder, deviate_line
-from scaling_service.bones.fits import (
-    CylinderOnBone,
-    SphereOnBone,
-    find_spheres,
-    refine_cylinder,
-    refine_sphere,
-)
 from scaling_service.bones.pieces import require_one_bone
-from scaling_service.bones.posterior_sphere import LikelySphere, Usual, average_spheres
-from scaling_service.bones.results import BoneLandmarks, Cylinder, MeshRefused, Quality, Side, Sphere
 from scaling_service.bones.shapes import span_plane, spread_directions
 from scaling_service.bones.surface import Surface, prepare
 from scaling_service.bones.tibia import TibiaFrame
@@ -63,8 +55,8 @@ _TRIED = 5
 
 
 def find_talus_landmarks(
-    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None, tibia: TibiaFrame
-) -> BoneLandmarks:
+    vertices: Array, faces: NDArray[np.integer], *, named_side: results.Side | None = None, tibia: TibiaFrame
+) -> results.BoneLandmarks:
     """The centres and axes of the ankle and of the subtalar joint from a talus beside its tibia.
 
     ``vertices``: (n, 3), m. ``faces``: (m, 3). ``named_side`` {"r", "l"}: a talus alone is what it is
@@ -81,7 +73,7 @@ def find_talus_landmarks(
     surface, notes = require_one_bone(prepare(vertices, faces), "talus")
     length = float(np.ptp(surface.points[:, 0]))
     if not SIZE_M[0] <= length <= SIZE_M[1]:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it is {1e3 * length:.4g} mm long; a talus has {1e3 * SIZE_M[0]:.0f}-{1e3 * SIZE_M[1]:.0f} mm",
             remedy="Check the unit (mm or m), and that it is a talus",
         )
@@ -96,7 +88,9 @@ def find_talus_landmarks(
         surface, centre, axis if named_side != "l" else -axis, up, found.radius
     )
     spheres = {
-        name: Sphere(surface.to_image(ball.centre), ball.radius, Quality(ball.rms, ball.covered))
+        name: results.Sphere(
+            surface.to_image(ball.centre), ball.radius, results.Quality(ball.rms, ball.covered)
+        )
         for name, ball in (("head", head), ("heel_facet", facet))
         if ball is not None
     }
@@ -115,7 +109,7 @@ def find_talus_landmarks(
         words["subtalar_centre"] = "centre of the sphere on the facet that sits on the heel bone"
     deviations, axis_deviations = add_definitions(off, turns)
     missing = "head" if head is None else "facet that sits on the heel bone"
-    return BoneLandmarks(
+    return results.BoneLandmarks(
         bone="talus",
         side=named_side,
         side_from="name",
@@ -124,11 +118,11 @@ def find_talus_landmarks(
         axis_deviations=axis_deviations,
         spheres=spheres,
         cylinders={
-            "trochlea": Cylinder(
+            "trochlea": results.Cylinder(
                 surface.to_image(centre),
                 surface.turn_to_image(axis),
                 found.radius,
-                Quality(found.rms, found.covered),
+                results.Quality(found.rms, found.covered),
             )
         },
         axes=axes,
@@ -143,7 +137,7 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
     gap = np.asarray(cKDTree(tibia.surface).query(surface.to_image(surface.smooth))[0])
     held = float(surface.areas[gap < _GAP_M].sum() / surface.areas.sum())
     if held < MORTISE:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"at its nearest it lies {1e3 * float(gap.min()):.0f} mm from the tibia, and {100 * held:.0f} % "
             f"of it within {1e3 * _GAP_M:.0f} mm of tibia and fibula, which hold a talus by a quarter: it is "
             "another bone (a heel bone lies below the talus) or was moved",
@@ -153,18 +147,20 @@ def _require_mortise(surface: Surface, tibia: TibiaFrame) -> None:
 
 def _find_subtalar_spheres(
     surface: Surface, ankle: Array, lateral: Array, up: Array, radius: float
-) -> tuple[LikelySphere | None, LikelySphere | None]:
+) -> tuple[posterior_sphere.LikelySphere | None, posterior_sphere.LikelySphere | None]:
     """Its head, and the hollow behind the ankle's axis that sits on the heel bone.
 
     ``lateral`` (3,): along the ankle's axis. ``radius``: of the trochlea, m. Of the hollows the one counts
     whose area and place are likeliest together; one is sought where it usually is, too, and a deviation
     beside it. Where they are found is where the mean over all spheres is sought.
     """
-    ball = next((b for b in find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, lateral)), None)
+    ball = next((b for b in fits.find_spheres(surface, HEAD_RADII_M) if _is_head(b, ankle, lateral)), None)
     if ball is None:
         return None, None
     mean, sd = radius * np.array(_HEAD_SIZE)
-    head = average_spheres(surface, ball.centre, Usual(radius=mean, radius_sd=sd))
+    head = posterior_sphere.average_spheres(
+        surface, ball.centre, posterior_sphere.Usual(radius=mean, radius_sd=sd)
+    )
     to_head = head.centre - ankle
     forward = to_head - float(to_head @ lateral) * lateral
     forward = forward / np.linalg.norm(forward)
@@ -173,10 +169,10 @@ def _find_subtalar_spheres(
     axes = np.stack([forward, above, lateral])
     behind = surface.part(((surface.points - ankle) @ to_head < 0.0) & (surface.normals @ above < 0.0))
     usual = ankle + radius * np.array(_FACET_AT) @ axes
-    tried = find_spheres(behind, FACET_RADII_M, hollow=True)
+    tried = fits.find_spheres(behind, FACET_RADII_M, hollow=True)
     spread = radius * np.diag(_FACET_SD) @ axes
     for start in usual + np.vstack([np.zeros(3), spread, -spread]):
-        there = refine_sphere(behind, start, _FACET_SIZE[0] * radius, hollow=True)
+        there = fits.refine_sphere(behind, start, _FACET_SIZE[0] * radius, hollow=True)
         if there is None or not FACET_RADII_M[0] <= there.radius <= FACET_RADII_M[1]:
             continue
         if all(np.linalg.norm(there.centre - other.centre) > _ANOTHER_M for other in tried):
@@ -191,34 +187,36 @@ def _find_subtalar_spheres(
     if facet is None:
         return head, None
     mean, sd = radius * np.array(_FACET_SIZE)
-    place = Usual(radius=mean, radius_sd=sd, centre=usual, axes=axes, spread=radius * np.array(_FACET_SD))
-    return head, average_spheres(behind, facet.centre, place, hollow=True)
+    place = posterior_sphere.Usual(
+        radius=mean, radius_sd=sd, centre=usual, axes=axes, spread=radius * np.array(_FACET_SD)
+    )
+    return head, posterior_sphere.average_spheres(behind, facet.centre, place, hollow=True)
 
 
-def _is_head(ball: SphereOnBone, ankle: Array, axis: Array) -> bool:
+def _is_head(ball: fits.SphereOnBone, ankle: Array, axis: Array) -> bool:
     off = float(np.linalg.norm(np.cross(ball.centre - ankle, axis)))
     return ball.covered >= HEAD_COVERED and off >= HEAD_OFF_M
 
 
-def _find_trochlea(surface: Surface, up: Array, right: Array) -> CylinderOnBone:
+def _find_trochlea(surface: Surface, up: Array, right: Array) -> fits.CylinderOnBone:
     """The convex cylinder that carries most of the surface, among those that face the tibia."""
     facing = surface.normals @ up > 0.2
     directions = spread_directions(_DIRECTIONS)
     directions = directions[np.abs(directions @ up) < 0.5]
     directions = directions[np.abs(directions @ right) > 0.5]
     guesses = sorted((_vote_for_circle(surface, facing, d) for d in directions), key=lambda g: -g[0])
-    found: list[CylinderOnBone] = []
+    found: list[fits.CylinderOnBone] = []
     for _, point, direction, radius in guesses[:_TRIED]:
-        cylinder = refine_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
+        cylinder = fits.refine_cylinder(surface, point, direction, radius, ridge=_RIDGE, within=facing)
         if cylinder is not None and RADII_M[0] <= cylinder.radius <= RADII_M[1]:
             found.append(cylinder)
     if not found:
-        raise MeshRefused(
+        raise results.MeshRefused(
             "no part of it is a cylinder of a trochlea's size", remedy="Give the surface of one talus"
         )
     best = max(found, key=lambda c: c.area / (1.0 + (20.0 * c.rms / c.radius) ** 2))
     if best.covered < ARC or best.area < AREA * best.radius**2 or best.rms > 0.08 * best.radius:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"the best cylinder spans {360 * best.covered:.0f} degrees with {1e3 * best.rms:.1f} mm rms, "
             "too little for a trochlea",
             remedy="Give the surface of one talus",

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import pieces, results
 from scaling_service.bones.cuts import is_cut
 from scaling_service.bones.deviations import TURN, Tip, add_definitions
 from scaling_service.bones.edges import refuse_cut
 from scaling_service.bones.femur import HEAD_COVERED, HEAD_RADII_M
 from scaling_service.bones.fits import SHARP_M, find_spheres
-from scaling_service.bones.pieces import Shank, require_shank, separate_fibula
-from scaling_service.bones.results import BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.shank import ShankPose, find_shank_pose, measure_width
 from scaling_service.bones.surface import Surface, prepare
 
@@ -32,6 +31,22 @@ _LOOSE_TURN = float(np.deg2rad(15.0))
 plateau that is not seen by 15 to 30 degrees, the fibula less; what is left of a fibula that was grown to the
 tibia tips the plateau."""
 
+_AT_KNEE = ("plateau_medial", "plateau_lateral", "fibula_head")
+_AT_ANKLE = ("malleolus_medial", "malleolus_lateral", "ankle_centre")
+_OF_FIBULA = ("malleolus_lateral", "malleolus_lateral_prominence", "fibula_head", "ankle_centre")
+
+_DEFINITIONS = {
+    "ankle_centre": "midpoint of the tips of the malleoli (Wu et al. 2002); about 4 mm lateral and 4 mm "
+    "proximal of the axis of the talus",
+    "malleolus_medial": "most distal point",
+    "malleolus_lateral": "most distal point",
+    "malleolus_medial_prominence": "most medial point of the distal 30 mm",
+    "malleolus_lateral_prominence": "most lateral point of the distal 30 mm",
+    "fibula_head": "most proximal point",
+    "plateau_medial": "most medial point of the plateau's edge",
+    "plateau_lateral": "most lateral point of the plateau's edge",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class TibiaFrame:
@@ -47,8 +62,8 @@ class TibiaFrame:
 
 
 def find_tibia_landmarks(
-    vertices: Array, faces: NDArray[np.integer], *, named_side: Side | None = None
-) -> tuple[BoneLandmarks, TibiaFrame]:
+    vertices: Array, faces: NDArray[np.integer], *, named_side: results.Side | None = None
+) -> tuple[results.BoneLandmarks, TibiaFrame]:
     """Landmarks of a tibia of unknown orientation and side, the fibula joined, apart or absent.
 
     ``vertices``: (n, 3), m. ``faces``: (m, 3): the whole bone, or its end at the knee or at the ankle.
@@ -58,9 +73,9 @@ def find_tibia_landmarks(
     Raises MeshRefused: it is no tibia, or holds a second one.
     """
     surface = prepare(vertices, faces)
-    shank = separate_fibula(surface)
+    shank = pieces.separate_fibula(surface)
     tibia, fibula = shank.tibia, shank.fibula
-    require_shank(shank)
+    pieces.require_shank(shank)
     if fibula is None:
         _refuse_femur(tibia)
     pose = find_shank_pose(shank, named_side)
@@ -78,7 +93,9 @@ def find_tibia_landmarks(
         refused |= dict.fromkeys(_AT_ANKLE, cut)
     else:
         ankle = pose.height < ANKLE_M
-        medial = ankle & _select_medial(tibia, pose.outwards, ankle)
+        along = tibia.smooth @ pose.outwards
+        chosen: NDArray[np.bool_] = along < 0.5 * float(along[ankle].max() + along[ankle].min())
+        medial = ankle & chosen
         tips["malleolus_medial"] = Tip(tibia, -pose.y, medial, depth=SHARP_M)
         tips["malleolus_medial_prominence"] = Tip(tibia, -pose.outwards, ankle, depth=SHARP_M, turn=turn)
         if fibula is None:
@@ -98,7 +115,7 @@ def find_tibia_landmarks(
     if "ankle_centre" in off:
         deviations |= add_definitions({"ankle_centre_malleoli": off["ankle_centre"]}, {})[0]
         deviations["ankle_centre"] = deviations.pop("ankle_centre_malleoli")
-    landmarks = BoneLandmarks(
+    landmarks = results.BoneLandmarks(
         bone="tibia",
         side=pose.side,
         side_from=pose.side_from,
@@ -112,23 +129,6 @@ def find_tibia_landmarks(
     )
     x, y, z = (surface.turn_to_image(axis) for axis in (pose.x, pose.y, pose.z))
     return landmarks, TibiaFrame(x, y, z, surface.to_image(surface.smooth))
-
-
-_AT_KNEE = ("plateau_medial", "plateau_lateral", "fibula_head")
-_AT_ANKLE = ("malleolus_medial", "malleolus_lateral", "ankle_centre")
-_OF_FIBULA = ("malleolus_lateral", "malleolus_lateral_prominence", "fibula_head", "ankle_centre")
-
-_DEFINITIONS = {
-    "ankle_centre": "midpoint of the tips of the malleoli (Wu et al. 2002); about 4 mm lateral and 4 mm "
-    "proximal of the axis of the talus",
-    "malleolus_medial": "most distal point",
-    "malleolus_lateral": "most distal point",
-    "malleolus_medial_prominence": "most medial point of the distal 30 mm",
-    "malleolus_lateral_prominence": "most lateral point of the distal 30 mm",
-    "fibula_head": "most proximal point",
-    "plateau_medial": "most medial point of the plateau's edge",
-    "plateau_lateral": "most lateral point of the plateau's edge",
-}
 
 
 def _find_cut(tibia: Surface, pose: ShankPose) -> str | None:
@@ -155,13 +155,15 @@ def _refuse_femur(tibia: Surface) -> None:
     """A bone without fibula that bears a femoral head is a femur."""
     balls = find_spheres(tibia, HEAD_RADII_M)
     if balls and balls[0].covered >= HEAD_COVERED:
-        raise MeshRefused(
+        raise results.MeshRefused(
             f"it bears a ball that covers {balls[0].covered:.2f} of its sphere, as a femur's head",
             remedy="Give the surface of a tibia, with or without its fibula",
         )
 
 
-def _add_fibula_head(shank: Shank, pose: ShankPose, tips: dict[str, Tip], refused: dict[str, str]) -> None:
+def _add_fibula_head(
+    shank: pieces.Shank, pose: ShankPose, tips: dict[str, Tip], refused: dict[str, str]
+) -> None:
     if shank.fibula is None:
         refused["fibula_head"] = "there is no fibula in the surface"
     elif shank.joined:
@@ -184,9 +186,3 @@ def _add_ankle(points: dict[str, Array], off: dict[str, float], refused: dict[st
         off["ankle_centre"] = 0.5 * float(np.hypot(off[tips[0]], off[tips[1]]))
     else:
         refused["ankle_centre"] = f"the malleoli lie {1e3 * apart:.0f} mm apart"
-
-
-def _select_medial(tibia: Surface, outwards: Array, ankle: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    along = tibia.smooth @ outwards
-    chosen: NDArray[np.bool_] = along < 0.5 * float(along[ankle].max() + along[ankle].min())
-    return chosen

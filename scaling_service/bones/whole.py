@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.bones import results
 from scaling_service.bones.femur import find_femur_landmarks
 from scaling_service.bones.pelvis import find_pelvis_landmarks
-from scaling_service.bones.results import Array, BoneLandmarks, MeshRefused, Side
 from scaling_service.bones.talus import find_talus_landmarks
 from scaling_service.bones.tibia import TibiaFrame, find_tibia_landmarks
 from scaling_service.model.body import Vector
 from scaling_service.model.trial import Bone, ImageEvidence
 
-Mesh = tuple[Array, NDArray[np.integer]]
+Mesh = tuple[results.Array, NDArray[np.integer]]
 
 BONES = ("pelvis", "femur_r", "tibia_r", "talus_r", "femur_l", "tibia_l", "talus_l")
 """Names of bones, the sides as in the built-in models."""
@@ -53,6 +53,20 @@ _KNEE_ON_PLATEAU_M, _KNEE_ON_PLATEAU_SD = (-0.0046, 0.031, -0.0043), 0.004
 """From the middle of the plateaus to that of the condyles: forward, along the shank, to the lateral side,
 m. Three persons (two CT, one MRI) lie within 0.3, 0.6 and 1 mm of it. SD, in space: chosen."""
 
+_LENGTHS = {"femur": ("hip_centre", "knee_centre"), "tibia": ("plateau_medial", "malleolus_medial")}
+
+_CENTRES = {
+    "femur": {"hip_centre": "hip", "knee_centre": "knee"},
+    "tibia": {"knee_centre": "knee", "ankle_centre": "ankle"},
+    "talus": {"subtalar_centre": "subtalar"},
+}
+_LANDMARKS = {
+    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
+    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
+    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
+}
+"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
+
 
 def find_unit(extents: Mapping[str, float]) -> str:
     """The unit in which all bones have the size of bones.
@@ -73,7 +87,7 @@ def find_unit(extents: Mapping[str, float]) -> str:
     if fitting:
         return fitting[0]
     sizes = ", ".join(f"{name} {extent:.4g}" for name, extent in extents.items())
-    raise MeshRefused(
+    raise results.MeshRefused(
         f"in no unit are all bones as large as bones ({sizes})",
         field="--units",
         remedy="Give all bones in one unit, mm or m, each in its place",
@@ -82,7 +96,7 @@ def find_unit(extents: Mapping[str, float]) -> str:
 
 def find_landmarks(
     bones: Mapping[str, Mesh], *, progress: Callable[[str], None] | None = None
-) -> dict[str, BoneLandmarks]:
+) -> dict[str, results.BoneLandmarks]:
     """Landmarks of every bone of one image.
 
     ``bones``: name (of :data:`BONES`) to vertices (n, 3), m, and faces (m, 3), all in the image's axes.
@@ -91,15 +105,15 @@ def find_landmarks(
         that of the talus, and the malleoli's stands as ``ankle_centre_malleoli``.
     Raises MeshRefused: with the bone's name as ``field``.
     """
-    found: dict[str, BoneLandmarks] = {}
+    found: dict[str, results.BoneLandmarks] = {}
     frames: dict[str, TibiaFrame] = {}
     for name in [bone for bone in BONES if bone in bones]:
         if progress is not None:
             progress(name)
         try:
             found[name] = _find_one(name, bones[name], frames)
-        except MeshRefused as error:
-            raise MeshRefused(error.problem, field=error.field or name, remedy=error.remedy) from None
+        except results.MeshRefused as error:
+            raise results.MeshRefused(error.problem, field=error.field or name, remedy=error.remedy) from None
     for side in ("r", "l"):
         _take_from_talus(found, side)
         _complete_knee(found, side)
@@ -112,36 +126,36 @@ def _has_size(name: str, extent_m: float) -> bool:
     return low <= extent_m <= high
 
 
-def _find_one(name: str, mesh: Mesh, frames: dict[str, TibiaFrame]) -> BoneLandmarks:
+def _find_one(name: str, mesh: Mesh, frames: dict[str, TibiaFrame]) -> results.BoneLandmarks:
     vertices, faces = mesh
     if name == "pelvis":
         return find_pelvis_landmarks(vertices, faces)
     kind, side = name.split("_")
-    named: Side = "r" if side == "r" else "l"
+    named: results.Side = "r" if side == "r" else "l"
     if kind == "femur":
         return _require_side(name, find_femur_landmarks(vertices, faces, named_side=named))
     if kind == "tibia":
         landmarks, frames[side] = find_tibia_landmarks(vertices, faces, named_side=named)
         return _require_side(name, landmarks)
     if side not in frames:
-        raise MeshRefused(
+        raise results.MeshRefused(
             _TALUS_ALONE, remedy=f"Give tibia_{side} of the same image too, or leave {name} out"
         )
     return find_talus_landmarks(vertices, faces, named_side=named, tibia=frames[side])
 
 
-def _require_side(name: str, landmarks: BoneLandmarks) -> BoneLandmarks:
+def _require_side(name: str, landmarks: results.BoneLandmarks) -> results.BoneLandmarks:
     if name.endswith(f"_{landmarks.side}"):
         return landmarks
     words = {"r": "right", "l": "left"}
     said, is_ = words[name[-1]], words[landmarks.side or "r"]
-    raise MeshRefused(
+    raise results.MeshRefused(
         f"it is a {is_} {landmarks.bone}, but is given as a {said} one",
         remedy=f"Give it as {landmarks.bone}_{landmarks.side}; if the export mirrored it, mirror it back",
     )
 
 
-def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
+def _take_from_talus(found: dict[str, results.BoneLandmarks], side: str) -> None:
     """The ankle's centre of the tibia from the talus, where there is one."""
     tibia, talus = found.get(f"tibia_{side}"), found.get(f"talus_{side}")
     if tibia is None or talus is None:
@@ -170,7 +184,7 @@ def _take_from_talus(found: dict[str, BoneLandmarks], side: str) -> None:
     )
 
 
-def _complete_knee(found: dict[str, BoneLandmarks], side: str) -> None:
+def _complete_knee(found: dict[str, results.BoneLandmarks], side: str) -> None:
     """The knee's centre over the plateaus of a tibia whose femur was not imaged down there."""
     tibia, femur = found.get(f"tibia_{side}"), found.get(f"femur_{side}")
     needed = ("plateau_medial", "plateau_lateral", "ankle_centre")
@@ -194,7 +208,7 @@ def _complete_knee(found: dict[str, BoneLandmarks], side: str) -> None:
     )
 
 
-def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
+def _check_socket(found: dict[str, results.BoneLandmarks], side: str) -> None:
     """A warning where the head does not sit in its socket, or is not of its size."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     if pelvis is None or femur is None or "hip_centre" not in femur.points:
@@ -216,7 +230,7 @@ def _check_socket(found: dict[str, BoneLandmarks], side: str) -> None:
     found[f"femur_{side}"] = replace(femur, warnings=tuple(warnings))
 
 
-def _measure_hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
+def _measure_hip_gap(found: Mapping[str, results.BoneLandmarks], side: str) -> float | None:
     """From the socket to the femur's head, m; None where not both were found."""
     pelvis, femur = found.get("pelvis"), found.get(f"femur_{side}")
     socket = None if pelvis is None else pelvis.points.get(f"acetabulum_{side}")
@@ -224,7 +238,7 @@ def _measure_hip_gap(found: Mapping[str, BoneLandmarks], side: str) -> float | N
     return None if socket is None or head is None else float(np.linalg.norm(head - socket))
 
 
-def _measure_knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[float, float] | None:
+def _measure_knee_gap(found: Mapping[str, results.BoneLandmarks], side: str) -> tuple[float, float] | None:
     """From the middle of the condyles to that of the plateaus, m, and over the condyles' radius."""
     femur, tibia = found.get(f"femur_{side}"), found.get(f"tibia_{side}")
     if femur is None or tibia is None or "knee_centre" not in femur.points:
@@ -237,7 +251,7 @@ def _measure_knee_gap(found: Mapping[str, BoneLandmarks], side: str) -> tuple[fl
     return gap, gap / (float(np.mean(radii)) if radii else _CONDYLE_M)
 
 
-def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[str]:
+def _compare_widths(found: Mapping[str, results.BoneLandmarks], side: str) -> Iterator[str]:
     """A warning where a plateau is too wide or too narrow for the epicondyles."""
     ends = {
         "tibia": ("plateau_medial", "plateau_lateral"),
@@ -257,17 +271,7 @@ def _compare_widths(found: Mapping[str, BoneLandmarks], side: str) -> Iterator[s
         )
 
 
-def _measure_knee_turn(found: Mapping[str, BoneLandmarks], side: str) -> float | None:
-    """From the axis of the condyles to the one across the plateau, deg; None where one is missing."""
-    axes = [
-        found[bone].axes[name]
-        for bone, name in ((f"femur_{side}", "knee"), (f"tibia_{side}", "plateau"))
-        if bone in found and name in found[bone].axes
-    ]
-    return float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
-
-
-def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
+def _compare_sides(found: Mapping[str, results.BoneLandmarks]) -> Iterator[str]:
     """A warning where both sides' bones are of different length."""
     for bone, (upper, lower) in _LENGTHS.items():
         pair = [found[f"{bone}_{side}"].points for side in "rl" if f"{bone}_{side}" in found]
@@ -281,10 +285,7 @@ def _compare_sides(found: Mapping[str, BoneLandmarks]) -> Iterator[str]:
             )
 
 
-_LENGTHS = {"femur": ("hip_centre", "knee_centre"), "tibia": ("plateau_medial", "malleolus_medial")}
-
-
-def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
+def check_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
     """Whether bones meet in their joints, as they do in one image of one person.
 
     ``found``: bone to its landmarks. Returns a warning for each knee whose gap or whose bones' widths do not
@@ -298,38 +299,35 @@ def check_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
         gap = _measure_hip_gap(found, side)
         if gap is not None and gap > _OTHER_FRAME_M:
             problem = f"its head lies {1e3 * gap:.0f} mm from the socket of the pelvis"
-            raise MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
-        turned = _measure_knee_turn(found, side)
+            raise results.MeshRefused(problem, field=f"femur_{side}", remedy=remedy)
+        # From the axis of the condyles to the one across the plateau, deg; None where one is missing.
+        axes = [
+            found[bone].axes[name]
+            for bone, name in ((f"femur_{side}", "knee"), (f"tibia_{side}", "plateau"))
+            if bone in found and name in found[bone].axes
+        ]
+        turned = (
+            float(np.rad2deg(np.arccos(np.clip(axes[0] @ axes[1], -1.0, 1.0)))) if len(axes) == 2 else None
+        )
         if turned is not None and turned > _TURNED_DEG:
             problem = f"its plateau is turned by {turned:.0f} degrees against the condyles of femur_{side}"
-            raise MeshRefused(problem, field=f"tibia_{side}", remedy=remedy)
+            raise results.MeshRefused(problem, field=f"tibia_{side}", remedy=remedy)
         knee = _measure_knee_gap(found, side)
         if knee is None:
             continue
         narrow, wide, apart = _KNEE_GAP
         said = f"its plateau lies {1e3 * knee[0]:.0f} mm from the middle of the condyles of femur_{side}"
         if knee[1] > apart:
-            raise MeshRefused(said, field=f"tibia_{side}", remedy=remedy)
+            raise results.MeshRefused(said, field=f"tibia_{side}", remedy=remedy)
         if not narrow <= knee[1] <= wide:
             notes.append(f"tibia_{side}: {said}: other poses, images or persons")
     return tuple(notes)
 
 
-_CENTRES = {
-    "femur": {"hip_centre": "hip", "knee_centre": "knee"},
-    "tibia": {"knee_centre": "knee", "ankle_centre": "ankle"},
-    "talus": {"subtalar_centre": "subtalar"},
-}
-_LANDMARKS = {
-    "pelvis": {"asis_r": "RASIS", "asis_l": "LASIS", "psis_r": "RPSIS", "psis_l": "LPSIS"},
-    "femur": {"epicondyle_lateral": "LFE", "epicondyle_medial": "MFE"},
-    "tibia": {"fibula_head": "FH", "malleolus_lateral": "LM", "malleolus_medial": "MM"},
-}
-"""Points on bone, by bone, and the markers that are put on them; of a leg without its side."""
-
-
 def collect_evidence(
-    found: Mapping[str, BoneLandmarks], markers: Mapping[str, tuple[str, Vector]], bones: Mapping[str, Bone]
+    found: Mapping[str, results.BoneLandmarks],
+    markers: Mapping[str, tuple[str, Vector]],
+    bones: Mapping[str, Bone],
 ) -> ImageEvidence:
     """Landmarks under the names of a built-in leg model's joints and markers.
 
@@ -359,7 +357,9 @@ def collect_evidence(
     )
 
 
-def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, BoneLandmarks, str]]:
+def _list_centres(
+    found: Mapping[str, results.BoneLandmarks],
+) -> Iterator[tuple[str, results.BoneLandmarks, str]]:
     """Joint centres, their bones and points; a hip whose femur is not there is the centre of its socket."""
     pelvis = found.get("pelvis")
     for side in "rl" if pelvis is not None else "":
@@ -371,7 +371,9 @@ def _list_centres(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, Bon
                 yield f"{joint}_{bone.side}", bone, point
 
 
-def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple[str, BoneLandmarks, str]]:
+def _list_marker_landmarks(
+    found: Mapping[str, results.BoneLandmarks],
+) -> Iterator[tuple[str, results.BoneLandmarks, str]]:
     """Markers over bone, their bones and points."""
     for bone in found.values():
         letter = (bone.side or "").upper()
@@ -380,6 +382,6 @@ def _list_marker_landmarks(found: Mapping[str, BoneLandmarks]) -> Iterator[tuple
                 yield f"{letter}{marker}", bone, point
 
 
-def _to_vector(point: Array) -> Vector:
+def _to_vector(point: results.Array) -> Vector:
     x, y, z = point.tolist()
     return (x, y, z)

@@ -9,16 +9,16 @@ import typer
 
 from scaling_service.capabilities.discovery.command import find_hidden
 from scaling_service.capabilities.scaling.command import show
-from scaling_service.capabilities.shared.flags import Only, Out, Report, make_folder_parser, with_flags
+from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 
 
-@with_flags
+@flags.with_flags
 def demo(
-    out: Out,
-    settings: Annotated[Settings, Only("strategy", "n_frames", "seed")],
-    report: Report = True,
+    out: flags.Out,
+    settings: Annotated[Settings, flags.Only("strategy", "n_frames", "seed")],
+    report: flags.Report = True,
     discover: Annotated[
         bool,
         typer.Option(
@@ -46,7 +46,7 @@ def demo(
 
 
 def example(
-    out: Out,
+    out: flags.Out,
     persons: Annotated[
         int, typer.Option(min=1, metavar="N", help="More than one get a folder each, and no bones.")
     ] = 1,
@@ -103,7 +103,7 @@ def guide(
             "-o",
             metavar="DIR",
             help="Write it as web pages: open index.html.",
-            parser=make_folder_parser("--out"),
+            parser=flags.make_folder_parser("--out"),
         ),
     ] = None,
 ) -> None:

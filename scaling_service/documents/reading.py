@@ -75,7 +75,14 @@ def check_document(content: object, *, file: str | Path | None = None) -> Subjec
     try:
         return SubjectDocument.model_validate(content)
     except ValidationError as error:
-        raise _explain_invalid(error.errors(include_url=False), file) from None
+        errors = error.errors(include_url=False)
+        # A misspelt key also leaves the right one missing: the misspelling is the one to tell.
+        first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
+        field, problem, remedy = _explain(first)
+        others = len(errors) - 1
+        if others:
+            problem += f" (and {others} more problem{'s' if others > 1 else ''})"
+        raise SubjectInvalid(problem, file=file, field=field, remedy=remedy) from None
 
 
 def read_text(file: Path, kind: str = "a subject file") -> str:
@@ -153,16 +160,6 @@ def _parse_json(text: str, file: Path) -> object:
         ) from None
 
 
-def _explain_invalid(errors: Sequence[ErrorDetails], file: str | Path | None) -> SubjectInvalid:
-    # A misspelt key also leaves the right one missing: the misspelling is the one to tell.
-    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
-    field, problem, remedy = _explain(first)
-    others = len(errors) - 1
-    if others:
-        problem += f" (and {others} more problem{'s' if others > 1 else ''})"
-    return SubjectInvalid(problem, file=file, field=field, remedy=remedy)
-
-
 def _explain(error: ErrorDetails) -> tuple[str, str, str]:
     """Field path, problem and remedy of one validation error."""
     path, kind, value = [str(part) for part in error["loc"] if part != "[key]"], error["type"], error["input"]
@@ -172,7 +169,13 @@ def _explain(error: ErrorDetails) -> tuple[str, str, str]:
         return ".".join([*path, *extra]), context["problem"], context["remedy"]
     field = ".".join(path)
     if kind == "extra_forbidden":
-        return field, "unknown key", _suggest_key(path)
+        # The closest key that exists where an unknown one was found, or all of them
+        known = _list_keys(SubjectDocument, path[:-1])
+        return (
+            field,
+            "unknown key",
+            (suggest_name(path[-1].lower(), known).strip() or f"Keys here are {', '.join(known)}"),
+        )
     if kind == "missing":
         return field, "it is missing", f"Add `{path[-1]}:`"
     if kind == "literal_error":
@@ -196,12 +199,6 @@ def _name_kind(value: object) -> str:
         return "nothing"
     shown = f" ({value!r})" if isinstance(value, str | int | float) and len(repr(value)) < 60 else ""
     return names.get(type(value), f"a {type(value).__name__}") + shown
-
-
-def _suggest_key(path: Sequence[str]) -> str:
-    """The closest key that exists where an unknown one was found, or all of them."""
-    known = _list_keys(SubjectDocument, path[:-1])
-    return suggest_name(path[-1].lower(), known).strip() or f"Keys here are {', '.join(known)}"
 
 
 def _list_keys(document: type[BaseModel], path: Sequence[str]) -> list[str]:

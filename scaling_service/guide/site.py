@@ -13,7 +13,7 @@ from types import MappingProxyType
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from scaling_service.guide.notebooks import FOLDER, NOTEBOOK, draw_images
+from scaling_service.guide import notebooks
 from scaling_service.guide.pages import PARTS, list_pages, list_sections, parse, read_title
 
 _HERE = Path(__file__).parent
@@ -33,12 +33,12 @@ def make_site() -> Mapping[str, bytes]:
     files["index.html"] = files[f"{list_pages()[0]}.html"]
     found = [asdict(section) for section in list_sections()]
     files["sections.js"] = f"const SECTIONS = {json.dumps(found, ensure_ascii=False)};\n".encode()
-    for file in (_HERE / "guide.css", _HERE / "guide.js", *FOLDER.iterdir()):
+    for file in (_HERE / "guide.css", _HERE / "guide.js", *notebooks.FOLDER.iterdir()):
         if file.suffix in (".css", ".js", *_AS_THEY_ARE):
             files[file.name] = file.read_bytes()
     for name in list_pages():
-        if name.startswith(NOTEBOOK):
-            files |= draw_images(name)
+        if name.startswith(notebooks.NOTEBOOK):
+            files |= notebooks.draw_images(name)
     return MappingProxyType(files)
 
 

@@ -126,7 +126,11 @@ def decide(
     clarity, why_forward = 1.0, "given"
     keeps = forward_vector is None and not facing
     if keeps:
-        forward_vector = _keep_heading(up_vector)
+        # The axis that the smallest turn of `up` onto y brings to x
+        if up_vector[1]:
+            forward_vector = _make_axis(0, 1.0)  # half a turn about x where y points down
+        else:
+            forward_vector = _make_axis(1, -up_vector[0]) if up_vector[0] else _make_axis(0, 1.0)
     elif forward_vector is None:
         ahead, why_forward = _find_facing(positions, where, up_vector)
         kept = _make_axis(0 if up_vector[0] == 0 else 1, 1.0)
@@ -195,13 +199,6 @@ def _average_rows(vectors: Array) -> Array | None:
     """Mean of the rows that are complete; None if none is."""
     complete = vectors[np.isfinite(vectors).all(axis=-1)]
     return complete.mean(axis=0) if len(complete) else None
-
-
-def _keep_heading(up: Array) -> Array:
-    """The axis that the smallest turn of ``up`` onto y brings to x."""
-    if up[1]:
-        return _make_axis(0, 1.0)  # half a turn about x where y points down
-    return _make_axis(1, -up[0]) if up[0] else _make_axis(0, 1.0)
 
 
 def _find_up(

@@ -24,23 +24,7 @@ from scaling_service.model.trial import (
     is_unlabelled,
 )
 from scaling_service.numerics.least_squares.problem import find_shown
-from scaling_service.recording.exchanged import (
-    LEG_PAIRS,
-    Clusters,
-    Exchange,
-    find_exchanged_labels,
-    find_exchanges,
-    measure_shape,
-    relabel,
-)
-from scaling_service.recording.findings import (
-    BEYOND_DOUBT,
-    TOLD,
-    Finding,
-    Recordings,
-    list_roles,
-    sort_findings,
-)
+from scaling_service.recording import exchanged, findings
 from scaling_service.recording.plausibility import find_moved_markers
 from scaling_service.recording.root import ask_root
 from scaling_service.recording.same_person import ask_same_person
@@ -60,7 +44,7 @@ _FEWEST_SOLID = 4  # markers of a segment that tell it from its mirror image
 _HANGS = np.cos(np.radians(135.0))  # chosen: beyond it a body hangs head down
 
 
-def ask(given: Recordings) -> tuple[Finding, ...]:
+def ask(given: findings.Recordings) -> tuple[findings.Finding, ...]:
     """All questions, those that refuse first."""
     found = [
         *(one for trial in given.trials for one in ask_one_person(trial)),
@@ -73,7 +57,7 @@ def ask(given: Recordings) -> tuple[Finding, ...]:
         *ask_segments(given.trials, given.clusters),
         *ask_moved(given.trials, given.clusters),
     ]
-    return sort_findings(found)
+    return findings.sort_findings(found)
 
 
 _Kind = TypeVar("_Kind", bound=Trial)
@@ -92,10 +76,10 @@ def mend(trial: _Kind, corrections: Iterable[Relabelling], mirrored: str | None)
         detail = f"positions mirrored along {mirrored}, as the subject file says"
         made = Repair(what="mirrored", where=trial.name, detail=detail, frames=trial.n_frames)
         trial = replace(trial, markers=markers, repairs=(*trial.repairs, made))
-    return relabel(trial, corrections)
+    return exchanged.relabel(trial, corrections)
 
 
-def ask_one_person(trial: Trial) -> Iterator[Finding]:
+def ask_one_person(trial: Trial) -> Iterator[findings.Finding]:
     """Whether two sets of the same labels stand in one recording, far apart."""
     step = max(1, trial.n_frames // FRAMES)
     shown = find_shown(trial.markers[::step])
@@ -113,7 +97,7 @@ def ask_one_person(trial: Trial) -> Iterator[Finding]:
     found = max(twice.values(), key=len, default=[])
     if len(found) >= _FEWEST_TWICE:
         names = list_few([f"{one} and {other}" for one, other in found])
-        yield Finding(
+        yield findings.Finding(
             code="two_persons",
             place=trial.name,
             severity="refusal",
@@ -165,19 +149,19 @@ def _find_affix(one: str, other: str) -> str | None:
     return f"<{long[:more]}" if long.endswith(short) else None
 
 
-def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]:
+def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[findings.Finding]:
     """Whether right is right: mirrored recordings, exchanged sides, fronts that are backs."""
-    roles = list_roles(trial)
+    roles = findings.list_roles(trial)
     found = judge_handedness(trial, roles)
     if found is None:
         yield from ask_shapes(trial, model) if model is not None else ()
         return
-    sure = found.log_odds > np.log(BEYOND_DOUBT)
-    if found.log_odds <= np.log(TOLD):
+    sure = found.log_odds > np.log(findings.BEYOND_DOUBT)
+    if found.log_odds <= np.log(findings.TOLD):
         return
     if found.pairs:
         labels = tuple(label for pair in found.pairs for label in pair)
-        exchange = Exchange(
+        exchange = exchanged.Exchange(
             labels=labels,
             true=tuple(label for pair in found.pairs for label in reversed(pair)),
             start_s=float(trial.times[0]),
@@ -200,7 +184,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
             pairs = list_few([f"{right} and {left}" for right, left in found.pairs])
             problem = f"the labels{of} {pairs} look exchanged between right and left"
             remedy = "Correct the labels under `corrections:`, or in the recording"
-        yield Finding(
+        yield findings.Finding(
             code="mirrored" if found.whole else "sides_exchanged",
             place=trial.name,
             severity="refusal" if sure else "warning",
@@ -212,7 +196,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
     alone = len(found.turned) == len([name for name in found.witnesses if name != "the walk"])
     for witness in found.turned:
         what = "bends backwards" if witness.name.endswith("knee") else "faces backwards"
-        yield Finding(
+        yield findings.Finding(
             code="backwards",
             place=trial.name,
             severity="refusal" if sure else "warning",
@@ -224,7 +208,7 @@ def ask_sides(trial: Trial, model: BodyModel | None = None) -> Iterator[Finding]
         )
 
 
-def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
+def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[findings.Finding]:
     """Whether segments are mirror images of the model's; asked where no names tell sides and fronts."""
     turned, seen = 0.0, []
     for segment in model.segments:
@@ -257,11 +241,11 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
         turned += float(np.logaddexp(gain + _SAFE, _ODD) - np.logaddexp(_SAFE, gain + _ODD))
         seen.append(segment.name)
     log_odds = turned + np.log(MIRRORED)
-    if log_odds > np.log(TOLD):
-        yield Finding(
+    if log_odds > np.log(findings.TOLD):
+        yield findings.Finding(
             code="mirrored",
             place=trial.name,
-            severity="refusal" if log_odds > np.log(BEYOND_DOUBT) else "warning",
+            severity="refusal" if log_odds > np.log(findings.BEYOND_DOUBT) else "warning",
             problem=f"the markers of {list_few(seen)} are the mirror image of the model's: an axis was "
             "mirrored, or labels are exchanged",
             remedy="Mend the export; or say in the subject file along which axis it is mirrored, under "
@@ -269,10 +253,10 @@ def ask_shapes(trial: Trial, model: BodyModel) -> Iterator[Finding]:
         )
 
 
-def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding]:
+def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[findings.Finding]:
     """Whether somebody hangs head down throughout, which no standing trial shows; trials with Y up."""
     for trial in trials:
-        places = {role: trial.position(label) for label, role in list_roles(trial).items()}
+        places = {role: trial.position(label) for label, role in findings.list_roles(trial).items()}
         pelvis = [places[name] for name in ("RASIS", "LASIS", "SACR", "RPSIS", "LPSIS") if name in places]
         feet = [places[name] for name in ("RLM", "LLM", "RHEE", "LHEE") if name in places]
         if not pelvis or not feet:
@@ -283,7 +267,7 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding
             continue
         cosine = known[:, 1] / np.linalg.norm(known, axis=1)
         if cosine.max() < _HANGS:
-            yield Finding(
+            yield findings.Finding(
                 code="upside_down",
                 place=trial.name,
                 severity="refusal" if trial.name == static else "warning",
@@ -292,14 +276,14 @@ def ask_posture(trials: Sequence[Trial], static: str | None) -> Iterator[Finding
             )
 
 
-def ask_exchanged(trial: Trial) -> Iterator[Finding]:
+def ask_exchanged(trial: Trial) -> Iterator[findings.Finding]:
     """Labels of an outer and an inner landmark that look exchanged; throughout, nothing can be computed."""
-    roles = list_roles(trial)
-    for exchange, throughout in find_exchanged_labels(trial, roles):
-        sure = throughout and tuple(roles[label][1:] for label in exchange.labels) in LEG_PAIRS
+    roles = findings.list_roles(trial)
+    for exchange, throughout in exchanged.find_exchanged_labels(trial, roles):
+        sure = throughout and tuple(roles[label][1:] for label in exchange.labels) in exchanged.LEG_PAIRS
         end = ", the end" if exchange.end_s == trial.times[-1] else ""
         span = "throughout" if throughout else f"from {exchange.start_s:.2f} s to {exchange.end_s:.2f} s{end}"
-        yield Finding(
+        yield findings.Finding(
             code="exchanged",
             place=trial.name,
             severity="refusal" if sure else "warning",
@@ -310,15 +294,17 @@ def ask_exchanged(trial: Trial) -> Iterator[Finding]:
         )
 
 
-def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
+def ask_segments(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
     """Labels of one segment that stand for each other for a while.
 
     Of two recordings that contradict each other all along, it is told once for both.
     """
-    wrong: dict[str, list[Exchange]] = {}
+    wrong: dict[str, list[exchanged.Exchange]] = {}
     for trial in trials:
-        usual = measure_shape((other for other in trials if other is not trial), clusters)
-        wrong[trial.name] = list(find_exchanges(trial, clusters, usual or measure_shape([trial], clusters)))
+        usual = exchanged.measure_shape((other for other in trials if other is not trial), clusters)
+        wrong[trial.name] = list(
+            exchanged.find_exchanges(trial, clusters, usual or exchanged.measure_shape([trial], clusters))
+        )
     told: set[tuple[str, ...]] = set()
     for name, found in wrong.items():
         for item in found:
@@ -329,7 +315,7 @@ def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Findin
                 continue
             told.add(item.labels)
             where = f", or in {list_few(rivals)}" if rivals else ""
-            yield Finding(
+            yield findings.Finding(
                 code="exchanged",
                 place=name,
                 labels=item.labels,
@@ -344,10 +330,10 @@ def ask_segments(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Findin
             )
 
 
-def ask_moved(trials: Sequence[Trial], clusters: Clusters) -> Iterator[Finding]:
+def ask_moved(trials: Sequence[Trial], clusters: exchanged.Clusters) -> Iterator[findings.Finding]:
     """Markers that sit elsewhere than in the other recordings."""
     for one in find_moved_markers(trials, clusters):
-        yield Finding(
+        yield findings.Finding(
             code="moved",
             place=one.trial,
             labels=(one.label,),

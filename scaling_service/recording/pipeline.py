@@ -16,11 +16,7 @@ from scaling_service.model.trial import (
 )
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.multibody.rigid import MIN_POINTS, fit_rigid
-from scaling_service.numerics.signals.filters import (
-    fill_short_gaps,
-    filter_butterworth,
-    find_runs,
-)
+from scaling_service.numerics.signals import filters
 from scaling_service.recording import orientation
 from scaling_service.recording.settings import LEAST_RATE, LONGEST_SPLINE_S, ProcessingSettings
 
@@ -80,7 +76,9 @@ def smooth(trial: Trial, cutoff_hz: float) -> Trial:
             field="cutoff_hz",
             remedy=f"Choose one between 0 and {0.5 * trial.rate_hz:g} Hz",
         )
-    result = filter_butterworth(trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER)
+    result = filters.filter_butterworth(
+        trial.markers, rate_hz=trial.rate_hz, cutoff_hz=cutoff_hz, order=ORDER
+    )
     detail = f"smoothed: zero-phase Butterworth, order {ORDER}, half power at {cutoff_hz:g} Hz"
     brief = "seen too briefly between gaps to be filtered; left as measured"
     short = repair_each(np.any(result.unfiltered, axis=-1), trial.labels, "not_smoothed", brief)
@@ -109,7 +107,7 @@ def fill(
     """
     before = ~find_seen(trial.markers)
     longest = int(np.floor(longest_spline_s * trial.rate_hz + 1e-6))
-    markers, splined = fill_short_gaps(trial.markers, longest=longest)
+    markers, splined = filters.fill_short_gaps(trial.markers, longest=longest)
     repairs = repair_each(
         splined, trial.labels, "gap_spline", f"gaps of at most {longest} frames interpolated by a C2 spline"
     )
@@ -188,7 +186,7 @@ def _carry(cloud: Array, k: int, wanted: Mask, common: Mask) -> tuple[Mask, Arra
     mismatch = cloud[:, k] - predicted
     correction = np.zeros_like(mismatch)
     n = len(mismatch)
-    for start, stop in find_runs(possible).tolist():
+    for start, stop in filters.find_runs(possible).tolist():
         before = mismatch[start - 1] if start > 0 else np.full(3, np.nan)
         after = mismatch[stop] if stop < n else np.full(3, np.nan)
         if not np.isfinite(before).all():

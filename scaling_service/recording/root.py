@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from scaling_service.core.text import list_few
-from scaling_service.model.body import GROUND, BodyModel, Segment
+from scaling_service.model import body
 from scaling_service.model.compile import compile_model, free_coordinates, list_parameter_values
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import (
@@ -27,7 +27,7 @@ _LARGEST_SD = np.radians(30.0)
 _ACROSS_M = 0.01  # chosen: three markers that lie nearer to one line show no turn about it
 
 
-def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Iterator[Finding]:
+def ask_root(trial: Trial, model: body.BodyModel | None, clusters: Clusters) -> Iterator[Finding]:
     """Whether the segment that carries all others is shown, by its own markers or by what hangs on it.
 
     A root at the end of what is shown (an arm or a leg alone) is only not told; one between two branches
@@ -37,7 +37,7 @@ def ask_root(trial: Trial, model: BodyModel | None, clusters: Clusters) -> Itera
         return
     shown = set(trial.shown_labels)
     carried = {m.name: m.segment for m in model.markers if m.name in shown and m.weight > 0.0}
-    for root in model.children(GROUND):
+    for root in model.children(body.GROUND):
         free = {t.coordinate for j in root.joints for t in j.law.terms if t.coordinate is not None}
         branches = [
             child for child in model.children(root.name) if _list_below(model, child) & {*carried.values()}
@@ -74,14 +74,14 @@ def _is_shown(trial: Trial, labels: Sequence[str]) -> bool:
     return False
 
 
-def _list_below(model: BodyModel, segment: Segment) -> set[str]:
+def _list_below(model: body.BodyModel, segment: body.Segment) -> set[str]:
     below = {segment.name}
     for child in model.children(segment.name):
         below |= _list_below(model, child)
     return below
 
 
-def _measure_root_sd(model: BodyModel, root: Segment, markers: tuple[str, ...]) -> float:
+def _measure_root_sd(model: body.BodyModel, root: body.Segment, markers: tuple[str, ...]) -> float:
     """The largest standard deviation of the root's turns, rad, near the neutral pose."""
     tree = compile_model(model, markers)
     free = free_coordinates(model)

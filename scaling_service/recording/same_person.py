@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
-from scaling_service.recording.findings import BEYOND_DOUBT, Finding, list_roles
+from scaling_service.recording import findings
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
 _BONY = (
@@ -43,14 +43,14 @@ _PLATE_M = 0.001  # chosen: markers that keep their distances so well sit on a p
 _FEWEST_BONES = 3  # distances that tell a person's size (chosen)
 
 
-def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
+def ask_same_person(trials: Sequence[Trial]) -> Iterator[findings.Finding]:
     """Whether all recordings show one person with one placement of the markers, at one scale.
 
     Bones that differ in size are another person's or another scale's. Markers that all sit elsewhere may have
     been put on anew, which a recording of another day is told of and not refused.
     """
     bones = [_measure_bony(trial) for trial in trials]
-    segments = [measure_within_segments(trial, list_roles(trial)) for trial in trials]
+    segments = [measure_within_segments(trial, findings.list_roles(trial)) for trial in trials]
     odds: dict[tuple[int, int], tuple[float, float, float]] = {}
     for i, j in combinations(range(len(trials)), 2):
         anew = _weigh_anew(segments[i], segments[j])
@@ -71,10 +71,10 @@ def ask_same_person(trials: Sequence[Trial]) -> Iterator[Finding]:
         worst = max(left, key=lambda pair: odds[pair])
         _, other, scale = odds[worst]
         rival = trials[worst[0] if worst[1] == i else worst[1]]
-        sure = other > np.log(BEYOND_DOUBT)
+        sure = other > np.log(findings.BEYOND_DOUBT)
         scale = scale if worst[0] == i else -scale
         size = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
-        yield Finding(
+        yield findings.Finding(
             code="another_person",
             place=trials[i].name,
             severity="refusal" if sure else "warning",
@@ -114,7 +114,7 @@ def _weigh_anew(
 
 
 def _measure_bony(trial: Trial) -> dict[tuple[str, str], float]:
-    inverse = {role: label for label, role in list_roles(trial).items()}
+    inverse = {role: label for label, role in findings.list_roles(trial).items()}
     step = max(1, trial.n_frames // FRAMES)
     found = {}
     for a, b in _BONY:

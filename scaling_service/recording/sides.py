@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
 from scaling_service.model.trial import Trial
@@ -130,11 +131,11 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
         ]
     )
     strict = total - ((np.logaddexp(misled, trusted) - trusted) * against[:, None]).sum(axis=0)
-    crossed = [k for k, signs in enumerate(states) if _is_crossed(signs, pairs)]
+    crossed = _find_crossed(states, pairs)
     legs = (
         np.logaddexp.reduce(strict[crossed] - np.log(priors[crossed]))
         + np.log(STEPPING_CROSSED if _steps(pairs) else CROSSED)
-        if crossed
+        if len(crossed)
         else -np.inf
     )
     sound = float(np.logaddexp(strict[0], legs) + outward[0])
@@ -159,21 +160,18 @@ def judge_handedness(trial: Trial, roles: Mapping[str, str]) -> Handedness | Non
     )
 
 
-def _is_crossed(signs: Array, pairs: Sequence[SidePair]) -> bool:
-    """Whether these lines are those that crossed legs turn round: all below some height, no others."""
-    flipped = {
-        region: {sign < 0.0 for sign, pair in zip(signs, pairs, strict=True) if pair.region == region}
-        for region in {pair.region for pair in pairs}
-    }
-    below = [flipped[region] for region in ("thigh", "shank", "foot") if region in flipped]
-    above = set[bool]().union(
-        *(f for region, f in flipped.items() if region not in ("thigh", "shank", "foot"))
-    )
+def _find_crossed(states: Array, pairs: Sequence[SidePair]) -> NDArray[np.intp]:
+    """Which states turn round what crossed legs do: all lines below some height, and no others."""
+    regions = np.array([pair.region for pair in pairs])
+    legs = [states[:, regions == name] < 0.0 for name in ("thigh", "shank", "foot") if name in regions]
+    sound = ~(states[:, ~np.isin(regions, ("thigh", "shank", "foot"))] < 0.0).any(axis=1)
     # From the hips down: none, then one region at whose height the legs cross, then all.
-    crossing = next((k for k, found in enumerate(below) if True in found), None)
-    if crossing is None or True in above or (crossing == len(below) - 1 and False in below[-1]):
-        return False
-    return all(found == {True} for found in below[crossing + 1 :]) and (crossing < 2 or len(below) < 3)
+    found = np.zeros(len(states), dtype=bool)
+    for k, crossing in enumerate(legs[:2] if len(legs) == 3 else legs):
+        here = crossing.any(axis=1) if k + 1 < len(legs) else crossing.all(axis=1)
+        found |= sound & here & np.all([part.all(axis=1) for part in legs[k + 1 :]], axis=0)
+        sound &= ~crossing.any(axis=1)
+    return np.flatnonzero(found)
 
 
 def _steps(pairs: Sequence[SidePair]) -> bool:

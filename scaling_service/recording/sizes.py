@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.core.arrays import Array
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.trial import Trial
-from scaling_service.recording.findings import Finding, Stated, list_roles
+from scaling_service.recording import findings
 from scaling_service.recording.witnesses import FRAMES, measure_within_segments
 
 DEVIATIONS = 5.0
@@ -87,7 +87,9 @@ _STANDING = (
 mm of slack in trunk and knees, and palpation)."""
 
 
-def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> Iterator[Finding]:
+def ask_sizes(
+    trials: Sequence[Trial], static: str | None, stated: findings.Stated
+) -> Iterator[findings.Finding]:
     """Whether distances between landmarks can be a person's, each and all together; trials with Y up."""
     people = predict_dimensions(sex=stated.sex, height_m=stated.height_m, mass_kg=stated.mass_kg)
     for trial in trials:
@@ -95,9 +97,9 @@ def ask_sizes(trials: Sequence[Trial], static: str | None, stated: Stated) -> It
         yield from found or _ask_reaches(trial, stated)
 
 
-def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
+def _ask_reaches(trial: Trial, stated: findings.Stated) -> Iterator[findings.Finding]:
     """Whether a label is on another segment than its name says."""
-    distances = measure_within_segments(trial, list_roles(trial))
+    distances = measure_within_segments(trial, findings.list_roles(trial))
     tall = (stated.height_m or _TALLEST_M) * (1.0 + MISSTATED)
     far = {ends: size for ends, size in distances.items() if size > tall * _REACHES[ends[0].split()[0]]}
     labels = [label for _, *ends in far for label in ends]
@@ -107,7 +109,7 @@ def _ask_reaches(trial: Trial, stated: Stated) -> Iterator[Finding]:
     (segment, *ends), size = max(((e, s) for e, s in far.items() if worst in e), key=lambda item: item[1])
     (other,) = {*ends} - {worst}
     part = segment.replace(" R", " on the right").replace(" L", " on the left")
-    yield Finding(
+    yield findings.Finding(
         code="length",
         place=trial.name,
         severity="refusal",
@@ -132,7 +134,9 @@ class _Measured:
 
 def _measure_sizes(trial: Trial, people: DimensionPrior, *, standing: bool) -> Iterator[_Measured]:
     step = max(1, trial.n_frames // FRAMES)
-    where = {role: (label, trial.position(label)[::step]) for label, role in list_roles(trial).items()}
+    where = {
+        role: (label, trial.position(label)[::step]) for label, role in findings.list_roles(trial).items()
+    }
     sides = [_on_side(size, side) for size in _SIZES for side in "RL"]
     for size in (*sides, *_ACROSS):
         if all(end in where for end in size.ends):
@@ -181,8 +185,8 @@ def _compare(size: _Size, labels: tuple[str, ...], values: Array, people: Dimens
 
 
 def _ask_sizes_of(
-    trial: Trial, people: DimensionPrior, stated: Stated, *, standing: bool
-) -> Iterator[Finding]:
+    trial: Trial, people: DimensionPrior, stated: findings.Stated, *, standing: bool
+) -> Iterator[findings.Finding]:
     found = list(_measure_sizes(trial, people, standing=standing))
     exact = [k for k, one in enumerate(found) if not one.at_most]
     if not exact:
@@ -208,7 +212,7 @@ def _ask_sizes_of(
         worst = max(wrong, key=lambda k: abs(deviations[k]))
         names = " and ".join(found[worst].labels)
         bound = "at most " if found[worst].at_most else ""
-        yield Finding(
+        yield findings.Finding(
             code="length",
             place=trial.name,
             severity="refusal",
@@ -218,7 +222,7 @@ def _ask_sizes_of(
             remedy="Correct the labels, one of them is of another place or person; or the person's height",
         )
     elif wrong or abs(scale) > DEVIATIONS * doubt:
-        yield Finding(
+        yield findings.Finding(
             code="scale",
             place=trial.name,
             severity="refusal",
@@ -229,7 +233,7 @@ def _ask_sizes_of(
         )
     elif stated.height_m is not None and abs(scale) > DOUBTFUL * sd:
         change = f"{abs(np.expm1(scale)):.0%} {'larger' if scale > 0 else 'smaller'}"
-        yield Finding(
+        yield findings.Finding(
             code="scale",
             place=trial.name,
             problem=f"on the whole its lengths are {change} than those of a person {prior}, "
@@ -243,7 +247,7 @@ def _on_side(size: _Size, side: str) -> _Size:
     return _Size((side + one, side + other), size.terms, size.offset_m, size.sd_m, at_most=size.at_most)
 
 
-def _describe_prior(stated: Stated) -> str:
+def _describe_prior(stated: findings.Stated) -> str:
     if stated.height_m is None:
         return "of unknown height, child or adult"
     kind = "by a child's or an adult's proportions" if stated.height_m < 1.5 else "by ANSUR II"

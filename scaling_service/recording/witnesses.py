@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, make_plain_key
+from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import (
     Trial,
     is_unlabelled,
@@ -91,9 +91,9 @@ class Body:
         shown = find_shown(self.markers)
         further = {label for labels in list_repeated(trial.labels).values() for label in labels}
         for k, label in enumerate(trial.labels):
-            if not shown[k] or is_computed(label) or is_unlabelled(label) or label in further:
+            if not shown[k] or markers.is_computed(label) or is_unlabelled(label) or label in further:
                 continue
-            name = roles.get(label) or make_plain_key(label)
+            name = roles.get(label) or markers.make_plain_key(label)
             self.columns.setdefault(name, k)
             region = self._find_region(label, name)
             if region is not None:
@@ -101,7 +101,7 @@ class Body:
 
     @staticmethod
     def _find_region(label: str, name: str) -> str | None:
-        meant = look_up_meaning(name) or look_up_meaning(label)
+        meant = markers.look_up_meaning(name) or markers.look_up_meaning(label)
         if meant is not None:
             return _SEGMENTS.get(meant.segment)
         return next((region for region, words in _WORDS if re.search(words, name)), None)

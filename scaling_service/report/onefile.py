@@ -84,7 +84,10 @@ class Report:
             "subtitle": self.summary.subtitle,
             "name": self.name,
             "document": self.document.model_dump(mode="json"),
-            "files": {name: _pack(content) for name, content in self.files.items()},
+            "files": {
+                name: base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+                for name, content in self.files.items()
+            },
             "beside": [self.name, *self.beside],
             "vocabulary": dict(self.vocabulary),
             "summary": self.summary.describe(),
@@ -101,10 +104,6 @@ def collect_files(write: Callable[[Path], object]) -> dict[str, bytes]:
         write(folder)
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
         return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
-
-
-def _pack(content: bytes) -> str:
-    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
 
 
 def _fold_licences(text: str) -> str:

@@ -12,8 +12,8 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
+from scaling_service.documents import writing
 from scaling_service.documents.base import Part, Tone
-from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Cell, Row, Table
@@ -150,10 +150,10 @@ def answer_claims(study: Study, claims: Sequence[Claim[Study]]) -> Study:
 
 def save_study(document: StudyDocument, summary: Summary, folder: str | Path) -> tuple[str, ...]:
     """Write a study into a folder, all or nothing, and name the files."""
-    with all_or_nothing(Path(folder)) as scratch:
-        write_json(scratch / DOCUMENT, document)
+    with writing.all_or_nothing(Path(folder)) as scratch:
+        writing.write_json(scratch / DOCUMENT, document)
         report = Report(kind="study", name=DOCUMENT, summary=summary, document=document)
-        (scratch / REPORT).write_text(report.html(), encoding="utf-8")
+        (scratch / writing.REPORT).write_text(report.html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 

@@ -10,8 +10,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from scaling_service.capabilities.shared.flags import Only, Out, with_flags
-from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
 from scaling_service.studies.benchmark.command import benchmark
 
@@ -59,19 +58,19 @@ _Recordings = Annotated[
 _STYLES = {True: "green", False: "red", None: "yellow"}
 
 
-@with_flags
+@flags.with_flags
 def reproduce(
     study: Annotated[
         Literal["puchaud2019", "muller2017", "futamure"],
         typer.Argument(help="Which study.", show_default=False),
     ],
-    out: Out,
+    out: flags.Out,
     subjects: _Subjects = None,
     samples: _Samples = 1000,
     recording: _Recordings = None,
     generic: _Generic = "mean",
     workers: _Workers = None,
-    settings: Annotated[Settings, Only("strategy", "n_frames", "seed")] = IN_TURN,
+    settings: Annotated[Settings, flags.Only("strategy", "n_frames", "seed")] = IN_TURN,
 ) -> None:
     """Do a paper's study again on virtual persons, and ask of each of its claims whether it holds.
 
@@ -103,8 +102,8 @@ def reproduce(
             )
         summary, tables = puchaud2019.summarise(document), puchaud2019.make_tables(document)
     elif study == "muller2017":
-        from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings
         from scaling_service.studies.muller2017 import words as muller2017
+        from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings
         from scaling_service.studies.muller2017.study import reproduce_muller2017
 
         document = reproduce_muller2017(
@@ -140,16 +139,16 @@ def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, fil
     """The tables, every claim, and what was written."""
     from scaling_service.studies.claims import HOLDS, count_held
 
-    console = make_console()
+    console = screen.make_console()
     console.print(f"[bold]{escape(document.source)}[/bold]", highlight=False)
     for table in tables:
-        print_table(console, table)
+        screen.print_table(console, table)
     for claim in document.claims:
         said = f"{claim.where}: {claim.claim}. In the paper: {claim.paper}. Here: {claim.ours}"
-        say(console, HOLDS[claim.holds][0], _STYLES[claim.holds], [said])
+        screen.say(console, HOLDS[claim.holds][0], _STYLES[claim.holds], [said])
     taken = f"{document.wall_s:.0f} s for {document.size} persons"
     console.print(f"{count_held(document)} claims hold; {taken}", highlight=False)
-    list_files(console, out, [", ".join(files)])
+    screen.list_files(console, out, [", ".join(files)])
 
 
 COMMANDS = (reproduce, benchmark)

@@ -15,12 +15,12 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model.body import BodyModel, Law, Marker, Vector, to_vector
+from scaling_service.model import body
 from scaling_service.virtual.motion import draw_wandering
 
 _PER_DEG = 1e-3 * 180.0 / np.pi  # mm per degree in m per radian
 
-THIGH_MM_PER_DEG: Mapping[str, Vector] = {
+THIGH_MM_PER_DEG: Mapping[str, body.Vector] = {
     "hip_flexion": (0.3, 0.4, 0.3),
     "hip_adduction": (0.3, 0.4, 0.3),
     "hip_rotation": (0.3, 0.4, 0.3),
@@ -30,10 +30,10 @@ THIGH_MM_PER_DEG: Mapping[str, Vector] = {
 found; proposed (facts section 8) so that peaks over the movements are of the order of 30 mm (Leardini et
 al. 2005, Camomilla et al. 2017), most of it along the thigh (Barre et al. 2017)."""
 
-SHANK_MM_PER_DEG: Mapping[str, Vector] = {"knee_angle": (0.12, 0.12, 0.12)}
+SHANK_MM_PER_DEG: Mapping[str, body.Vector] = {"knee_angle": (0.12, 0.12, 0.12)}
 """As the thigh's; peaks of the order of 20 mm."""
 
-PELVIS_MM_PER_DEG: Mapping[str, Vector] = {"hip_flexion": (0.08, 0.08, 0.08)}
+PELVIS_MM_PER_DEG: Mapping[str, body.Vector] = {"hip_flexion": (0.08, 0.08, 0.08)}
 """As the thigh's, by the hip of the marker's side; peaks of the order of 9 mm."""
 
 SHARED = 0.75
@@ -52,13 +52,13 @@ RESIDUAL_HZ = 2.0
 class Artefact:
     """How the skin of one person moves."""
 
-    coefficients: Mapping[str, Mapping[str, Vector]]
+    coefficients: Mapping[str, Mapping[str, body.Vector]]
     """Marker to driving coordinate to displacement per angle, m/rad, in the segment's frame."""
     reference: Mapping[str, float]  # coordinate to its value standing, where nothing is displaced, rad
     residual_m: float  # RMS length of the part that no angle explains
 
 
-def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], size: float) -> Artefact:
+def draw_artefact(seed: int, model: body.BodyModel, reference: Mapping[str, float], size: float) -> Artefact:
     """The skin of one person.
 
     ``reference``: the coordinates in the standing posture, rad. ``size``: multiplies every coefficient; one
@@ -70,14 +70,14 @@ def draw_artefact(seed: int, model: BodyModel, reference: Mapping[str, float], s
     return Artefact(coefficients, dict(reference), float(residual))
 
 
-def _draw_coefficients(seed: int, marker: Marker, size: float) -> dict[str, Vector]:
+def _draw_coefficients(seed: int, marker: body.Marker, size: float) -> dict[str, body.Vector]:
     side = marker.name[0].lower() if marker.segment == "pelvis" else marker.segment[-1]
     table = {"p": PELVIS_MM_PER_DEG, "f": THIGH_MM_PER_DEG, "t": SHANK_MM_PER_DEG}[marker.segment[0]]
     found = {}
     for driver, spread in table.items():
         coordinate = f"{driver}_{side}"
         drawn = draw_shared(seed, "artefact", marker.segment, coordinate, marker=marker.name)
-        found[coordinate] = to_vector(size * _PER_DEG * np.array(spread) * drawn)
+        found[coordinate] = body.to_vector(size * _PER_DEG * np.array(spread) * drawn)
     return found
 
 
@@ -91,7 +91,7 @@ def draw_shared(seed: int, *names: str | int, marker: str, count: int = 3) -> Ar
     return np.asarray(np.sqrt(SHARED) * together + np.sqrt(1.0 - SHARED) * alone)
 
 
-def with_artefact(model: BodyModel, artefact: Artefact) -> BodyModel:
+def with_artefact(model: body.BodyModel, artefact: Artefact) -> body.BodyModel:
     """The model with markers that glide with the joint angles (the residual apart)."""
     moving = artefact.coefficients
     markers = [glide_marker(m, moving.get(m.name, {}), artefact.reference) for m in model.markers]
@@ -99,8 +99,10 @@ def with_artefact(model: BodyModel, artefact: Artefact) -> BodyModel:
 
 
 def glide_marker(
-    marker: Marker, per_rad: Mapping[str, Vector], reference: Mapping[str, float] = MappingProxyType({})
-) -> Marker:
+    marker: body.Marker,
+    per_rad: Mapping[str, body.Vector],
+    reference: Mapping[str, float] = MappingProxyType({}),
+) -> body.Marker:
     """A marker that moves over its segment with joint angles.
 
     ``per_rad``: coordinate to displacement, m/rad. ``reference``: coordinate to where there is none, rad.
@@ -108,16 +110,16 @@ def glide_marker(
     laws = list(marker.laws)
     for coordinate, displacement in per_rad.items():
         standing = reference.get(coordinate, 0.0)
-        for axis, gain in enumerate(to_vector(displacement)):
+        for axis, gain in enumerate(body.to_vector(displacement)):
             if gain != 0.0:
-                laws[axis] += Law.of(coordinate, gain, -gain * standing)
+                laws[axis] += body.Law.of(coordinate, gain, -gain * standing)
     x, y, z = laws
     return replace(marker, laws=(x, y, z))
 
 
-def shift_marker(marker: Marker, by: Iterable[float]) -> Marker:
+def shift_marker(marker: body.Marker, by: Iterable[float]) -> body.Marker:
     """A marker that sits elsewhere on its segment, by (3,), m."""
-    x, y, z = (law + Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
+    x, y, z = (law + body.Law.constant(float(shift)) for law, shift in zip(marker.laws, by, strict=True))
     return replace(marker, laws=(x, y, z))
 
 

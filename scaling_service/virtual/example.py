@@ -23,8 +23,8 @@ from scaling_service.core.progress import show_nothing
 from scaling_service.core.streams import stream
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.trc import write_trc
+from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import find_joint_centres
-from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import compute_axis
 from scaling_service.model.poses import pose_neutral_frames
@@ -98,10 +98,12 @@ class VirtualImage:
 
     bones: Mapping[str, Bone]
     """``pelvis``, ``femur_r``, ``tibia_r``, ``femur_l``, ``tibia_l`` to surfaces as reconstructed."""
-    markers: Mapping[str, tuple[str, Vector]]  # skin markers as seen: model marker to (segment, position)
-    centres: Mapping[str, Vector]
-    axes: Mapping[str, Vector]
-    landmarks: Mapping[str, Vector]
+    markers: Mapping[
+        str, tuple[str, body.Vector]
+    ]  # skin markers as seen: model marker to (segment, position)
+    centres: Mapping[str, body.Vector]
+    axes: Mapping[str, body.Vector]
+    landmarks: Mapping[str, body.Vector]
     """``centres``, ``axes``, ``landmarks``: the truth under the names of ``ImageEvidence``: joint centres,
     knee axes (unit vectors to the right) and points on bone."""
     poses: Mapping[str, ImagePose]  # segment to where its true frame lies
@@ -121,7 +123,17 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
     >>> sorted(make_virtual_image(make_virtual_subject(1, short)).bones)
     ['femur_l', 'femur_r', 'pelvis', 'tibia_l', 'tibia_r']
     """
-    poses = _pose_segments(person)
+    # The standing person's segments in an image that lies anywhere and is turned anyhow
+    rng = stream(person.seed, "image", "frame")
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    shift = _FRAME_M * rng.normal(size=3)
+    frames = pose_neutral_frames(person.model, person.artefact.reference)
+    poses = {
+        name: ImagePose(turn @ rotation, turn @ origin + shift)
+        for name, (rotation, origin) in frames.items()
+        if name in person.model.segment_names
+    }
     found = make_virtual_bones(person, progress=progress)
     bones = {
         name: Bone(_reconstruct_surface(person, name, poses[name], vertices), faces)
@@ -132,12 +144,14 @@ def make_virtual_image(person: VirtualSubject, *, progress: Progress | None = No
         bones=bones,
         markers=_place_markers(person, poses),
         centres={
-            name: to_vector(_place_points(poses[segment], np.array(at)))
+            name: body.to_vector(_place_points(poses[segment], np.array(at)))
             for name, (segment, at) in find_joint_centres(person.model).items()
         },
-        axes={knee: to_vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()},
+        axes={
+            knee: body.to_vector(poses[f"femur_{knee[-1]}"].rotation @ axis) for knee, axis in knees.items()
+        },
         landmarks={
-            name: to_vector(_place_points(poses[segment], at))
+            name: body.to_vector(_place_points(poses[segment], at))
             for name, (segment, at) in found.landmarks.items()
         },
         poses=poses,
@@ -153,26 +167,14 @@ def read_image_evidence(image: VirtualImage, *, progress: Progress | None = None
     return collect_evidence(find_landmarks(meshes, progress=progress), image.markers, image.bones)
 
 
-def _pose_segments(person: VirtualSubject) -> dict[str, ImagePose]:
-    """The standing person's segments in an image that lies anywhere and is turned anyhow."""
-    rng = stream(person.seed, "image", "frame")
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    turn *= np.sign(np.linalg.det(turn))
-    shift = _FRAME_M * rng.normal(size=3)
-    frames = pose_neutral_frames(person.model, person.artefact.reference)
-    return {
-        name: ImagePose(turn @ rotation, turn @ origin + shift)
-        for name, (rotation, origin) in frames.items()
-        if name in person.model.segment_names
-    }
-
-
 def _place_points(pose: ImagePose, points: Array) -> Array:
     """Points of a segment, (n, 3) or (3,), in the image, m."""
     return points @ pose.rotation.T + pose.origin
 
 
-def _place_markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> dict[str, tuple[str, Vector]]:
+def _place_markers(
+    person: VirtualSubject, poses: Mapping[str, ImagePose]
+) -> dict[str, tuple[str, body.Vector]]:
     """Where the person wears them, misplaced as in the recordings, as far as they can be located."""
     spread = 1e-3 * person.settings.image * MARKER_MM
     found = {}
@@ -180,7 +182,7 @@ def _place_markers(person: VirtualSubject, poses: Mapping[str, ImagePose]) -> di
         if marker.weight > 0.0:
             at = _place_points(poses[marker.segment], np.array(marker.nominal))
             error = spread * stream(person.seed, "image", "marker", marker.name).normal(size=3)
-            found[marker.name] = (marker.segment, to_vector(at + error))
+            found[marker.name] = (marker.segment, body.to_vector(at + error))
     return found
 
 
@@ -256,29 +258,25 @@ def make_hidden_session(
     held out; recordings are neither smoothed nor filled.
     """
     person = make_virtual_subject(seed, settings)
-    sliding = _with_sliding(person.model)
+    # The model with the marker that slides
+    (name,), (driver,) = SLIDING.where, SLIDING.driver
+    gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
+    moved = glide_marker(person.model.marker(name), {driver: body.to_vector(gains)})
+    sliding = person.model.with_markers(tuple(moved if m.name == name else m for m in person.model.markers))
     trials = {
         name: _swap_labels(_slide_marker(trial, person, sliding)) for name, trial in person.trials.items()
     }
     return make_session(person, person.model, trials), person, (SLIDING, SWAPPED)
 
 
-def _with_sliding(model: BodyModel) -> BodyModel:
-    """The model with the marker that slides."""
-    (name,), (driver,) = SLIDING.where, SLIDING.driver
-    gains = [_M_PER_MM / _RAD_PER_DEG * SLIDING.parameters[f"{axis}_mm_per_deg"] for axis in "xyz"]
-    moved = glide_marker(model.marker(name), {driver: to_vector(gains)})
-    return model.with_markers(tuple(moved if m.name == name else m for m in model.markers))
-
-
-def _slide_marker(trial: Trial, person: VirtualSubject, sliding: BodyModel) -> Trial:
+def _slide_marker(trial: Trial, person: VirtualSubject, sliding: body.BodyModel) -> Trial:
     """The recording with the marker where its skin took it; noise and gaps stay."""
     q, names = person.motions[trial.name], trial.labels
     away = _place_marker(sliding, names, q) - _place_marker(person.model, names, q)
     return replace(trial, markers=trial.markers + away)
 
 
-def _place_marker(model: BodyModel, names: tuple[str, ...], q: Array) -> Array:
+def _place_marker(model: body.BodyModel, names: tuple[str, ...], q: Array) -> Array:
     return pose_markers(compile_model(model, names), q, list_parameter_values(model))
 
 
@@ -315,33 +313,8 @@ def write_example(
         file = folder / f"{trial.name}.trc"
         named = trial.relabel(dict(LABELS))
         write_trc(file, replace(named, markers=trial.markers @ R_OURS_LAB))
-    document = _make_document(name, session)
-    if imaged:
-        image = make_virtual_image(person)
-        for segment, bone in image.bones.items():
-            (folder / f"{segment}.stl").write_bytes(_write_stl(bone))
-        _write_markers(folder / IMAGE_MARKERS, image.markers)
-        document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
-        document["image_markers"] = IMAGE_MARKERS
-    (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
-    return document
-
-
-def _write_stl(bone: Bone) -> bytes:
-    return bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
-
-
-def _write_markers(file: Path, markers: Mapping[str, tuple[str, Vector]]) -> None:
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        rows = csv.writer(stream)
-        rows.writerow(COLUMNS)
-        for marker, (segment, at) in markers.items():
-            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
-
-
-def _make_document(name: str, session: Session) -> dict[str, Any]:
     known = session.subject
-    return {
+    document = {
         "subject": {
             "id": name,
             "sex": known.sex,
@@ -355,6 +328,25 @@ def _make_document(name: str, session: Session) -> dict[str, Any]:
             "evaluation": [f"{trial.name}.trc" for trial in session.evaluation],
         },
     }
+    if imaged:
+        image = make_virtual_image(person)
+        for segment, bone in image.bones.items():
+            (folder / f"{segment}.stl").write_bytes(
+                bytes(export_stl(trimesh.Trimesh(_MM * bone.vertices, bone.faces, process=False)))
+            )
+        _write_markers(folder / IMAGE_MARKERS, image.markers)
+        document["bones"] = {"units": "mm"} | {bone: f"{bone}.stl" for bone in image.bones}
+        document["image_markers"] = IMAGE_MARKERS
+    (folder / DOCUMENT).write_text(json.dumps(document, indent=1), encoding="utf-8")
+    return document
+
+
+def _write_markers(file: Path, markers: Mapping[str, tuple[str, body.Vector]]) -> None:
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(COLUMNS)
+        for marker, (segment, at) in markers.items():
+            rows.writerow([marker, segment, *(f"{_MM * value:.3f}" for value in at)])
 
 
 if __name__ == "__main__":

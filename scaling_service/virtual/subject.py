@@ -10,8 +10,8 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
+from scaling_service.model import body
 from scaling_service.model.anatomy.centres import look_up_landmark_sd
-from scaling_service.model.body import BodyModel, Vector, to_vector
 from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import fold, free_axis
@@ -81,7 +81,7 @@ def draw_person(seed: int) -> tuple[Sex, float, float]:
     return sex, height, float(max(rng.normal(*BMI), 16.0) * height**2)
 
 
-def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, float]:
+def draw_factors(seed: int, generic: body.BodyModel, height: float) -> dict[str, float]:
     """Each segment's size against the generic model, for a person of a stature (m)."""
     rng = stream(seed, "lengths")
     common = rng.normal()
@@ -100,7 +100,7 @@ def draw_factors(seed: int, generic: BodyModel, height: float) -> dict[str, floa
     return factors
 
 
-def _find_offset(model: BodyModel, segment: str) -> Array:
+def _find_offset(model: body.BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
     return sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
@@ -148,12 +148,12 @@ class VirtualSubject:
     sex: Sex
     height_m: float
     mass_kg: float
-    model: BodyModel  # the truth: true sizes, knee axes and marker places (skin at rest)
-    generic: BodyModel  # what scaling starts from
+    model: body.BodyModel  # the truth: true sizes, knee axes and marker places (skin at rest)
+    generic: body.BodyModel  # what scaling starts from
     factors: Mapping[str, float]  # segment to its true size against the generic model
     tilts: Mapping[str, tuple[float, float]]
     """Knee to the true turns of its axis about x and y of the thigh, rad."""
-    marker_offsets: Mapping[str, Vector]  # marker to its misplacement on the segment, m
+    marker_offsets: Mapping[str, body.Vector]  # marker to its misplacement on the segment, m
     artefact: Artefact  # how the skin moves
     motions: Mapping[str, Array]
     """Trial to the true coordinates, (n_frames, n_coordinates) in the model's order, rad or m."""
@@ -182,7 +182,9 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     for marker in generic.markers:
         if marker.weight > 0.0:
             spread = settings.placement * np.array(look_up_landmark_sd(marker.name))
-            offsets[marker.name] = to_vector(spread * stream(seed, "placement", marker.name).normal(size=3))
+            offsets[marker.name] = body.to_vector(
+                spread * stream(seed, "placement", marker.name).normal(size=3)
+            )
     model = _draw_truth(seed, generic, factors, tilts, offsets, mass)
     style = motion.draw_style(stream(seed, "style"), sex)
     motions = _simulate_motions(seed, model, style, height, settings)
@@ -205,7 +207,7 @@ def make_virtual_subject(seed: int, settings: VirtualSettings = VirtualSettings(
     )
 
 
-def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, Trial]) -> Session:
+def make_session(person: VirtualSubject, model: body.BodyModel, trials: Mapping[str, Trial]) -> Session:
     """A person's trials as a session: functional movements fit, walking is held out."""
     name = f"virtual_{person.seed}"
     subject = Subject(
@@ -220,7 +222,9 @@ def make_session(person: VirtualSubject, model: BodyModel, trials: Mapping[str, 
     )
 
 
-def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettings | None = None) -> Trial:
+def process_recording(
+    trial: Trial, model: body.BodyModel, settings: ProcessingSettings | None = None
+) -> Trial:
     """A virtual recording after the usual smoothing and filling; its axes are right already."""
     clusters = {
         segment: tuple(m.name for m in model.markers if m.segment == segment and m.weight > 0.0)
@@ -231,12 +235,12 @@ def process_recording(trial: Trial, model: BodyModel, settings: ProcessingSettin
 
 def _draw_truth(
     seed: int,
-    generic: BodyModel,
+    generic: body.BodyModel,
     factors: Mapping[str, float],
     tilts: Mapping[str, tuple[float, float]],
-    offsets: Mapping[str, Vector],
+    offsets: Mapping[str, body.Vector],
     mass: float,
-) -> BodyModel:
+) -> body.BodyModel:
     depicted = sum(s.mass for s in generic.segments) / load_generic_person(GENERIC).mass_kg
     model = scale_model(generic, {name: (f, f, f) for name, f in factors.items()}, mass_kg=mass * depicted)
     for joint in tilts:
@@ -251,7 +255,7 @@ def _draw_truth(
 
 
 def _simulate_motions(
-    seed: int, model: BodyModel, style: motion.Style, height: float, settings: VirtualSettings
+    seed: int, model: body.BodyModel, style: motion.Style, height: float, settings: VirtualSettings
 ) -> dict[str, Array]:
     def clock(duration: float) -> Array:
         return np.arange(max(2, round(duration * settings.rate_hz))) / settings.rate_hz
@@ -274,7 +278,7 @@ def _simulate_motions(
 
 
 def _record_trial(
-    seed: int, name: str, model: BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
+    seed: int, name: str, model: body.BodyModel, skin: Artefact, q: Array, settings: VirtualSettings
 ) -> Trial:
     labels = tuple(m.name for m in model.markers if m.weight > 0.0)
     times = np.arange(len(q)) / settings.rate_hz

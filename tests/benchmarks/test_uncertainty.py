@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.total import UncertaintySettings, propagate
+from scaling_service.capabilities.dynamics.uncertainty.total import propagate
 from scaling_service.studies.muller2017.excitation import WHOLE, make_excited_person
+from scaling_service.studies.muller2017.monte_carlo import UncertaintySettings, propagate_by_samples
 
 SECONDS, GIBIBYTES = 60.0, 2.0
 
@@ -21,13 +21,13 @@ def test_one_person_takes_a_minute() -> None:
     recording = make_excited_person(1, WHOLE, ("in_order",)).performances["in_order"].recording
     clock = time.perf_counter()
     with workers(2) as executor:
-        found = propagate(recording, UncertaintySettings(), executor=executor)
+        found = propagate_by_samples(recording, UncertaintySettings(), executor=executor)
     wall = time.perf_counter() - clock
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     peak = (used[0].ru_maxrss + 2 * used[1].ru_maxrss) / 2**20  # kB; the largest child's counts for both
     cpu = used[1].ru_utime + used[1].ru_stime
     clock = time.process_time()
-    linear = propagate_linearly(recording)
+    linear = propagate(recording)
     took = time.process_time() - clock
     ratio = linear.slopes_per_cm / found.slopes_per_cm
     print(  # noqa: T201 (a benchmark's figures)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -18,29 +17,26 @@ from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.studies.benchmark.persons import World, draw_person
+from tests.finished import make_once
 from tests.oracle.coverage import Errors, measure, record
 
 N_PERSONS = 24
 
 
-@cache
-def found(method: str) -> dict[str, Errors]:
-    return measured()[method]
-
-
-@cache
-def measured() -> dict[str, dict[str, Errors]]:
-    return measure(range(N_PERSONS), ["MB", "MAP"])
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Errors]]:
+    """Method to quantity to errors of all persons, measured once in a run."""
+    return make_once(tmp_path_factory, "oracle_persons", lambda: measure(range(N_PERSONS), ["MB", "MAP"]))
 
 
 @pytest.mark.parametrize("length", ["shank", "inter_hip", "femur"])
-def test_nearer_than_linear_scaling(length):
-    assert found("MAP")[length].rms < 0.9 * found("MB")[length].rms
+def test_nearer_than_linear_scaling(found, length):
+    assert found["MAP"][length].rms < 0.9 * found["MB"][length].rms
 
 
 @pytest.mark.parametrize("angle", ["hip_adduction", "hip_rotation", "knee_angle", "pelvis_list"])
-def test_angles_are_nearer_than_those_of_linear_scaling(angle):
-    assert found("MAP")[angle].rms < 0.9 * found("MB")[angle].rms
+def test_angles_are_nearer_than_those_of_linear_scaling(found, angle):
+    assert found["MAP"][angle].rms < 0.9 * found["MB"][angle].rms
 
 
 QUANTITIES = ["femur", "shank", "inter_hip", "hip_flexion", "hip_adduction", "hip_rotation", "knee_angle"]
@@ -49,25 +45,25 @@ QUANTITIES += ["pelvis_tilt", "pelvis_list", "pelvis_rotation"]
 
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
 @pytest.mark.parametrize("quantity", QUANTITIES)
-def test_stated_deviations_cover(quantity, per_cent):
+def test_stated_deviations_cover(found, quantity, per_cent):
     """As far as so many persons can tell: an angle's error is mostly one number a person."""
     share = per_cent / 100.0
     chance = 3.0 * np.sqrt(share * (1.0 - share) / N_PERSONS)
-    assert found("MAP")[quantity].cover(per_cent) == pytest.approx(share, abs=chance)
+    assert found["MAP"][quantity].cover(per_cent) == pytest.approx(share, abs=chance)
 
 
 @pytest.mark.parametrize("per_cent", [50, 80, 95])
-def test_stated_deviations_of_means_cover(per_cent):
+def test_stated_deviations_of_means_cover(found, per_cent):
     """Over all angles of a walk: what all frames have in common counts in full."""
-    covered = [errors.cover(per_cent) for name, errors in found("MAP").items() if name.endswith(" mean")]
+    covered = [errors.cover(per_cent) for name, errors in found["MAP"].items() if name.endswith(" mean")]
     share = per_cent / 100.0
     chance = 3.0 * np.sqrt(share * (1.0 - share) / N_PERSONS)
     assert np.mean(covered) == pytest.approx(share, abs=chance)
 
 
 @pytest.mark.parametrize(("per_cent", "low", "high"), [(95, 0.88, 0.99), (50, 0.40, 0.62)])
-def test_stated_deviations_cover_pooled(per_cent, low, high):
-    assert low <= np.mean([found("MAP")[name].cover(per_cent) for name in QUANTITIES]) <= high
+def test_stated_deviations_cover_pooled(found, per_cent, low, high):
+    assert low <= np.mean([found["MAP"][name].cover(per_cent) for name in QUANTITIES]) <= high
 
 
 def test_a_model_read_from_its_file_states_the_same():

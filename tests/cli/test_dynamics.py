@@ -37,7 +37,7 @@ def folder(sound: Path, tmp_path: Path) -> Path:
 
 def run(folder: Path, *more: str) -> int:
     file, out = str(folder / "S01.yaml"), str(folder / "out")
-    return main(["dynamics", file, "--start", "none", "--samples", "4", "--out", out, *more])
+    return main(["dynamics", file, "--start", "none", "--out", out, *more])
 
 
 def plates(folder: Path, name: str) -> tuple[np.ndarray, list[np.ndarray]]:

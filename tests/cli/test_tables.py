@@ -55,7 +55,7 @@ def test_an_unknown_form_is_refused_before_computing(
 
 def test_tables_of_loads_are_those_of_their_file(tmp_path: Path) -> None:
     unpack_subject("forces", tmp_path)
-    given = ["dynamics", str(tmp_path / "S01.yaml"), "--start", "none", "--samples", "2", "--no-report"]
+    given = ["dynamics", str(tmp_path / "S01.yaml"), "--start", "none", "--no-report"]
     assert main([*given, "--tables", "csv", "--out", str(tmp_path / "out")]) == 0
     forces = read_sto(tmp_path / "out/sway_id.sto")
     frame = pandas.read_csv(tmp_path / "out/tables/loads_sway.csv")

@@ -1,4 +1,4 @@
-"""Muller's uncertainty: samples against closed forms and linear propagation, and the verdict."""
+"""Muller's uncertainty in closed form against samples drawn as the paper draws them, and the verdict."""
 
 from __future__ import annotations
 
@@ -9,43 +9,48 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
-from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, propagate_marker_errors
-from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
+from scaling_service.capabilities.dynamics.uncertainty.linear import (
     UNIFORM_RANGE,
-    MotionDatabase,
-    PlateNoise,
-    draw_levels,
     fit_slopes_through_zero,
 )
+from scaling_service.capabilities.dynamics.uncertainty.markers import choose_frames, propagate_marker_errors
+from scaling_service.capabilities.dynamics.uncertainty.plates import PlateNoise
 from scaling_service.capabilities.dynamics.uncertainty.reference import Reference
 from scaling_service.capabilities.dynamics.uncertainty.total import (
-    UncertaintySettings,
-    WrenchUncertainty,
     describe_verdict,
     is_inertia_dominant,
     propagate,
 )
 from scaling_service.core.errors import InputError
+from scaling_service.studies.muller2017.monte_carlo import (
+    MotionDatabase,
+    SampledUncertainty,
+    UncertaintySettings,
+    draw_levels,
+    propagate_by_samples,
+)
 from tests.evaluation.uncertain import recording
 
 FEW = UncertaintySettings(samples=40, motions=200, seed=3)
 
 
 @pytest.fixture(scope="module")
-def found() -> WrenchUncertainty:
-    return propagate(recording(), FEW)
+def found() -> SampledUncertainty:
+    return propagate_by_samples(recording(), FEW)
 
 
-def test_linear_propagation_gives_the_sampled_slopes(found: WrenchUncertainty) -> None:
-    linear = propagate_linearly(recording())
+def test_the_closed_form_gives_what_is_sampled(found: SampledUncertainty) -> None:
+    linear = propagate(recording())
     # 40 draws per level: a standard deviation is known to 11 %, a slope over five levels to some 6 %
     np.testing.assert_allclose(linear.slopes_per_cm, found.slopes_per_cm, rtol=0.2)
-    assert linear.error_m == pytest.approx(found.reconstruction_error_m)
+    np.testing.assert_allclose(linear.plate, found.plate, rtol=0.4)  # three standard errors of 40 draws
+    assert linear.reconstruction_error_m == pytest.approx(found.reconstruction_error_m)
     np.testing.assert_allclose(linear.dr, found.dr)
+    assert linear.frames == found.frames
+    np.testing.assert_allclose(linear.total, linear.kinematic + linear.plate, rtol=1e-12)
 
 
-def test_the_sum_of_equation_12_and_its_lines(found: WrenchUncertainty) -> None:
+def test_the_sum_of_equation_12_and_its_lines(found: SampledUncertainty) -> None:
     centimetres = 100 * found.reconstruction_error_m
     np.testing.assert_allclose(found.total, centimetres * found.slopes_per_cm + found.plate, rtol=1e-12)
     assert (found.r2 >= 0.96).all()
@@ -56,11 +61,11 @@ def test_the_sum_of_equation_12_and_its_lines(found: WrenchUncertainty) -> None:
     np.testing.assert_array_equal(found.calibration_supported, found.dr > found.total)
 
 
-def test_workers_change_nothing(found: WrenchUncertainty) -> None:
+def test_workers_change_nothing(found: SampledUncertainty) -> None:
     few = replace(FEW, samples=4, motions=130)
-    alone = propagate(recording(), few)
+    alone = propagate_by_samples(recording(), few)
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        together = propagate(recording(), few, executor=pool)
+        together = propagate_by_samples(recording(), few, executor=pool)
     for name in ("slopes_per_cm", "plate", "dr", "r2"):
         np.testing.assert_array_equal(getattr(alone, name), getattr(together, name))
     assert not np.array_equal(alone.slopes_per_cm, found.slopes_per_cm)
@@ -73,12 +78,20 @@ def test_plates_shift_the_mean_residual_by_the_root_of_the_frames() -> None:
     push[..., 0] += 200.0
     noise = PlateNoise(share=0.0, least_n=30.0, centre_m=0.0)
     pushed = replace(given, loads=replace(given.loads, force=push))
-    settings = replace(FEW, samples=400, motions=4, levels=(0.5, 1.0), plates=noise)
-    found = propagate(pushed, settings)
+    found = propagate(pushed, plates=noise)
     reference = Reference.of(pushed)
     loaded = (given.loads.force[reference.used, :, 1] > 20.0).sum()
     sigma = 10.0 * np.sqrt(loaded) / reference.used.sum() / reference.scale[0]
-    assert found.plate[0] == pytest.approx(3 * sigma, rel=0.15)
+    assert found.plate[0] == pytest.approx(3 * sigma, rel=0.05)
+
+
+def test_plates_noise_is_what_is_sampled() -> None:
+    """Of forces and of pressure, also where the noise is as large as the residual."""
+    noise = PlateNoise(share=0.02, least_n=20.0, centre_m=0.02)
+    settings = replace(FEW, samples=1000, motions=4, levels=(0.5, 1.0), plates=noise)
+    closed = propagate(recording(), plates=noise).plate
+    # 1,000 draws: a standard deviation is known to 2.2 %
+    np.testing.assert_allclose(closed, propagate_by_samples(recording(), settings).plate, rtol=0.08)
 
 
 def test_a_level_is_uniform_and_its_dispersion_a_range() -> None:
@@ -171,4 +184,4 @@ def test_nonsense_is_refused() -> None:
     exact = replace(given.motion, residuals=np.zeros_like(given.motion.residuals))
     still = replace(exact, q=np.repeat(exact.q[:1], len(exact.q), axis=0))
     with pytest.raises(InputError, match="without error"):
-        propagate(replace(given, motion=still), FEW)
+        propagate(replace(given, motion=still))

@@ -29,7 +29,7 @@ from tests.jobs.force_laboratory import document, force_laboratory, write_subjec
 from tests.jobs.recorded import walker_document
 
 UP = np.array([[0.0, 1.0, 0.0]])
-AS_GIVEN = DynamicsSettings(start="none", samples=2)
+AS_GIVEN = DynamicsSettings(start="none")
 OPENSIM = pytest.mark.skipif(find_spec("opensim") is None, reason="the opensim library is not installed")
 
 
@@ -48,7 +48,7 @@ def test_a_squat_leaves_the_residual_that_opensim_leaves(shared_data: Path, tmp_
         trials={"calibration": [str(data / "squats1.trc")]},
         forces={"squats1.trc": str(data / "squats1_grf.mot")},
     )
-    found = dynamics(file, DynamicsSettings(start="none", cutoff_hz=6.0, samples=2))
+    found = dynamics(file, DynamicsSettings(start="none", cutoff_hz=6.0))
     squat = found.trials["squats1"]
     # Rounded to 1 N, and the markers followed by another program with other weights.
     np.testing.assert_allclose(squat.residuals.rms[:3], [11, 26, 4], rtol=0, atol=2.0)
@@ -70,7 +70,7 @@ def test_an_opensim_model_takes_the_identified_inertia(shared_data: Path, tmp_pa
         forces={"subject01_walk1.trc": str(data / "subject01_walk1_grf.mot")},
     )
     chosen = DynamicsSettings(
-        start="none", cutoff_hz=6.0, identify=True, free_mass=True, despite_verdict=True, samples=2
+        start="none", cutoff_hz=6.0, identify=True, free_mass=True, despite_verdict=True
     )
     found = dynamics(file, chosen)
     assert found.inertial is not None
@@ -98,7 +98,7 @@ def test_walking_over_plates_and_beside_them(shared_data: Path, tmp_path: Path) 
         },
         forces={"motion_capture_walk.trc": str(data / "grf_walk.mot")},
     )
-    found = dynamics(file, DynamicsSettings(start="MB", samples=2))
+    found = dynamics(file, DynamicsSettings(start="MB"))
     walk = found.trials["motion_capture_walk"]
     assert 0.25 < walk.residuals.left_out / len(walk.frames) < 0.45
     assert (walk.residuals.dr[:3] < 0.05).all()
@@ -112,7 +112,7 @@ def test_plates_of_c3d_files_under_a_built_in_body(shared_data: Path, tmp_path: 
     for key in ("bones", "image_markers", "extra_markers"):
         content.pop(key, None)
     content["subject"] |= {"sex": "F", "height_m": 1.62, "mass_kg": 63.0}
-    chosen = DynamicsSettings(start="MB", samples=2, identify=True, free_mass=True, despite_verdict=True)
+    chosen = DynamicsSettings(start="MB", identify=True, free_mass=True, despite_verdict=True)
     found = dynamics(write_subject(tmp_path, content), chosen)
     assert found.prepared.inertia == "dumas2007"
     assert sum_mass(found.prepared.model) == pytest.approx(63.0, abs=1e-6)
@@ -138,7 +138,7 @@ def stranger(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray
 
 
 def identified(file: Path, **more: bool) -> DynamicsResults:
-    return dynamics(file, DynamicsSettings(start="none", samples=20, identify=True, **more))
+    return dynamics(file, DynamicsSettings(start="none", identify=True, **more))
 
 
 def test_a_heavy_trunk_is_found_where_the_verdict_allows_it(stranger: tuple[Path, np.ndarray]) -> None:
@@ -192,8 +192,3 @@ def test_choices_that_there_are_not() -> None:
         DynamicsSettings(start="MBB")
     with pytest.raises(ValueError, match="there is no inertial table 'dumas'"):
         DynamicsSettings(inertia="dumas")
-
-
-def test_samples_of_the_uncertainty_come_from_the_seed(stranger: tuple[Path, np.ndarray]) -> None:
-    one, again = (dynamics(stranger[0], AS_GIVEN).trials["sway"].uncertainty for _ in range(2))
-    np.testing.assert_array_equal(one.kinematic, again.kinematic)

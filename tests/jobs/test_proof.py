@@ -21,9 +21,12 @@ from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.arrays import Array
 from scaling_service.core.notes import LOOK
 from scaling_service.documents.base import ArrayEntry
+from scaling_service.files.recording import read_recording
 from scaling_service.files.trc import write_trc
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.document import to_document
+from scaling_service.recording.identity import identify
+from scaling_service.recording.identity.body import StandingBody, propose_standing_bodies
 from tests.jobs.force_laboratory import force_laboratory
 from tests.jobs.laboratory import R_OURS_LAB, known_person, laboratory, write_recording
 
@@ -60,6 +63,26 @@ def test_files_get_their_places_and_the_proposal_can_be_scaled(lab: Path) -> Non
     file = lab / "proposed.json"
     file.write_text(json.dumps(found.proposal), encoding="utf-8")
     assert scale(file, "MB").scalings["MB"].errors["walk"].mean < 0.02
+
+
+def test_the_standing_person_is_identified_once(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though a label that drifts through the room leaves open whose it is."""
+    for file in lab.glob("*.trc"):
+        trial = read_recording(file).trial
+        way = np.linspace(0.1, 1.0, trial.n_frames)[:, None, None]
+        more = np.concatenate([trial.markers, trial.markers.mean(axis=1, keepdims=True) + way], axis=1)
+        write_trc(file, replace(trial, labels=(*trial.labels, "ODD"), markers=more))
+    seen: list[int] = []
+
+    def count(points: Array, **known: Any) -> list[StandingBody]:
+        seen.append(len(points))
+        return propose_standing_bodies(points, **known)
+
+    monkeypatch.setattr(identify, "propose_standing_bodies", count)
+    found = proof(lab)
+    assert [one.label for one in found.extra_markers] == ["ODD"]
+    assert "extra_markers" not in (found.proposal or {})
+    assert seen == [15]
 
 
 def test_axes_and_positions_are_those_of_the_truth(lab: Path) -> None:

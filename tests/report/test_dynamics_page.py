@@ -15,7 +15,7 @@ from tests.report.reading import Node, held, read
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[DynamicsDocument, Node]:
     folder = tmp_path_factory.mktemp("page")
-    chosen = DynamicsSettings(start="none", samples=2, identify=True, despite_verdict=True, free_mass=True)
+    chosen = DynamicsSettings(start="none", identify=True, despite_verdict=True, free_mass=True)
     document = save_dynamics(dynamics(force_laboratory(folder), chosen), folder / "out")
     return document, read((folder / "out" / "report.html").read_text(encoding="utf-8"))
 

@@ -87,16 +87,13 @@ CASES = (
     ),
     Case(
         "dynamics",
-        (
-            "dynamics S01.yaml --start none --samples 20 --identify --despite-verdict --free-mass"
-            " --out dynamics",
-        ),
+        ("dynamics S01.yaml --start none --identify --despite-verdict --free-mass --out dynamics",),
         subject="forces",
     ),
     Case("consistent", ("consistent S01.yaml --start none --out consistent",), subject="forces"),
     Case("discover", ("discover S02.yaml --out discover",), subject="hidden"),
     Case("demo_discover", ("demo --discover --out demo",), costly=True),
-    Case("dynamics_scaled", ("dynamics S01.yaml --start MB --samples 20 --out dynamics",), "forces"),
+    Case("dynamics_scaled", ("dynamics S01.yaml --start MB --out dynamics",), "forces"),
     Case("discover_forces", ("discover S01.yaml --start none --out discover",), "forces"),
     Case(
         "puchaud2019",
@@ -121,7 +118,7 @@ CASES = (
     ),
     Case(
         "squatter_forces",
-        ("dynamics S.yaml --samples 20 --out dynamics", "consistent S.yaml --out consistent"),
+        ("dynamics S.yaml --out dynamics", "consistent S.yaml --out consistent"),
         documents={"S.yaml": _FULL_SQUATTER},
         costly=True,
     ),

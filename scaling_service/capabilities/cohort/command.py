@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scaling_service.capabilities.shared.flags import Only, Out, Tables, Workers, read_names, with_flags
+from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 
@@ -30,11 +30,11 @@ _Cohort = Annotated[
 ]
 
 
-@with_flags
+@flags.with_flags
 def batch(
     cohort: _Cohort,
-    out: Out,
-    settings: Annotated[Settings, Only("strategy", "n_frames", "seed", "up", "forward", "processing")],
+    out: flags.Out,
+    settings: Annotated[Settings, flags.Only("strategy", "n_frames", "seed", "up", "forward", "processing")],
     methods: Annotated[
         str | None,
         typer.Option(
@@ -42,8 +42,8 @@ def batch(
             help=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         ),
     ] = None,
-    tables: Tables = "",
-    workers: Workers = None,
+    tables: flags.Tables = "",
+    workers: flags.Workers = None,
     force: Annotated[bool, typer.Option("--force", help="Do again what is done and unchanged.")] = False,
 ) -> None:
     """Scale many subjects, and compare the methods over all of them.
@@ -61,7 +61,7 @@ def batch(
     from scaling_service.capabilities.shared.tables import make_table_writer
 
     write_tables = make_table_writer(tables, out)
-    chosen = None if methods is None else tuple(read_names(methods))
+    chosen = None if methods is None else tuple(flags.read_names(methods))
     with show_progress() as watcher:
         try:
             result = run_batch(

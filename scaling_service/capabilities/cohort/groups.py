@@ -19,20 +19,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from scaling_service.capabilities.cohort.document import (
-    Compared,
-    FriedmanEntry,
-    QuantityEntry,
-    RankedPairEntry,
-)
+from scaling_service.capabilities.cohort import document
 from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.statistics.complete import (
-    ComparisonImpossible,
-    Panel,
-    list_panels,
-    require_complete,
-)
+from scaling_service.numerics.statistics import complete
 
 if TYPE_CHECKING:
     import pandas
@@ -47,7 +37,7 @@ _MM, _DEG = 1e3, 180.0 / math.pi
 
 def compare_groups(
     values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
-) -> FriedmanEntry:
+) -> document.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
     Parameters
@@ -69,8 +59,10 @@ def compare_groups(
     (18.0, True, True)
     """
     if not 0.0 < alpha < 1.0:
-        raise ComparisonImpossible(f"a significance level of {alpha:g} is not between 0 and 1", field="alpha")
-    table = require_complete(values, subjects, methods, quantity=quantity, dimensions=2)
+        raise complete.ComparisonImpossible(
+            f"a significance level of {alpha:g} is not between 0 and 1", field="alpha"
+        )
+    table = complete.require_complete(values, subjects, methods, quantity=quantity, dimensions=2)
     n, k = table.shape
     step = SAME * float(np.abs(table).max())
     ranks = scipy.stats.rankdata((np.round(table / step) if step > 0.0 else table), axis=1)
@@ -80,7 +72,7 @@ def compare_groups(
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
     p = float(scipy.stats.chi2.sf(statistic, k - 1))
-    return FriedmanEntry(
+    return document.FriedmanEntry(
         chi_square=statistic,
         degrees_of_freedom=k - 1,
         p=p,
@@ -93,7 +85,7 @@ def compare_groups(
 
 def _compare_pairs(
     table: Array, mean_rank: Array, error: float, methods: Sequence[str], alpha: float, *, gate: bool
-) -> list[RankedPairEntry]:
+) -> list[document.RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
     apart = np.abs(mean_rank[first] - mean_rank[second])
@@ -101,7 +93,7 @@ def _compare_pairs(
     p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
     differences = table[:, first] - table[:, second]
     return [
-        RankedPairEntry(
+        document.RankedPairEntry(
             methods=(methods[first[i]], methods[second[i]]),
             difference_mean=float(differences[:, i].mean()),
             difference_sd=float(differences[:, i].std(ddof=1)),
@@ -152,7 +144,7 @@ KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]
 
 def compare_quantities(
     subjects: Sequence[SubjectSummary], methods: Sequence[str], alpha: float
-) -> dict[str, list[QuantityEntry]]:
+) -> dict[str, list[document.QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 
     ``alpha`` is of each test: quantities are not corrected for each other, as in Puchaud 2019 (section 2.3).
@@ -169,25 +161,27 @@ def compare_quantities(
         ),
         columns=["kind", "quantity", "subject", "method", "value"],
     )
-    entries: dict[str, list[QuantityEntry]] = {kind: [] for kind in KINDS}
+    entries: dict[str, list[document.QuantityEntry]] = {kind: [] for kind in KINDS}
     for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
         has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
-        for panel in list_panels(has, methods):
+        for panel in complete.list_panels(has, methods):
             part = table.loc[list(panel.subjects), list(panel.methods)]
             entries[kind].append(_compare_panel(part, panel, quantity, alpha))
     return entries
 
 
-def _compare_panel(table: pandas.DataFrame, panel: Panel, quantity: str, alpha: float) -> QuantityEntry:
+def _compare_panel(
+    table: pandas.DataFrame, panel: complete.Panel, quantity: str, alpha: float
+) -> document.QuantityEntry:
     note = explain_too_few(panel)
     tested = None
     if not note:
         tested = compare_groups(table, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
-    return QuantityEntry(
+    return document.QuantityEntry(
         quantity=quantity,
-        compared=Compared.model_validate(panel),
+        compared=document.Compared.model_validate(panel),
         mean=table.mean().to_dict(),
         sd=table.std().to_dict() if len(table) > 1 else {},
         values=table.to_dict("index"),
@@ -196,7 +190,7 @@ def _compare_panel(table: pandas.DataFrame, panel: Panel, quantity: str, alpha: 
     )
 
 
-def explain_too_few(panel: Panel) -> str:
+def explain_too_few(panel: complete.Panel) -> str:
     """Why a panel cannot be tested; empty where it can."""
     if len(panel.methods) < 2:
         return f"only {panel.methods[0]} gives a value: nothing to compare"

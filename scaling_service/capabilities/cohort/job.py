@@ -14,18 +14,11 @@ from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
 from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
 from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
-from scaling_service.capabilities.shared.job import (
-    Documents,
-    JobRequest,
-    Kind,
-    Needed,
-    Parts,
-    list_named_files,
-)
+from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
-from scaling_service.documents.base import DOCUMENT, PARTS, Part
+from scaling_service.documents import base
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
@@ -59,7 +52,7 @@ class MemberRequest(ScalingRequest):
     """Scale one subject's model as a member of a batch; the same member of two batches is one job."""
 
 
-class MemberResult(Part):
+class MemberResult(base.Part):
     """How a member of a batch ended that did not fail."""
 
     status: Literal["done", "skipped"]
@@ -67,7 +60,7 @@ class MemberResult(Part):
     wall_s: float
 
 
-class BatchRequest(JobRequest):
+class BatchRequest(job.JobRequest):
     """Scale many subjects' models, and compare the methods over all of them.
 
     One subject's failure does not stop the others; the result says how each ended.
@@ -99,9 +92,9 @@ class BatchRequest(JobRequest):
         """All of them."""
         return self.batch_subjects
 
-    def list_needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: job.Documents) -> job.Needed:
         """All files that the subjects' documents name."""
-        return {name: list_named_files(check_document(documents[name])) for name in self.subjects}
+        return {name: job.list_named_files(check_document(documents[name])) for name in self.subjects}
 
     def members(self) -> list[MemberRequest]:
         """One request for each subject."""
@@ -120,7 +113,7 @@ def scale_member(request: MemberRequest, inputs: Path, outputs: Path, progress: 
 
     clock = time.perf_counter()
     name = request.subject
-    member = SubjectMember(name=name, file=inputs / name / DOCUMENT, folder=outputs / name)
+    member = SubjectMember(name=name, file=inputs / name / base.DOCUMENT, folder=outputs / name)
     reason = ""
     try:
         member.work(request.methods, request.settings, progress)
@@ -142,7 +135,7 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
 
     clock = time.perf_counter()
     progress("comparing the methods over all subjects", 0.0)
-    check_names(((name, name, Path(name, DOCUMENT)) for name in request.subjects), _COHORT)
+    check_names(((name, name, Path(name, base.DOCUMENT)) for name in request.subjects), _COHORT)
     outcomes = read_outcomes(request, inputs)
     if all(outcome.status == "skipped" for outcome in outcomes):
         reasons = (reason for outcome in outcomes for reason in outcome.reason.split("; "))
@@ -154,7 +147,7 @@ def summarise(request: BatchRequest, inputs: Path, outputs: Path, progress: Prog
 
 def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
     """How every subject ended, in the request's order, as its own job says."""
-    ended = json.loads((inputs / PARTS).read_text(encoding="utf-8"))
+    ended = json.loads((inputs / base.PARTS).read_text(encoding="utf-8"))
     ends = {end["request"]["subject"]: end for end in ended}
     labels = sorted({label for given in request.groups.values() for label in given})
     return [
@@ -168,7 +161,7 @@ def read_outcomes(request: BatchRequest, inputs: Path) -> list[Outcome]:
 def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], inputs: Path) -> Outcome:
     from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
-    shown = f"{name}/{DOCUMENT}"
+    shown = f"{name}/{base.DOCUMENT}"
     if end["state"] != State.DONE:
         return Outcome(
             name=name,
@@ -191,12 +184,12 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
 
 
 KINDS = {
-    "batch": Kind(
+    "batch": job.Kind(
         request=BatchRequest,
         work=summarise,
         route="batches",
         result=CohortDocument,
-        parts=Parts(kind="batch-member", requests=BatchRequest.members, file=RECORD),
+        parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=RECORD),
     ),
-    "batch-member": Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
+    "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
 }

@@ -33,7 +33,22 @@ def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
     of them does not exist, or one is named twice.
     """
     if cohort.is_dir():
-        return _in_folder(cohort)
+        members, passed = [], []
+        for path in sorted(p for p in cohort.iterdir() if not p.name.startswith(".")):
+            for file in _list_candidates(path):
+                shown = file.relative_to(cohort).as_posix()
+                if file.parent != cohort or _is_subject(file):
+                    members.append(Listed(file, shown))
+                else:
+                    passed.append(f"{shown} was passed over: it is no subject file")
+        if not members:
+            raise InputError(
+                "there is no subject file in this folder",
+                file=cohort,
+                remedy=f"Put subject files ({', '.join(_SUFFIXES)}) there, or folders with a subject.yaml "
+                "each",
+            )
+        return tuple(members), tuple(passed)
     if cohort.suffix.lower() in _SUFFIXES:
         raise InputError(
             "a cohort is a CSV file or a folder, and this looks like a subject file",
@@ -41,24 +56,6 @@ def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
             remedy=f"Name it in a CSV file with the column `{COLUMN}`, or give its folder",
         )
     return tuple(_in_table(cohort)), ()
-
-
-def _in_folder(folder: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
-    members, passed = [], []
-    for path in sorted(p for p in folder.iterdir() if not p.name.startswith(".")):
-        for file in _list_candidates(path):
-            shown = file.relative_to(folder).as_posix()
-            if file.parent != folder or _is_subject(file):
-                members.append(Listed(file, shown))
-            else:
-                passed.append(f"{shown} was passed over: it is no subject file")
-    if not members:
-        raise InputError(
-            "there is no subject file in this folder",
-            file=folder,
-            remedy=f"Put subject files ({', '.join(_SUFFIXES)}) there, or folders with a subject.yaml each",
-        )
-    return tuple(members), tuple(passed)
 
 
 def _list_candidates(path: Path) -> list[Path]:
@@ -80,7 +77,33 @@ def _is_subject(file: Path) -> bool:
 
 def _in_table(file: Path) -> Iterator[Listed]:
     lines = read_text(file, "a table of subjects").splitlines()
-    header, rows = _read_table(lines, file)
+    # The header's names, and the other rows that are not blank with their line numbers
+    filled = next((k for k, line in enumerate(lines) if line.strip()), None)
+    if filled is None:
+        raise InputError("it is empty", file=file, remedy=f"Write a header with `{COLUMN}`, then a row each")
+    for separator in _SEPARATORS:
+        table = _split(lines, filled, separator, file)
+        header = [name.strip() for name in table[0][1]]
+        if COLUMN in header:
+            break
+    else:
+        raise InputError(
+            f"there is no column `{COLUMN}`; the header is '{lines[filled].strip()}'",
+            file=file,
+            field="header",
+            remedy=f"Name the column with the subject files `{COLUMN}`",
+        )
+    for name in header:
+        if not name or header.count(name) > 1:
+            raise InputError(
+                f"two columns are called '{name}'" if name else "a column has no name",
+                file=file,
+                field="header",
+                remedy="Give every column a name of its own",
+            )
+    rows = [(number, cells) for number, cells in table[1:] if any(cell.strip() for cell in cells)]
+    if not rows:
+        raise InputError("it names no subject", file=file, remedy="Write a row for each subject file")
     column = header.index(COLUMN)
     seen: dict[Path, int] = {}
     for number, cells in rows:
@@ -115,30 +138,6 @@ def _in_table(file: Path) -> Iterator[Listed]:
         yield Listed(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
 
 
-def _read_table(lines: Sequence[str], file: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header's names, and the other rows that are not blank with their line numbers."""
-    filled = next((k for k, line in enumerate(lines) if line.strip()), None)
-    if filled is None:
-        raise InputError("it is empty", file=file, remedy=f"Write a header with `{COLUMN}`, then a row each")
-    for separator in _SEPARATORS:
-        table = _split(lines, filled, separator, file)
-        header = [name.strip() for name in table[0][1]]
-        if COLUMN in header:
-            break
-    else:
-        raise InputError(
-            f"there is no column `{COLUMN}`; the header is '{lines[filled].strip()}'",
-            file=file,
-            field="header",
-            remedy=f"Name the column with the subject files `{COLUMN}`",
-        )
-    _check_header(header, file)
-    rows = [(number, cells) for number, cells in table[1:] if any(cell.strip() for cell in cells)]
-    if not rows:
-        raise InputError("it names no subject", file=file, remedy="Write a row for each subject file")
-    return header, rows
-
-
 def _split(lines: Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
     reader = csv.reader(lines[first:], delimiter=separator, skipinitialspace=True)
     try:
@@ -147,14 +146,3 @@ def _split(lines: Sequence[str], first: int, separator: str, file: Path) -> list
         raise FileUnreadable(
             f"it is no table: {error}", file=file, remedy="Save it as CSV in UTF-8"
         ) from None
-
-
-def _check_header(header: Sequence[str], file: Path) -> None:
-    for name in header:
-        if not name or header.count(name) > 1:
-            raise InputError(
-                f"two columns are called '{name}'" if name else "a column has no name",
-                file=file,
-                field="header",
-                remedy="Give every column a name of its own",
-            )

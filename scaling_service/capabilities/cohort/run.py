@@ -11,6 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
+from scaling_service.capabilities.cohort import saving
 from scaling_service.capabilities.cohort.document import (
     CohortDocument,
     QuantityEntry,
@@ -24,13 +25,6 @@ from scaling_service.capabilities.cohort.outcomes import (
     SubjectMember,
     run_members,
     select_possible_methods,
-)
-from scaling_service.capabilities.cohort.saving import (
-    TABLES,
-    check_names,
-    refuse_foreign,
-    save_cohort,
-    tabulate_outcomes,
 )
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
@@ -180,7 +174,9 @@ class BatchResult:
     @property
     def tables(self) -> dict[str, ResultTable]:
         """How every subject ended, and lengths, errors and mean curves of all."""
-        every = {name.removesuffix(".csv"): tabulate_outcomes(name, self.outcomes) for name in TABLES}
+        every = {
+            name.removesuffix(".csv"): saving.tabulate_outcomes(name, self.outcomes) for name in saving.TABLES
+        }
         return {"subjects": self.subjects, **every}
 
     def __repr__(self) -> str:
@@ -261,9 +257,13 @@ def batch(
     read = [_load(row) for row in listed]
     members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
     readable = [member for member in members if member.error is None]
-    check_names(((m.name, m.shown, m.file) for m in readable), source)
-    _refuse_impossible([found for found in read if isinstance(found, Subject)], methods, source)
-    refuse_foreign(folder, [member.name for member in readable])
+    saving.check_names(((m.name, m.shown, m.file) for m in readable), source)
+    subjects = [found for found in read if isinstance(found, Subject)]
+    answers = [select_possible_methods(subject, methods) for subject in subjects]
+    if answers and not any(possible for possible, _ in answers):
+        reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
+        raise explain_none_possible(reasons, methods, source)
+    saving.refuse_foreign(folder, [member.name for member in readable])
     count = min(worker_count or count_cores(), len(members))
     if watcher is not None:
         watcher.start(len(members), count)
@@ -271,7 +271,7 @@ def batch(
     with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
         outcomes = run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
-    return replace(result, files=save_cohort(result.document, outcomes, folder))
+    return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
 
 
 def summarise_cohort(
@@ -317,13 +317,6 @@ def explain_none_possible(
         field="--methods",
         remedy="Choose other methods, or add what is missing to the subject files",
     )
-
-
-def _refuse_impossible(subjects: Sequence[Subject], methods: Sequence[str] | None, source: Path) -> None:
-    answers = [select_possible_methods(subject, methods) for subject in subjects]
-    if answers and not any(possible for possible, _ in answers):
-        reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
-        raise explain_none_possible(reasons, methods, source)
 
 
 def _load(row: Listed) -> Subject | InputError:

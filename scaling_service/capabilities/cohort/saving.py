@@ -14,7 +14,7 @@ from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.capabilities.cohort.words import summarise
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.tables import ResultTable
-from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
+from scaling_service.documents import writing
 from scaling_service.numerics.statistics.waveforms import NODES
 from scaling_service.report.onefile import Report
 
@@ -25,15 +25,15 @@ Row = Mapping[str, str | float | int | None]
 
 def save_cohort(document: CohortDocument, outcomes: Sequence[Outcome], folder: Path) -> tuple[str, ...]:
     """Write the cohort's own files, all or none, and name them."""
-    with all_or_nothing(folder) as scratch:
-        write_json(scratch / DOCUMENT, document)
+    with writing.all_or_nothing(folder) as scratch:
+        writing.write_json(scratch / DOCUMENT, document)
         for name in TABLES:
             table = tabulate_outcomes(name, outcomes).to_frame()
             (scratch / name).write_text(table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
         report = Report(
             kind="batch", name=DOCUMENT, summary=summarise(document), document=document, beside=list(TABLES)
         )
-        (scratch / REPORT).write_text(report.html(), encoding="utf-8")
+        (scratch / writing.REPORT).write_text(report.html(), encoding="utf-8")
         return tuple(sorted(path.name for path in scratch.iterdir()))
 
 
@@ -95,7 +95,7 @@ def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) ->
     seen: dict[str, str] = {}
     for name, shown, file in members:
         key = name.casefold()  # on some disks capitals do not count
-        if key in (DOCUMENT, REPORT, *TABLES):
+        if key in (DOCUMENT, writing.REPORT, *TABLES):
             raise SubjectInvalid(
                 f"'{name}' is the name of a file of results",
                 file=file,
@@ -118,7 +118,7 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
         return
     document = _read_content(folder / DOCUMENT)
     ours = document.get("kind") == "cohort" and "schema_version" in document
-    for name in (DOCUMENT, REPORT, *TABLES):
+    for name in (DOCUMENT, writing.REPORT, *TABLES):
         if (folder / name).exists() and not ours:
             raise _refuse_foreign(folder, f"'{name}' there was not written by a batch")
     for name in names:

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, Task, TaskID, TextColumn, TimeRem
 from rich.text import Text
 
 from scaling_service.capabilities.cohort.words import make_screen_tables
-from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, say
+from scaling_service.capabilities.shared import screen
 from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
@@ -27,22 +27,22 @@ _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a scr
 
 def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
     """The methods over subjects, then the subjects that are not done, notes and files."""
-    console = make_console()
+    console = screen.make_console()
     ended = [s.status for s in document.subjects]
     counts = ", ".join(f"{ended.count(status)} {status}" for status in ("done", "skipped", "failed"))
     console.print(f"Cohort [bold]{escape(document.cohort)}[/bold]: {counts}", highlight=False, soft_wrap=True)
     if "done" in ended:
         for table in make_screen_tables(document.statistics):
-            print_table(console, table)
-    say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
+            screen.print_table(console, table)
+    screen.say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
     others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
     if others:
-        print_table(
+        screen.print_table(
             console, Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True)
         )
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []
-    list_files(console, out, [*written, *files])
+    screen.list_files(console, out, [*written, *files])
 
 
 class _Rest(TimeRemainingColumn):

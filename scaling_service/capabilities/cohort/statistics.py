@@ -8,18 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.document import (
-    AgreementEntry,
-    ClusterEntry,
-    Compared,
-    CurveEntry,
-    CurvePairEntry,
-    CurveTestEntry,
-    GateEntry,
-    Gates,
-    Interval,
-    StatisticsDocument,
-)
+from scaling_service.capabilities.cohort import document
 from scaling_service.capabilities.cohort.groups import compare_quantities, explain_too_few
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
 from scaling_service.core.arrays import Array
@@ -29,7 +18,6 @@ from scaling_service.numerics.statistics.complete import Panel, list_panels
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     Curves,
-    WaveformComparison,
     WaveformSettings,
     compare_waveforms,
 )
@@ -65,7 +53,7 @@ def compute_cohort_statistics(
     *,
     seed: int = 0,
     settings: CohortSettings = CohortSettings(),
-) -> StatisticsDocument:
+) -> document.StatisticsDocument:
     """Compare methods over a cohort.
 
     Each comparison is over the subjects that have all its methods; the others are named with it.
@@ -78,11 +66,11 @@ def compute_cohort_statistics(
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
-    return StatisticsDocument(
+    return document.StatisticsDocument(
         **compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
-        agreement=[a for a in compared if isinstance(a, AgreementEntry)],
-        opensim_limits=Gates(
+        agreement=[a for a in compared if isinstance(a, document.AgreementEntry)],
+        opensim_limits=document.Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
             methods=[_make_gate(ordered, method) for method in present],
@@ -91,9 +79,9 @@ def compute_cohort_statistics(
     )
 
 
-def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> GateEntry:
+def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> document.GateEntry:
     passed = [_list_passed(s.methods[method]) for s in subjects if method in s.methods]
-    return GateEntry(
+    return document.GateEntry(
         method=method,
         subjects=len(passed),
         subjects_passed=sum(all(trials) for trials in passed),
@@ -107,7 +95,7 @@ def _list_passed(method: MethodSummary) -> list[bool]:
     return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
 
 
-def _describe_references(curves: Sequence[CurveEntry]) -> list[str]:
+def _describe_references(curves: Sequence[document.CurveEntry]) -> list[str]:
     """What joint angles were compared to, where it is not what the paper takes."""
     if not curves:
         return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
@@ -122,7 +110,7 @@ def _describe_references(curves: Sequence[CurveEntry]) -> list[str]:
 
 def compare_with_references(
     subjects: Sequence[SubjectSummary], methods: Sequence[str], confidence: float = 0.95
-) -> Iterator[AgreementEntry | str]:
+) -> Iterator[document.AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
     for reference in (IMAGED, TRUTH):
         tables = _tabulate_quantities(subjects, reference)
@@ -140,14 +128,14 @@ def compare_with_references(
 
 def _agree(
     quantity: str, table: Mapping[str, Mapping[str, float]], method: str, reference: str, confidence: float
-) -> Iterator[AgreementEntry]:
+) -> Iterator[document.AgreementEntry]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
     found = measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
-    yield AgreementEntry(
+    yield document.AgreementEntry(
         quantity=quantity,
         method=method,
         reference=reference,
@@ -164,8 +152,10 @@ def _agree(
     )
 
 
-def _make_interval(estimate: Estimate) -> Interval:
-    return Interval(value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high))
+def _make_interval(estimate: Estimate) -> document.Interval:
+    return document.Interval(
+        value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high)
+    )
 
 
 def _keep_finite(value: float) -> float | None:
@@ -198,7 +188,7 @@ def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[
 
 def compare_curves(
     subjects: Sequence[SubjectSummary], methods: Sequence[str], seed: int, settings: WaveformSettings
-) -> Iterator[CurveEntry]:
+) -> Iterator[document.CurveEntry]:
     """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
@@ -217,7 +207,7 @@ def _compare_curve(
     subjects: Sequence[SubjectSummary],
     rng: np.random.Generator,
     settings: WaveformSettings,
-) -> CurveEntry:
+) -> document.CurveEntry:
     side = coordinate.rpartition("_")[2]
     counted = [s for s in subjects if s.subject in panel.subjects]
     sat = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
@@ -228,18 +218,25 @@ def _compare_curve(
     if not note:
         curves = Curves(coordinate, panel.subjects, panel.methods, values)
         test = compare_waveforms(curves, rng, reference=reference, settings=settings)
-        note = _explain_undecidable(test)
+        # A note where too few subjects make significance impossible
+        n = len(test.subjects)
+        if not test.anova.can_decide:
+            note = f"{n} subjects are too few for any difference to be significant"
+        elif any(not pair.test.can_decide for pair in test.pairs):
+            note = f"{n} subjects are too few for any pair to be significant after {test.n_pairs} comparisons"
+        else:
+            note = ""
     degrees = np.degrees(values)
-    return CurveEntry(
+    return document.CurveEntry(
         coordinate=coordinate,
-        compared=Compared.model_validate(known),
+        compared=document.Compared.model_validate(known),
         strides={s.subject: s.strides[side] for s in counted},
         reference=reference,
         mean_deg=_by_method(panel, degrees.mean(axis=0)),
         sd_deg=_by_method(panel, degrees.std(axis=0, ddof=1)) if len(counted) > 1 else {},
         anova=None if test is None else _make_curve_test(test.anova),
         pairs=[
-            CurvePairEntry(
+            document.CurvePairEntry(
                 methods=pair.methods,
                 difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
                 test=_make_curve_test(pair.test),
@@ -254,25 +251,17 @@ def _by_method(panel: Panel, curves: Array) -> dict[str, list[float]]:
     return dict(zip(panel.methods, curves.tolist(), strict=True))
 
 
-def _make_curve_test(test: CurveTest) -> CurveTestEntry:
-    return CurveTestEntry(
+def _make_curve_test(test: CurveTest) -> document.CurveTestEntry:
+    return document.CurveTestEntry(
         statistic=test.statistic.tolist(),
         threshold=_keep_finite(test.threshold),
         p=test.p,
         alpha=test.alpha,
         significant=test.significant,
-        clusters=[ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters],
+        clusters=[
+            document.ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters
+        ],
         rearrangements=test.rearrangements,
         exact=test.exact,
         can_decide=test.can_decide,
     )
-
-
-def _explain_undecidable(test: WaveformComparison) -> str:
-    """A note where too few subjects make significance impossible."""
-    n = len(test.subjects)
-    if not test.anova.can_decide:
-        return f"{n} subjects are too few for any difference to be significant"
-    if any(not pair.test.can_decide for pair in test.pairs):
-        return f"{n} subjects are too few for any pair to be significant after {test.n_pairs} comparisons"
-    return ""

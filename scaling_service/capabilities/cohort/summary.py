@@ -8,13 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
-from scaling_service.capabilities.scaling.comparison.geometry import (
-    compute_angle_errors,
-    compute_centre_errors,
-    compute_length_errors,
-    place_centres,
-)
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
@@ -177,7 +172,7 @@ def _measure_centres(
 def _express_centres(
     models: Mapping[str, tuple[BodyModel, Array]], reference: BodyModel, q: Array
 ) -> dict[str, dict[str, Vector]]:
-    return {name: place_centres(model, own, reference, q) for name, (model, own) in models.items()}
+    return {name: geometry.place_centres(model, own, reference, q) for name, (model, own) in models.items()}
 
 
 def _from_truth(
@@ -186,7 +181,7 @@ def _from_truth(
     """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
     model = scaling.calibration.model
     motions = [scaling.motions[name] for name in _select_judged_trials(session)]
-    lengths = [abs(gap) for gap in compute_length_errors(model, truth.model).values()]
-    centres = compute_centre_errors(model, motions, truth.model, truth.motions)
+    lengths = [abs(gap) for gap in geometry.compute_length_errors(model, truth.model).values()]
+    centres = geometry.compute_centre_errors(model, motions, truth.model, truth.motions)
     metres = {"lengths": sum(lengths) / len(lengths)} | {f"{n}_centre": gap for n, gap in centres.items()}
-    return metres, compute_angle_errors(motions, truth.model, truth.motions)
+    return metres, geometry.compute_angle_errors(motions, truth.model, truth.motions)

@@ -49,16 +49,17 @@ def summarise(document: CohortDocument) -> Summary:
         headline=document.headline,
         why=document.why,
         cautions=[*document.notes, *document.statistics.notes],
-        tables=[*statistics, _tabulate_subjects(document.subjects)],
-    )
-
-
-def _tabulate_subjects(subjects: Sequence[SubjectEntry]) -> Table:
-    return Table(
-        caption="How every subject ended",
-        columns=["", "status", "why", "methods"],
-        rows=[Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)]) for s in subjects],
-        words=True,
+        tables=[
+            *statistics,
+            Table(
+                caption="How every subject ended",
+                columns=["", "status", "why", "methods"],
+                rows=[
+                    Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)]) for s in document.subjects
+                ],
+                words=True,
+            ),
+        ],
     )
 
 

@@ -6,29 +6,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
-from scaling_service.capabilities.shared.screen import (
-    list_files,
-    make_console,
-    print_subject,
-    print_table,
-    running,
-    say,
-)
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.consistent.document import ConsistentDocument
 
 
-@with_flags
+@flags.with_flags
 def consistent(
-    subject: SubjectFile,
-    out: Out,
+    subject: flags.SubjectFile,
+    out: flags.Out,
     chosen: ForceSettings,
-    settings: Annotated[Settings, Only("up", "forward")] = UNSMOOTHED,
-    tables: Tables = "",
-    report: Report = True,
+    settings: Annotated[Settings, flags.Only("up", "forward")] = UNSMOOTHED,
+    tables: flags.Tables = "",
+    report: flags.Report = True,
 ) -> None:
     """Find the motion, geometry and inertia that markers and ground forces agree on.
 
@@ -37,7 +29,7 @@ def consistent(
 
     [bold]Example[/bold]: scaling-service consistent S01.yaml --out consistent
     """
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.consistent.run import consistent as compute
         from scaling_service.capabilities.consistent.saving import save_consistent, tabulate_consistent
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -53,13 +45,13 @@ def show(document: ConsistentDocument, out: Path) -> None:
     """The errors of the three ways, the warnings, and what was written."""
     from scaling_service.capabilities.consistent.words import describe_start, tabulate_errors
 
-    console = make_console()
-    print_subject(console, document, f"{describe_start(document)}, {document.outer_iterations} loops")
-    print_table(console, tabulate_errors(document))
-    say(console, "Gain", "bold", [f"{document.headline}."])
-    say(console, "Note", "yellow", document.warnings)
+    console = screen.make_console()
+    screen.print_subject(console, document, f"{describe_start(document)}, {document.outer_iterations} loops")
+    screen.print_table(console, tabulate_errors(document))
+    screen.say(console, "Gain", "bold", [f"{document.headline}."])
+    screen.say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
-    list_files(console, out, [", ".join(written)])
+    screen.list_files(console, out, [", ".join(written)])
 
 
 COMMANDS = (consistent,)

@@ -7,11 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.geometric import (
-    GeometricIdentification,
-    KnownMotion,
-    identify_geometry,
-)
+from scaling_service.capabilities.consistent import geometric
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
 from scaling_service.capabilities.consistent.problem import PLAIN, ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
@@ -131,7 +127,9 @@ def estimate_consistent(
         inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
         now = inertial.model
         tracked = [_measure_errors(r, m.rated, m.objectives) for r, m in zip(fitted, moved, strict=True)]
-        history.append(_pool(tracked))
+        # RMS errors of markers and wrench over recordings, each counting alike
+        markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
+        history.append((float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))))
         converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
     known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
@@ -177,14 +175,14 @@ def _refit_geometry(
     fitted: Sequence[ConsistentRecording],
     moved: Sequence[ConsistentMotion],
     settings: ConsistentSettings,
-) -> GeometricIdentification:
+) -> geometric.GeometricIdentification:
     """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
     names = fitted[0].motion.markers
     known = [
-        KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
+        geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
         for r, m in zip(fitted, moved, strict=True)
     ]
-    return identify_geometry(
+    return geometric.identify_geometry(
         start,
         names,
         known,
@@ -219,12 +217,6 @@ def _measure_errors(
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))
     wrench = np.sqrt((gaps.wrench_gaps[recording.known] ** 2).mean(axis=0))
     return TrackedRecording(rated=rated, marker_rms_m=marker, wrench_rmse=wrench, gaps=gaps, weight=weight)
-
-
-def _pool(tracked: Sequence[TrackedRecording]) -> tuple[float, Array]:
-    """RMS errors of markers and wrench over recordings, each counting alike."""
-    markers = np.sqrt(np.mean([t.marker_rms_m**2 for t in tracked]))
-    return float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))
 
 
 def _has_settled(

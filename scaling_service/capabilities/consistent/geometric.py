@@ -12,9 +12,9 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import parameters
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.parameters import fold, free_marker, free_scale
 from scaling_service.numerics.least_squares.border import minimise_within
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
 
@@ -82,11 +82,11 @@ def identify_geometry(
     # Every length that moves a marker, and the coordinates of the markers, as parameters.
     free = model.with_markers(tuple(replace(m, follows_size=False) for m in model.markers))
     for segment in _find_sized_segments(model, markers):
-        free = free_scale(free, segment, bound)
+        free = parameters.free_scale(free, segment, bound)
     for name in markers:
         reach = bound * float(np.linalg.norm(model.marker(name).nominal))
         if reach > 0.0:
-            free = free_marker(free, name, axes, reach)
+            free = parameters.free_marker(free, name, axes, reach)
     freed = free
     start = list_parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
@@ -151,7 +151,7 @@ def _fold_in(
     model: BodyModel, freed: BodyModel, values: Array, lower: Array, upper: Array
 ) -> GeometricIdentification:
     found = dict(zip((p.name for p in freed.parameters), values.tolist(), strict=True))
-    folded = fold(freed, found)
+    folded = parameters.fold(freed, found)
     sizes = {m.name: m.follows_size for m in model.markers}
     changed = folded.with_markers(tuple(replace(m, follows_size=sizes[m.name]) for m in folded.markers))
     on_bound = (values <= lower + 1e-9) | (values >= upper - 1e-9)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.consistent.problem import ConsistentProblem, Objectives, State
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.signals.splines import Quadratic, Step, pack_band, solve_band
+from scaling_service.numerics.signals import splines
 
 STEPS = 15
 """Most Gauss-Newton steps (chosen: three are usual)."""
@@ -86,7 +86,7 @@ def solve_consistent_motion(
 
 
 def _descend(
-    problem: ConsistentProblem, at: State, now: Objectives, step: Step, weight: float
+    problem: ConsistentProblem, at: State, now: Objectives, step: splines.Step, weight: float
 ) -> tuple[Objectives, State]:
     """The step, halved until the weighted sum falls; where it never does, no step."""
     before = now.markers + weight * now.wrench
@@ -103,24 +103,26 @@ def _descend(
 class Front:
     """Minimises weighted sums of two quadratics between bounds."""
 
-    markers: Quadratic
-    wrench: Quadratic
+    markers: splines.Quadratic
+    wrench: splines.Quadratic
     at: Array  # (n_coefficients, m): the coefficients that steps start from
     bounds: tuple[Array, Array]  # (m,)
     bands: tuple[Array, Array]  # lower bands of both matrices
 
     @classmethod
-    def of(cls, markers: Quadratic, wrench: Quadratic, at: Array, bounds: tuple[Array, Array]) -> Front:
+    def of(
+        cls, markers: splines.Quadratic, wrench: splines.Quadratic, at: Array, bounds: tuple[Array, Array]
+    ) -> Front:
         """Pose it."""
         return cls(
             markers=markers,
             wrench=wrench,
             at=at,
             bounds=bounds,
-            bands=(pack_band(markers.blocks), pack_band(wrench.blocks)),
+            bands=(splines.pack_band(markers.blocks), splines.pack_band(wrench.blocks)),
         )
 
-    def step(self, weight: float) -> Step:
+    def step(self, weight: float) -> splines.Step:
         """The step that minimises markers + weight * wrench between the bounds.
 
         Coefficients that would pass a bound are put on it, and the others solved again.
@@ -138,22 +140,22 @@ class Front:
             k = border.shape[2]
             slope = gradient + markers.times(fixed) + weight * wrench.times(fixed)
             right = np.concatenate([slope[..., None], border], axis=2).reshape(-1, k + 1)
-            solved = solve_band(band, right, held.ravel())
+            solved = splines.solve_band(band, right, held.ravel())
             flat = np.where(held.ravel()[:, None], 0.0, border.reshape(-1, k))
             corner = markers.corner + weight * wrench.corner - flat.T @ solved[:, 1:]
             pull = markers.shared_gradient + weight * wrench.shared_gradient
             pull = pull + np.einsum("amk,am->k", border, fixed) - flat.T @ solved[:, 0]
             shared = np.linalg.solve(corner, -pull) if k else np.zeros(0)
-            found = Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
+            found = splines.Step(fixed - (solved[:, 0] + solved[:, 1:] @ shared).reshape(fixed.shape), shared)
             beyond = ((found.coefficients < low) | (found.coefficients > high)) & ~held
             if not beyond.any():
                 break
             held |= beyond
             fixed = np.where(held, np.clip(found.coefficients, low, high), 0.0)
-        return Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
+        return splines.Step(np.asarray(np.clip(found.coefficients, low, high)), found.shared)
 
 
-def balance(front: Front, guess: float = 1.0) -> tuple[Step, float]:
+def balance(front: Front, guess: float = 1.0) -> tuple[splines.Step, float]:
     """The step at which both objectives are equal, and the weight of the wrench there.
 
     Both are counted in units of what is expected of them, and both goals are zero (Futamure et al., section

@@ -17,8 +17,8 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
+from scaling_service.model import body
 from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
-from scaling_service.model.body import BodyModel, Marker, Vector
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
@@ -42,7 +42,7 @@ NEEDED = ("ANK", "KNE", "ASI", "PSI", "SHO")
 class SagittalPlane:
     """Where the plane lies in the session's axes."""
 
-    origin: Vector  # (3,) m: the middle of the ankle markers
+    origin: body.Vector  # (3,) m: the middle of the ankle markers
     heading: float  # rad: turn about the vertical from X to where the person faces
 
     @property
@@ -99,7 +99,7 @@ def project_loads(loads: SegmentLoads, plane: SagittalPlane, foot: str = "foot")
     return SegmentLoads(loads.times, (foot,), force[:, None], moment[:, None])
 
 
-def scale_squat(generic: BodyModel, trial: Trial) -> BodyModel:
+def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:
     """The planar squat at a person's size, from the standing at the beginning of a squat in its plane.
 
     Shank, trunk and arm by the ratio of marker distances, thigh between the knee and where the trunk's
@@ -161,7 +161,7 @@ def _measure_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
 
 
-def _find_joint_place(model: BodyModel, segment: str) -> Array:
+def _find_joint_place(model: body.BodyModel, segment: str) -> Array:
     """Where a segment's joint sits in its parent, (2,), m."""
     shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
     total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
@@ -182,10 +182,12 @@ def _fit_in_plane(local: Array, seen: Array) -> tuple[Array, Array]:
     return turn, seen.mean(axis=0) - turn @ local.mean(axis=0)
 
 
-def _place(marker: Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]) -> Marker:
+def _place(
+    marker: body.Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]
+) -> body.Marker:
     turn, origin = frames[marker.segment]
     x, y = turn.T @ (seen[marker.name] - origin)
-    placed = Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
+    placed = body.Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0), weight=marker.weight)
     return replace(placed, anatomical=marker.anatomical)
 
 

@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.consistent.geometric import GeometryPrior
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.marker_rates import (
-    MarkerShifts,
-    MarkerTargets,
-    compute_marker_misfit,
-    compute_marker_motion,
-    form_normal_equations,
-    list_twist_rows,
-    shift_normal,
-)
+from scaling_service.numerics.multibody import marker_rates
 from scaling_service.numerics.multibody.motion import (
     N_PARAMETERS,
     Inertias,
@@ -34,7 +26,7 @@ from scaling_service.numerics.multibody.motion import (
 )
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import Tree
-from scaling_service.numerics.signals.splines import ORDER, Quadratic, SplineBasis, add_to_blocks, add_to_rows
+from scaling_service.numerics.signals import splines
 from scaling_service.numerics.wrench import (
     compute_regressor_blocks,
     differentiate_wrench,
@@ -127,12 +119,12 @@ class ConsistentProblem:
     mechanism: Mechanism
     tree: Tree  # the mechanism's links, with the markers to follow
     p: Array  # (n_parameters,)
-    basis: SplineBasis
+    basis: splines.SplineBasis
     free: NDArray[np.intp]  # (m,): coordinates that are estimated
     constant: Array  # (n_coordinates,): values of the others
-    markers: MarkerTargets  # weights such that the mean of errors as large as expected is one
+    markers: marker_rates.MarkerTargets  # weights such that the mean of errors as large as expected is one
     wrench: WrenchTargets  # likewise
-    shifts: MarkerShifts
+    shifts: marker_rates.MarkerShifts
     inertia: Array  # (10 n_links, k): how it may differ, by one standard deviation of the prior each
     # weight of the square of each shared number in the markers' objective: what was known before forces
     prior: float
@@ -170,8 +162,8 @@ class ConsistentProblem:
         for rows in split_blocks(n, BLOCK):
             state = move_links(mechanism, motion.block(rows), self.p)
             _, moved, _, targets = self._marker_block(state, x, rows)
-            _, squares = compute_marker_misfit(moved, targets)
-            rigid = compute_marker_motion(self.tree, self.p, state)
+            _, squares = marker_rates.compute_marker_misfit(moved, targets)
+            rigid = marker_rates.compute_marker_motion(self.tree, self.p, state)
             gaps[rows] = np.where(targets.weights[0, ..., None] > 0, targets.values[0] - rigid[0], 0.0)
             total += float(squares.sum())
             wrench = link_wrenches(mechanism, state).sum(axis=0)
@@ -190,7 +182,7 @@ class ConsistentProblem:
             result[rows] = shifts.move(shifts.columns(self.tree, moved), x, self.tree.n_markers)[0]
         return result
 
-    def normal(self, at: State) -> tuple[Quadratic, Quadratic]:
+    def normal(self, at: State) -> tuple[splines.Quadratic, splines.Quadratic]:
         """Gauss-Newton models of both objectives."""
         motion, m, k = self.motion(at.coefficients), len(self.free), self.n_shared
         mechanism, glide = self.move_mechanism(at.shared), slice(0, self.shifts.count)
@@ -198,15 +190,17 @@ class ConsistentProblem:
         for rows in split_blocks(len(self.basis.times), BLOCK):
             screws = list_screws(mechanism, motion.block(rows), self.p, self.free)
             shifts, moved, columns, targets = self._marker_block(screws.state, at.shared, rows)
-            gap, squares = compute_marker_misfit(moved, targets)
-            by = list_twist_rows(moved)
+            gap, squares = marker_rates.compute_marker_misfit(moved, targets)
+            by = marker_rates.list_twist_rows(moved)
             markers.add(
                 rows,
                 float(squares.sum()),
-                *form_normal_equations(mechanism, self.tree, screws, by, gap, targets.weights, m),
+                *marker_rates.form_normal_equations(
+                    mechanism, self.tree, screws, by, gap, targets.weights, m
+                ),
             )
             if shifts.count:
-                found = shift_normal(
+                found = marker_rates.shift_normal(
                     shifts, mechanism, self.tree, screws, by, columns, gap, targets.weights, m
                 )
                 markers.add_shared(rows, glide, found.gradient, found.corner, found.cross)
@@ -218,10 +212,10 @@ class ConsistentProblem:
 
     def _marker_block(
         self, state: LinkMotion, shared: Array, rows: slice
-    ) -> tuple[MarkerShifts, Array, Array, MarkerTargets]:
+    ) -> tuple[marker_rates.MarkerShifts, Array, Array, marker_rates.MarkerTargets]:
         shifts = self.shifts.rows(rows)
         columns = shifts.columns(self.tree, state)
-        rigid = compute_marker_motion(self.tree, self.p, state)
+        rigid = marker_rates.compute_marker_motion(self.tree, self.p, state)
         moved = rigid + shifts.move(columns, shared[: shifts.count], self.tree.n_markers)
         return shifts, moved, columns, self.markers.rows(rows)
 
@@ -263,18 +257,18 @@ class ConsistentProblem:
 class _Sum:
     """A quadratic while frames are added; its own value comes last."""
 
-    basis: SplineBasis
-    of: Quadratic
+    basis: splines.SplineBasis
+    of: splines.Quadratic
     value: float = 0.0
 
     @classmethod
-    def empty(cls, basis: SplineBasis, m: int, k: int) -> _Sum:
+    def empty(cls, basis: splines.SplineBasis, m: int, k: int) -> _Sum:
         """Nothing said yet."""
         count = basis.n_coefficients
-        of = Quadratic(
+        of = splines.Quadratic(
             value=0.0,
             gradient=np.zeros((count, m)),
-            blocks=np.zeros((ORDER, count, m, m)),
+            blocks=np.zeros((splines.ORDER, count, m, m)),
             shared_gradient=np.zeros(k),
             border=np.zeros((count, m, k)),
             corner=np.zeros((k, k)),
@@ -284,15 +278,15 @@ class _Sum:
     def add(self, rows: slice, value: float, gradient: Array, curvature: Array) -> None:
         """Add what some frames say of the coefficients."""
         self.value += value
-        add_to_rows(self.basis, rows, self.of.gradient, gradient)
-        add_to_blocks(self.basis, rows, self.of.blocks, curvature)
+        splines.add_to_rows(self.basis, rows, self.of.gradient, gradient)
+        splines.add_to_blocks(self.basis, rows, self.of.blocks, curvature)
 
     def add_shared(self, rows: slice, which: slice, gradient: Array, corner: Array, cross: Array) -> None:
         """Add what some frames say of some shared numbers."""
         self.of.shared_gradient[which] += gradient
         self.of.corner[which, which] += corner
-        add_to_rows(self.basis, rows, self.of.border[:, :, which], cross)
+        splines.add_to_rows(self.basis, rows, self.of.border[:, :, which], cross)
 
-    def quadratic(self) -> Quadratic:
+    def quadratic(self) -> splines.Quadratic:
         """The sum."""
         return replace(self.of, value=self.value)

@@ -24,8 +24,8 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import make_tre
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import body, inertia
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import GROUND, BodyModel, Segment
 from scaling_service.model.compile import (
     free_coordinates,
     list_coordinate_bounds,
@@ -33,7 +33,6 @@ from scaling_service.model.compile import (
     repeat_default_pose,
 )
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, gather_inertias, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
@@ -89,9 +88,9 @@ SAGITTAL = (True, True, False, False, False, True)
 """Components of the ground wrench that a model in space, and a planar one, can follow."""
 
 
-def expect_artefacts(model: BodyModel) -> dict[str, float]:
+def expect_artefacts(model: body.BodyModel) -> dict[str, float]:
     """The expected error of every marker of a model, m."""
-    rooted = [segment for segment in model.segments if segment.parent == GROUND]
+    rooted = [segment for segment in model.segments if segment.parent == body.GROUND]
     still = {segment.name for segment in rooted if not any(j.law.coordinates for j in segment.joints)}
     found = {}
     for marker in model.markers:
@@ -106,7 +105,7 @@ def expect_artefacts(model: BodyModel) -> dict[str, float]:
 
 
 def make_artefact_shifts(
-    model: BodyModel,
+    model: body.BodyModel,
     names: tuple[str, ...],
     q: Array,
     basis: SplineBasis,
@@ -136,10 +135,10 @@ def make_artefact_shifts(
     return MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
 
 
-def _find_driver(model: BodyModel, segment: Segment, q: Array) -> Array | None:
+def _find_driver(model: body.BodyModel, segment: body.Segment, q: Array) -> Array | None:
     """First principal component of the angles at a segment's ends, of range one or less, (n,)."""
     joints = [
-        *(segment.joints if segment.parent != GROUND else ()),
+        *(segment.joints if segment.parent != body.GROUND else ()),
         *(j for c in model.children(segment.name) for j in c.joints),
     ]
     names = {c for joint in joints if joint.kind == "rotation" for c in joint.law.coordinates}
@@ -208,7 +207,7 @@ class ConsistentRecording:
 
 
 def estimate_classical_motion(
-    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+    model: body.BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> RatedMotion:
     """The motion of the classical two steps: inverse kinematics, then filter and derivatives.
 
@@ -225,7 +224,7 @@ def estimate_classical_motion(
 
 
 def pose_problem(
-    model: BodyModel,
+    model: body.BodyModel,
     recording: ConsistentRecording,
     rated: RatedMotion,
     settings: ConsistentSettings,
@@ -250,7 +249,7 @@ def pose_problem(
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
     targets, count = _make_marker_targets(recording, basis, settings)
     return ConsistentProblem(
-        mechanism=Mechanism(whole, gather_inertias(model)),
+        mechanism=Mechanism(whole, inertia.gather_inertias(model)),
         tree=alone,
         p=list_parameter_values(model),
         basis=basis,
@@ -267,7 +266,7 @@ def pose_problem(
 
 
 def find_inertial_freedom(
-    model: BodyModel,
+    model: body.BodyModel,
     recordings: Sequence[ConsistentRecording],
     rated: Sequence[RatedMotion],
     settings: ConsistentSettings,
@@ -286,7 +285,7 @@ def find_inertial_freedom(
         targets = _make_wrench_targets(model, recording, settings)
         counted = (targets.weights > 0).sum() / count_repeats(recording, settings)
         for block in compute_regressor_blocks(
-            compile_mechanism(model), motion.rates, list_parameter_values(model)
+            inertia.compile_mechanism(model), motion.rates, list_parameter_values(model)
         ):
             rows = block.ground @ free
             heavy = counted * targets.weights[block.rows]
@@ -295,7 +294,7 @@ def find_inertial_freedom(
     return np.asarray(free @ vectors[:, gains > DECIDES])
 
 
-def gather_limits(model: BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
+def gather_limits(model: body.BodyModel, problem: ConsistentProblem) -> tuple[Array, Array]:
     """Joint limits of the free coordinates, each (m,).
 
     A spline lies between its smallest and largest coefficient, so limits on coefficients are limits on
@@ -334,10 +333,10 @@ def count_repeats(recording: ConsistentRecording, settings: ConsistentSettings) 
 
 
 def _make_wrench_targets(
-    model: BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
+    model: body.BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
 ) -> WrenchTargets:
     measured, known = recording.wrench, recording.known
-    force = settings.force_share * sum_mass(model) * -GRAVITY[1]
+    force = settings.force_share * inertia.sum_mass(model) * -GRAVITY[1]
     scale = np.array([force] * 3 + [force * settings.arm_m] * 3)
     counted = known[:, None] * np.array(recording.components, dtype=float)
     return WrenchTargets(

@@ -14,8 +14,8 @@ from scaling_service.capabilities.consistent.estimate import estimate_consistent
 from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
+from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSettings
-from scaling_service.capabilities.dynamics.start import Prepared, choose_rigid, prepare
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
@@ -44,7 +44,7 @@ PLACED_M = 0.007
 class ConsistentResults:
     """What the loop made of a subject."""
 
-    prepared: Prepared  # its model has the mass that the plates bear
+    prepared: start.Prepared  # its model has the mass that the plates bear
     chosen: ForceSettings
     settings: Settings
     recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
@@ -103,7 +103,7 @@ def consistent(
 class Ready:
     """Recordings to fit and to hold out, the model to start from, and what was decided on the way."""
 
-    prepared: Prepared
+    prepared: start.Prepared
     fitted: tuple[ConsistentRecording, ...]
     held_out: tuple[ConsistentRecording, ...]
     settings: ConsistentSettings
@@ -115,8 +115,8 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     if loaded.session.subject.model == SQUAT:
         prepared, found = prepare_squat(loaded, chosen)
     else:
-        usual = chosen.model_copy(update={"start": chosen.start or choose_rigid(loaded.session)})
-        prepared = prepare(loaded, usual, settings, progress=progress)
+        usual = chosen.model_copy(update={"start": chosen.start or start.choose_rigid(loaded.session)})
+        prepared = start.prepare(loaded, usual, settings, progress=progress)
         found = {name: _build_recording(prepared, name, chosen.cutoff_hz) for name in prepared.motions}
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)
@@ -128,7 +128,7 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     return Ready(prepared=prepared, fitted=fitted, held_out=held_out, settings=own, notes=notes)
 
 
-def _build_recording(prepared: Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
+def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
     motion, forces = prepared.motions[name], prepared.forces[name]
     dynamics = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
     weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
@@ -157,8 +157,8 @@ def _find_middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) 
 
 
 def _take_borne_mass(
-    prepared: Prepared, fitted: tuple[ConsistentRecording, ...]
-) -> tuple[Prepared, tuple[str, ...]]:
+    prepared: start.Prepared, fitted: tuple[ConsistentRecording, ...]
+) -> tuple[start.Prepared, tuple[str, ...]]:
     """The model with the mass that the plates bear, and a note where that is another."""
     if not fitted:
         raise TrialUnusable(

@@ -27,7 +27,7 @@ from scaling_service.capabilities.playback.document import WrenchScene, WrenchTr
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
-from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
+from scaling_service.documents import writing
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
@@ -44,7 +44,7 @@ def save_consistent(
 ) -> ConsistentDocument:
     """Write motions, ``model.*``, ``consistent.json`` (returned) and ``report.html`` into a folder."""
     result = results.result
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         for recording, tracked in zip(results.recordings, result.consistent, strict=True):
             motion = _write_motion_part(recording, tracked, result.model)
             write_motion(scratch / f"{recording.name}_ik.mot", motion, result.model)
@@ -56,9 +56,21 @@ def save_consistent(
             factors[name] = (factor * x, factor * y, factor * z)
         notes = write_massive_model(scratch, result.model, results.prepared, factors)
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
-        write_json(scratch / FILE_NAME, document)
+        writing.write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
+            # `report.html`: the result's views with the ground wrench over time.
+            files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
+            (scratch / writing.REPORT).write_text(
+                Report(
+                    kind="consistent",
+                    name=FILE_NAME,
+                    summary=summarise(document),
+                    document=document,
+                    files=files,
+                    beside=document.files,
+                ).html(),
+                encoding="utf-8",
+            )
     return document
 
 
@@ -88,19 +100,6 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
     }
 
 
-def _make_report(results: ConsistentResults, document: ConsistentDocument) -> Report:
-    """``report.html``: the result's views with the ground wrench over time."""
-    files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
-    return Report(
-        kind="consistent",
-        name=FILE_NAME,
-        summary=summarise(document),
-        document=document,
-        files=files,
-        beside=document.files,
-    )
-
-
 def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> WrenchScene:
     """Write ``scene/wrenches.json`` with its tables: the ground wrench measured, and in each way.
 
@@ -119,7 +118,7 @@ def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = F
             wrenches={way: files.write(f"{name}.{way}", each, "N, N m") for way, each in wrenches.items()},
         )
     document = WrenchScene(trials=found)
-    write_json(outputs / WRENCHES_FILE, document)
+    writing.write_json(outputs / WRENCHES_FILE, document)
     return document
 
 

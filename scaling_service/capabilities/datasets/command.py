@@ -9,8 +9,8 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.datasets.catalogue import BASE_URL, SOURCE_FILE
+from scaling_service.capabilities.shared import screen
 from scaling_service.capabilities.shared.flags import make_folder_parser
-from scaling_service.capabilities.shared.screen import make_console, print_table, progress_bar
 from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
@@ -75,12 +75,12 @@ def list_datasets() -> None:
     from scaling_service.capabilities.datasets.catalogue import read_catalogue
     from scaling_service.capabilities.datasets.run import describe_terms
 
-    console = make_console()
+    console = screen.make_console()
     rows = [
         Row(name, [dataset.title, f"{dataset.total_bytes / _MB:.1f}", describe_terms(dataset), dataset.use])
         for name, dataset in read_catalogue().items()
     ]
-    print_table(
+    screen.print_table(
         console,
         Table(caption="", columns=["name", "what", "MB", "licence", "used for"], rows=rows, words=True),
     )
@@ -102,7 +102,7 @@ def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url:
 
     dataset = find_dataset(name, read_catalogue())
     folder = Path(name) if out is None else out
-    with progress_bar() as progress:
+    with screen.progress_bar() as progress:
         obtained = get_dataset(
             name,
             dataset,
@@ -114,7 +114,7 @@ def get(name: _DatasetName, out: _Folder = None, cache: _Cache = None, base_url:
     # What was written and what was there, the terms, and what to run now.
     from scaling_service.capabilities.datasets.run import describe_terms, list_next_commands
 
-    console = make_console()
+    console = screen.make_console()
     for what, files in (("Written under", obtained.written), ("Already there, unchanged, in", obtained.kept)):
         if files:
             console.print(f"{what} [bold]{escape(str(obtained.folder))}[/bold]:", highlight=False)

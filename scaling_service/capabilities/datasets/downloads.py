@@ -116,7 +116,15 @@ def fetch(url: str, file: RemoteFile, cache: Path, received: Received) -> Path:
                 downloader=_Checked(file, received),
             )
     except requests.RequestException as error:
-        raise _explain_failure(error, url, file) from None
+        # What went wrong on the way, in plain words
+        host = urlsplit(url).netloc
+        if isinstance(error, requests.HTTPError) and error.response is not None:
+            problem, remedy = _describe_refusal(error.response.status_code, url)
+        else:
+            problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
+        raise DownloadFailed(
+            problem.format(host=host), file=file.saved_as, field="--base-url", remedy=remedy
+        ) from None
     except OSError as error:
         raise InputError(
             f"downloads cannot be kept there: {error.strerror or error}",
@@ -163,16 +171,6 @@ def _report_another(url: str, file: RemoteFile, found: str) -> DownloadFailed:
         remedy="Try again later, or name another address by --base-url; "
         "a network's sign-in page can be the cause, too",
     )
-
-
-def _explain_failure(error: requests.RequestException, url: str, file: RemoteFile) -> DownloadFailed:
-    """What went wrong on the way, in plain words."""
-    host = urlsplit(url).netloc
-    if isinstance(error, requests.HTTPError) and error.response is not None:
-        problem, remedy = _describe_refusal(error.response.status_code, url)
-    else:
-        problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
-    return DownloadFailed(problem.format(host=host), file=file.saved_as, field="--base-url", remedy=remedy)
 
 
 def _describe_refusal(status: int, url: str) -> tuple[str, str]:

@@ -11,21 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from scaling_service.capabilities.datasets.catalogue import (
-    BASE_URL,
-    IMAGE_MARKERS_FILE,
-    SOURCE_FILE,
-    SUBJECT_FILE,
-    Dataset,
-    RemoteFile,
-)
-from scaling_service.capabilities.datasets.downloads import (
-    Received,
-    check_base_url,
-    fetch,
-    has_hash,
-    make_remote_url,
-)
+from scaling_service.capabilities.datasets import catalogue, downloads
 from scaling_service.core.errors import FileUnreadable, InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.writing import all_or_nothing, check_folder
@@ -48,11 +34,11 @@ class Obtained:
 
 def get_dataset(
     name: str,
-    dataset: Dataset,
+    dataset: catalogue.Dataset,
     folder: Path,
     *,
     cache: Path,
-    base_url: str = BASE_URL,
+    base_url: str = catalogue.BASE_URL,
     progress: Progress | None = None,
 ) -> Obtained:
     """Download a dataset into a folder, with a subject file and a note of source and licence.
@@ -65,10 +51,10 @@ def get_dataset(
     cannot be had, or is not the published one. InputError: the folder or the cache cannot be used, or the
     folder holds a file of the same name that differs.
     """
-    base = check_base_url(base_url)
+    base = downloads.check_base_url(base_url)
     check_folder(folder)
-    subject = {} if dataset.subject is None else {SUBJECT_FILE: dataset.subject + "\n"}
-    texts = subject | {SOURCE_FILE: write_source_note(name, dataset)}
+    subject = {} if dataset.subject is None else {catalogue.SUBJECT_FILE: dataset.subject + "\n"}
+    texts = subject | {catalogue.SOURCE_FILE: write_source_note(name, dataset)}
     new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
     missing = [file for file in dataset.files if not _is_there(folder, file)]
     fetched = _fetch_all(name, dataset, missing, cache, base, progress)
@@ -77,7 +63,7 @@ def get_dataset(
     markers = (
         {}
         if source is None
-        else {IMAGE_MARKERS_FILE: tabulate_image_markers(fetched.get(source, folder / source))}
+        else {catalogue.IMAGE_MARKERS_FILE: tabulate_image_markers(fetched.get(source, folder / source))}
     )
     new |= _list_missing(folder, markers)
     if fetched or new:
@@ -87,7 +73,7 @@ def get_dataset(
     return Obtained(folder, written, tuple(path for path in everything if path not in written))
 
 
-def list_next_commands(dataset: Dataset, folder: Path) -> list[str]:
+def list_next_commands(dataset: catalogue.Dataset, folder: Path) -> list[str]:
     """The commands to run now, as typed into a shell."""
     return [
         shlex.join(word.format(folder=folder) for word in ["scaling-service", *shlex.split(command)])
@@ -95,9 +81,9 @@ def list_next_commands(dataset: Dataset, folder: Path) -> list[str]:
     ]
 
 
-def _is_there(folder: Path, file: RemoteFile) -> bool:
+def _is_there(folder: Path, file: catalogue.RemoteFile) -> bool:
     place = folder / file.saved_as
-    if has_hash(place, file.sha256):
+    if downloads.has_hash(place, file.sha256):
         return True
     if place.exists():
         raise _report_difference(folder, file.saved_as)
@@ -106,8 +92,8 @@ def _is_there(folder: Path, file: RemoteFile) -> bool:
 
 def _fetch_all(
     name: str,
-    dataset: Dataset,
-    files: Sequence[RemoteFile],
+    dataset: catalogue.Dataset,
+    files: Sequence[catalogue.RemoteFile],
     cache: Path,
     base: str,
     progress: Progress | None,
@@ -118,13 +104,13 @@ def _fetch_all(
     for number, file in enumerate(files, start=1):
         received = _report_received(progress, f"{file.saved_as} ({number} of {len(files)}", done, total)
         received(0)
-        url = make_remote_url(base, dataset.repository, dataset.commit, file.path)
-        fetched[file.saved_as] = fetch(url, file, cache / name, received)
+        url = downloads.make_remote_url(base, dataset.repository, dataset.commit, file.path)
+        fetched[file.saved_as] = downloads.fetch(url, file, cache / name, received)
         done += file.bytes
     return fetched
 
 
-def _report_received(progress: Progress | None, what: str, before: int, total: int) -> Received:
+def _report_received(progress: Progress | None, what: str, before: int, total: int) -> downloads.Received:
     """What a file's download reports to, counted over all files."""
 
     def report(size: int) -> None:
@@ -202,14 +188,14 @@ def _make_row(marker: Element, model: Path) -> tuple[str, ...]:
     return name, segment, *(f"{_MM * value:.4f}" for value in (x, y, z))
 
 
-def write_source_note(name: str, dataset: Dataset) -> str:
+def write_source_note(name: str, dataset: catalogue.Dataset) -> str:
     """``SOURCE.md``: where everything is from, on what terms, and what was made here."""
     made = []
     if dataset.subject is not None:
-        made.append(f"- `{SUBJECT_FILE}`: the subject file")
+        made.append(f"- `{catalogue.SUBJECT_FILE}`: the subject file")
     if dataset.image_markers_from is not None:
         made.append(
-            f"- `{IMAGE_MARKERS_FILE}`: the markers of `{dataset.image_markers_from}`, "
+            f"- `{catalogue.IMAGE_MARKERS_FILE}`: the markers of `{dataset.image_markers_from}`, "
             "whose bodies have the image's axes, in mm"
         )
     files = [f"| `{f.saved_as}` | `{f.path}` | {f.bytes} | `{f.sha256}` |" for f in dataset.files]
@@ -228,6 +214,6 @@ def write_source_note(name: str, dataset: Dataset) -> str:
     return "\n\n".join(paragraphs) + "\n"
 
 
-def describe_terms(dataset: Dataset) -> str:
+def describe_terms(dataset: catalogue.Dataset) -> str:
     """The licence in one line, with a note on commercial use where it is excluded."""
     return dataset.licence.name + (" (NON-COMMERCIAL USE ONLY)" if dataset.licence.non_commercial else "")

@@ -6,16 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.shared.flags import Only, Out, Report, SubjectFile, Tables, with_flags
-from scaling_service.capabilities.shared.screen import (
-    list_files,
-    make_console,
-    print_subject,
-    print_table,
-    print_tables,
-    running,
-    say,
-)
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 
 if TYPE_CHECKING:
@@ -24,14 +15,14 @@ if TYPE_CHECKING:
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 
 
-@with_flags
+@flags.with_flags
 def dynamics(
-    subject: SubjectFile,
-    out: Out,
+    subject: flags.SubjectFile,
+    out: flags.Out,
     chosen: DynamicsSettings,
-    settings: Annotated[Settings, Only("up", "forward", "seed")] = UNSMOOTHED,
-    tables: Tables = "",
-    report: Report = True,
+    settings: Annotated[Settings, flags.Only("up", "forward", "seed")] = UNSMOOTHED,
+    tables: flags.Tables = "",
+    report: flags.Report = True,
 ) -> None:
     """Check a model against the ground's forces: joint loads, residuals, their uncertainty.
 
@@ -40,7 +31,7 @@ def dynamics(
 
     [bold]Example[/bold]: scaling-service dynamics S01.yaml --out checked
     """
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.dynamics.run import dynamics as compute
         from scaling_service.capabilities.dynamics.saving import save_dynamics, tabulate_loads
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -56,16 +47,16 @@ def show(document: DynamicsDocument, out: Path) -> None:
     """The table of recordings, the verdict, the warnings, and what was written."""
     from scaling_service.capabilities.dynamics import words
 
-    console, inertial = make_console(), document.inertial
-    print_subject(console, document, words.describe_model(document))
-    print_tables(console, words.make_residual_tables(document.trials))
+    console, inertial = screen.make_console(), document.inertial
+    screen.print_subject(console, document, words.describe_model(document))
+    screen.print_tables(console, words.make_residual_tables(document.trials))
     if inertial is not None and inertial.combinations:
         for table in words.make_inertial_tables(inertial, most=_SHOWN):
-            print_table(console, table)
-    say(console, "Note", "yellow", words.list_cautions(document))
-    say(console, "Verdict", "bold", [document.verdict])
+            screen.print_table(console, table)
+    screen.say(console, "Note", "yellow", words.list_cautions(document))
+    screen.say(console, "Verdict", "bold", [document.verdict])
     further = [name for name in ("dynamics.json", "report.html") if (out / name).is_file()]
-    list_files(console, out, [", ".join([*document.files, *further])])
+    screen.list_files(console, out, [", ".join([*document.files, *further])])
 
 
 COMMANDS = (dynamics,)

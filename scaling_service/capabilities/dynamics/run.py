@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -20,29 +20,15 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
-from scaling_service.capabilities.dynamics.uncertainty.total import (
-    LoadedMotion,
-    UncertaintySettings,
-    WrenchUncertainty,
-    propagate,
-)
+from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.unmeasured import (
     Unmeasured,
     find_unmeasured,
     find_unmeasured_frames,
 )
 from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    COMPONENTS,
-    HICKS,
-    InverseDynamics,
-    Residuals,
-    evaluate_residuals,
-    find_judged_frames,
-    find_trembling,
-    solve_inverse_dynamics,
-)
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import TrialUnusable
@@ -78,10 +64,11 @@ class TrialDynamics:
 
     motion: Motion  # as the markers have it, not filtered
     forces: TrialForces
-    dynamics: InverseDynamics
+    dynamics: inverse_dynamics.InverseDynamics
     frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
-    residuals: Residuals  # over these frames
-    uncertainty: WrenchUncertainty  # of the residual, over the same frames
+    residuals: inverse_dynamics.Residuals  # over these frames
+    recording: total.LoadedMotion  # the same, as its uncertainty is asked of it
+    uncertainty: total.WrenchUncertainty  # of the residual, over the same frames
     # flight, and what bears the person that no plate measures
     unmeasured: tuple[Unmeasured, ...] = ()
     warnings: tuple[str, ...] = ()  # plain sentences
@@ -109,7 +96,7 @@ class DynamicsResults:
     @property
     def residuals(self) -> ResultTable:
         """RMS of the residual wrench of every recording, N and N m."""
-        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in COMPONENTS]
+        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in inverse_dynamics.COMPONENTS]
         rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
         return ResultTable("RMS of the residual", ("trial", *units), rows)
 
@@ -158,7 +145,7 @@ def dynamics(
     Examples
     --------
     >>> import scaling_service as ss
-    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none"))
     >>> checked.residuals.columns
     ('trial', 'fx_N', 'fy_N', 'fz_N', 'mx_Nm', 'my_Nm', 'mz_Nm')
     >>> round(checked.weight.plates_kg)
@@ -172,10 +159,9 @@ def dynamics(
     refused: dict[str, TrialUnusable] = {}
     with loaded.blame_files():
         for k, name in enumerate(prepared.motions):
-            part = _share_of(report, f"uncertainty of {name}", k, len(prepared.motions))
-            part(0.0)
+            report(f"uncertainty of {name}", _PREPARING + (1.0 - _PREPARING) * k / len(prepared.motions))
             try:
-                trials[name] = compute_trial_dynamics(prepared, name, chosen, settings.seed, part)
+                trials[name] = compute_trial_dynamics(prepared, name, chosen)
             except TrialUnusable as error:
                 refused[name] = error
         if not trials:
@@ -196,11 +182,6 @@ def dynamics(
         warnings=(*prepared.warnings, *notes),
         wall_s=time.perf_counter() - clock,
     )
-
-
-def _share_of(report: Progress, what: str, number: int, count: int) -> Callable[[float], None]:
-    """The progress of one recording as a share of the whole."""
-    return lambda share: report(what, _PREPARING + (1.0 - _PREPARING) * (number + share) / count)
 
 
 def _identify(
@@ -234,14 +215,14 @@ def _identify(
     return result, notes
 
 
-def compute_trial_dynamics(
-    prepared: Prepared, name: str, chosen: DynamicsSettings, seed: int, progress: Callable[[float], None]
-) -> TrialDynamics:
+def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
-    found = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz)
+    found = inverse_dynamics.solve_inverse_dynamics(
+        prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz
+    )
     unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
-    frames = find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
+    frames = inverse_dynamics.find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
     weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
     if weight is not None:
         weight.check()
@@ -253,8 +234,8 @@ def compute_trial_dynamics(
             field="forces",
             remedy="Give the forces of all plates, or record without a chair or a hold",
         )
-    residuals = evaluate_residuals(found, prepared.height_m, frames=frames)
-    recording = LoadedMotion(
+    residuals = inverse_dynamics.evaluate_residuals(found, prepared.height_m, frames=frames)
+    recording = total.LoadedMotion(
         model=prepared.model,
         motion=motion,
         loads=forces.loads,
@@ -262,10 +243,7 @@ def compute_trial_dynamics(
         frames=frames,
         cutoff_hz=chosen.cutoff_hz,
     )
-    uncertainty = propagate(
-        recording, UncertaintySettings(samples=chosen.samples, seed=seed), progress=progress
-    )
-    said = _warn(forces, motion, find_trembling(found, prepared.model, frames))
+    said = _warn(forces, motion, inverse_dynamics.find_trembling(found, prepared.model, frames))
     warnings = tuple(f"{name}: {warning}" for warning in said)
     return TrialDynamics(
         motion=motion,
@@ -273,7 +251,8 @@ def compute_trial_dynamics(
         dynamics=found,
         frames=frames,
         residuals=residuals,
-        uncertainty=uncertainty,
+        recording=recording,
+        uncertainty=total.propagate(recording),
         unmeasured=unmeasured,
         warnings=warnings,
     )
@@ -322,7 +301,7 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
     for name, found in trials.items():
-        components = ", ".join(np.array(COMPONENTS)[found.calibration_supported])
+        components = ", ".join(np.array(inverse_dynamics.COMPONENTS)[found.calibration_supported])
         if components:
             able.setdefault(components, []).append(name)
     if not able:
@@ -339,7 +318,11 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
 
 def _describe_gates(trials: Mapping[str, TrialDynamics]) -> str:
     broken = {
-        name: [gate.name for gate in found.residuals.gates if gate.source == HICKS and not gate.passed]
+        name: [
+            gate.name
+            for gate in found.residuals.gates
+            if gate.source == inverse_dynamics.HICKS and not gate.passed
+        ]
         for name, found in trials.items()
     }
     failing = [name for name, gates in broken.items() if gates]

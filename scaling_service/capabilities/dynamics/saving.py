@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.dynamics import words
 from scaling_service.capabilities.dynamics.document import (
     DynamicsDocument,
     IdentificationDocument,
@@ -18,7 +19,6 @@ from scaling_service.capabilities.dynamics.document import (
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
-from scaling_service.capabilities.dynamics.words import summarise, write_headline, write_inertial_headline
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
@@ -27,7 +27,7 @@ from scaling_service.capabilities.subject.provenance import record_provenance, r
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.core.tables import ResultTable
-from scaling_service.documents.writing import REPORT, all_or_nothing, write_json
+from scaling_service.documents import writing
 from scaling_service.files.osim.models import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
@@ -69,12 +69,12 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     Examples
     --------
     >>> import scaling_service as ss
-    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none"))
     >>> document = ss.save_dynamics(checked, "checked", report=False)
     >>> list(document.trials)
     ['sway', 'swing']
     """
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
             write_sto(scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model))
         notes: tuple[str, ...] = ()
@@ -83,23 +83,22 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
-        write_json(scratch / FILE_NAME, document)
+        writing.write_json(scratch / FILE_NAME, document)
         if report:
-            (scratch / REPORT).write_text(_make_report(results, document).html(), encoding="utf-8")
+            # `report.html`: the check's views with the residuals over time.
+            files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
+            (scratch / writing.REPORT).write_text(
+                Report(
+                    kind="dynamics",
+                    name=FILE_NAME,
+                    summary=words.summarise(document),
+                    document=document,
+                    files=files,
+                    beside=document.files,
+                ).html(),
+                encoding="utf-8",
+            )
     return document
-
-
-def _make_report(results: DynamicsResults, document: DynamicsDocument) -> Report:
-    """``report.html``: the check's views with the residuals over time."""
-    files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
-    return Report(
-        kind="dynamics",
-        name=FILE_NAME,
-        summary=summarise(document),
-        document=document,
-        files=files,
-        beside=document.files,
-    )
 
 
 def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:
@@ -174,7 +173,7 @@ def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequen
         known["repairs"][name] += repair_notes(found.forces.repairs)
     trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
     supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
-    headline, tone = write_headline(supported, wrong_mass=results.weight.differs)
+    headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
     return DynamicsDocument(
         **known,
         headline=headline,
@@ -234,7 +233,7 @@ def _make_trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamics
 def _make_identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
     ratio = found.relative_error(held_out=True)
     known = None if np.isnan(ratio) else ratio
-    headline, tone = write_inertial_headline(len(found.combinations), known, found.components)
+    headline, tone = words.write_inertial_headline(len(found.combinations), known, found.components)
     return IdentificationDocument.model_validate(
         {
             "headline": headline,
@@ -267,5 +266,5 @@ def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = Fa
             residual=files.write(f"{name}.residual", values, "N, N m"),
         )
     document = ResidualScene(trials=found)
-    write_json(outputs / RESIDUALS_FILE, document)
+    writing.write_json(outputs / RESIDUALS_FILE, document)
     return document

@@ -13,9 +13,6 @@ from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 DEFAULT_TABLE = "dumas2007"
 """For built-in models that were scaled to a person: the table of Muller et al. 2017, sec. 2.3."""
 
-MOST_SAMPLES = 2000
-"""Chosen: twice the paper's; more would only hold a worker."""
-
 
 class ForceSettings(Options):
     """What can be chosen wherever a model meets the ground's forces."""
@@ -49,8 +46,8 @@ class DynamicsSettings(ForceSettings):
     Examples
     --------
     >>> import scaling_service as ss
-    >>> ss.DynamicsSettings(start="MB", inertia="dumas2007").samples
-    200
+    >>> ss.DynamicsSettings(start="MB", inertia="dumas2007").cutoff_hz
+    5.0
     """
 
     identify: Annotated[bool, Flag(name="--identify")] = Field(
@@ -64,13 +61,6 @@ class DynamicsSettings(ForceSettings):
     )
     despite_verdict: Annotated[bool, Flag(name="--despite-verdict")] = Field(
         default=False, description="Identify even where the verdict is that it would fit noise."
-    )
-    samples: Annotated[int, Flag(metavar="N")] = Field(
-        default=200,  # chosen: a standard deviation is then known to 5 %
-        ge=2,
-        le=MOST_SAMPLES,
-        description="Samples of the uncertainty per level; the paper took 1000.",
-        examples=[20],
     )
 
 

@@ -14,7 +14,7 @@ from scaling_service.capabilities.kinetics.forces import (
 )
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.scaling import run as scaling
-from scaling_service.capabilities.shared.names import AS_IT_IS, OWN, check_inertia
+from scaling_service.capabilities.shared import names
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import SubjectInvalid
@@ -111,7 +111,7 @@ def scale_model(
     """Scale the model by a method; by the joint posterior unless another is given."""
     session = loaded.session
     chosen = method or "MAP"
-    if chosen == AS_IT_IS:
+    if chosen == names.AS_IT_IS:
         return Start(
             method=chosen, model=session.model, calibration=None, motions={}, warnings=session.warnings
         )
@@ -145,16 +145,16 @@ def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, sca
     Unless a table's name or ``OWN`` is given: ``DEFAULT_TABLE`` for a built-in model that was scaled to the
     person, else the model's own.
     """
-    check_inertia(inertia)
-    chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else OWN)
-    if chosen == OWN:
-        return Massive(model, OWN)
+    names.check_inertia(inertia)
+    chosen = inertia or (DEFAULT_TABLE if scaled and subject.model in BUILTIN_NAMES else names.OWN)
+    if chosen == names.OWN:
+        return Massive(model, names.OWN)
     if subject.height_m is None or subject.mass_kg is None:
         lacking = "mass_kg" if subject.mass_kg is None else "height_m"
         raise SubjectInvalid(
             f"inertial tables need the person's {lacking.split('_')[0]}",
             field=f"subject.{lacking}",
-            remedy=f"Give it, or keep the model's own inertia (inertia: {OWN})",
+            remedy=f"Give it, or keep the model's own inertia (inertia: {names.OWN})",
         )
     apply = apply_to_squat if subject.model == SQUAT else apply_inertia_table
     result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)

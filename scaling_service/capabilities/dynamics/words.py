@@ -14,8 +14,8 @@ from scaling_service.capabilities.dynamics.document import (
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
 from scaling_service.documents.base import Tone
+from scaling_service.report import tables
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Cell, Row, Table
 
 _HEADLINES: tuple[tuple[str, Tone], ...] = (
     ("These recordings cannot tell this person's inertia better than a table", "unknown"),
@@ -74,9 +74,17 @@ def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str,
     return _WRONG_MASS if wrong_mass else _HEADLINES[any(supported) + all(supported)]
 
 
-def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[Table]:
+def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[tables.Table]:
     """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
-    yield _tabulate_fits(found)
+    rows: list[tables.Row] = []
+    for name, fit in found.trials.items():
+        rows.append(tables.Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
+        for when, wrench in (("before", fit.before), ("after", fit.after)):
+            rows.append(tables.Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
+    units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
+    yield tables.Table(
+        caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows
+    )
     moved = [p for p in found.parameters if abs(p.moved) >= _NOTED]
     if moved:
         largest = moved if most is None else sorted(moved, key=lambda p: -abs(p.moved))[:most]
@@ -104,19 +112,9 @@ def _describe_used(components: Sequence[bool]) -> str:
     return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
 
 
-def _tabulate_fits(found: IdentificationDocument) -> Table:
-    rows: list[Row] = []
-    for name, fit in found.trials.items():
-        rows.append(Row(f"{name} ({'held out' if fit.held_out else 'used to fit'})"))
-        for when, wrench in (("before", fit.before), ("after", fit.after)):
-            rows.append(Row(when, [f"{value:.1f}" for value in wrench.model_dump().values()]))
-    units = [f"{c}, {'N' if c.startswith('f') else 'N m'}" for c in COMPONENTS]
-    return Table(caption="RMS error of the ground wrench, before and after", columns=["", *units], rows=rows)
-
-
-def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> Table:
+def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> tables.Table:
     rows = [
-        Row(
+        tables.Row(
             f"{p.segment} {p.quantity}, {p.unit}",
             [
                 f"{p.before:.4g}",
@@ -124,12 +122,12 @@ def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> 
                 f"{p.prior_sd:.2g}",
                 f"{p.sd:.2g}",
                 f"{p.moved:+.2f}",
-                Cell("yes", tone="good") if p.identifiable else Cell("no", tone="unknown"),
+                tables.Cell("yes", tone="good") if p.identifiable else tables.Cell("no", tone="unknown"),
             ],
         )
         for p in parameters
     ]
-    return Table(
+    return tables.Table(
         caption=caption,
         columns=["", "before", "after", "prior SD", "SD", "moved, prior SD", "determined"],
         rows=rows,
@@ -138,46 +136,50 @@ def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> 
     )
 
 
-def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[Table, Table, Table]:
+def make_residual_tables(
+    trials: Mapping[str, TrialDynamicsDocument],
+) -> tuple[tables.Table, tables.Table, tables.Table]:
     """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
     first = next(iter(trials.values()))
     columns = ["", *(f"{name} ({trial.role})" for name, trial in trials.items())]
-    rms = Table(
+    rms = tables.Table(
         caption="RMS of the residual",
         columns=columns,
         rows=[
             *(
-                Row(
+                tables.Row(
                     key.replace("_", ", ").replace("Nm", "N m"),
                     [f"{getattr(trial.residual_rms, key):.1f}" for trial in trials.values()],
                 )
                 for key in first.residual_rms.model_dump()
             ),
-            Row("frames that count", [str(t.frames) for t in trials.values()]),
-            Row("frames left out", [str(t.left_out) for t in trials.values()]),
+            tables.Row("frames that count", [str(t.frames) for t in trials.values()]),
+            tables.Row("frames left out", [str(t.left_out) for t in trials.values()]),
         ],
         note="Left out: frames whose motion or forces are not all known, and half a period of the "
         "filter's cutoff at both ends of the others.",
     )
-    shares = Table(
+    shares = tables.Table(
         caption="Residual (its uncertainty), % of weight, of weight × height",
         columns=columns,
         rows=[
             *(
-                Row(
+                tables.Row(
                     component,
                     [f"{100 * t.dr[k]:.1f} ({100 * t.uncertainty.total[k]:.1f})" for t in trials.values()],
                 )
                 for k, component in enumerate(COMPONENTS)
             ),
-            Row("marker error, mm", [f"{t.reconstruction_error_mm:.1f}" for t in trials.values()]),
+            tables.Row("marker error, mm", [f"{t.reconstruction_error_mm:.1f}" for t in trials.values()]),
         ],
     )
-    gates = Table(
+    gates = tables.Table(
         caption="Residuals against published limits: value (limit)",
         columns=columns,
         rows=[
-            Row(f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()])
+            tables.Row(
+                f"{gate.source}: {gate.name}, {gate.unit}", [_format_gate(t, k) for t in trials.values()]
+            )
             for k, gate in enumerate(first.gates)
         ],
         note="Hicks et al. 2015 (J Biomech Eng 137:020905, table 2) and OpenSim's simulation "
@@ -186,9 +188,9 @@ def make_residual_tables(trials: Mapping[str, TrialDynamicsDocument]) -> tuple[T
     return rms, shares, gates
 
 
-def _format_gate(trial: TrialDynamicsDocument, k: int) -> Cell:
+def _format_gate(trial: TrialDynamicsDocument, k: int) -> tables.Cell:
     gate = trial.gates[k]
-    return Cell(
+    return tables.Cell(
         f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",
         tone="good" if gate.passed else "poor",
     )

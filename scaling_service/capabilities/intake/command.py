@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from scaling_service.capabilities.shared.flags import Only, Out, with_flags
+from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.text import list_few
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 _COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 
 
-@with_flags
+@flags.with_flags
 def proof(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="With recordings.", show_default=False)],
-    out: Out,
-    settings: Annotated[Settings, Only("up", "forward")],
+    out: flags.Out,
+    settings: Annotated[Settings, flags.Only("up", "forward")],
 ) -> None:
     """Look at the files of a folder: what they are for, axes, labels, gaps, and what scaling would refuse.
 
@@ -63,7 +63,29 @@ def _show(found: ProofDocument) -> None:
     for line in _describe_labels(found):
         console.print(escape(line))
     if any(recording.plates for recording in found.recordings):
-        console.print(_tabulate_plates(found))
+        table = Table(
+            "recording",
+            "plate",
+            "type",
+            "centre x, z (m)",
+            "peak (N)",
+            "loaded by",
+            "at rest (N)",
+            title="Plates",
+        )
+        for recording in found.recordings:
+            for plate in recording.plates:
+                row = (
+                    recording.file,
+                    plate.name,
+                    "–" if plate.kind is None else str(plate.kind),
+                    "–" if plate.centre_m is None else f"{plate.centre_m[0]:.2f}, {plate.centre_m[2]:.2f}",
+                    "–" if plate.peak_N is None else f"{plate.peak_N:.0f}",
+                    list_few(plate.loaded_by) or "nobody",
+                    "–" if plate.offset_N is None else f"{plate.offset_N:.1f}",
+                )
+                table.add_row(*map(escape, row))
+        console.print(table)
     for text in () if found.axes is None else found.axes.why:
         console.print(escape(text))
     of_files = [file.problem for file in found.files if file.problem is not None]
@@ -128,32 +150,6 @@ def _describe_labels(found: ProofDocument) -> Iterator[str]:
         yield f"Labels that are not used: {', '.join(unused)}"
     if computed:
         yield f"Points that software computed, not used: {list_few(sorted(computed))}"
-
-
-def _tabulate_plates(found: ProofDocument) -> Table:
-    table = Table(
-        "recording",
-        "plate",
-        "type",
-        "centre x, z (m)",
-        "peak (N)",
-        "loaded by",
-        "at rest (N)",
-        title="Plates",
-    )
-    for recording in found.recordings:
-        for plate in recording.plates:
-            row = (
-                recording.file,
-                plate.name,
-                "–" if plate.kind is None else str(plate.kind),
-                "–" if plate.centre_m is None else f"{plate.centre_m[0]:.2f}, {plate.centre_m[2]:.2f}",
-                "–" if plate.peak_N is None else f"{plate.peak_N:.0f}",
-                list_few(plate.loaded_by) or "nobody",
-                "–" if plate.offset_N is None else f"{plate.offset_N:.1f}",
-            )
-            table.add_row(*map(escape, row))
-    return table
 
 
 COMMANDS = (proof,)

@@ -6,14 +6,14 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import ArrayEntry, Part, PlateEntry
+from scaling_service.documents import base
 
 SCHEMA_VERSION = 1
 
 Severity = Literal["error", "warning", "note"]
 
 
-class CorrectionEntry(Part):
+class CorrectionEntry(base.Part):
     """A correction that the subject's document may hold under ``corrections``."""
 
     file: str = Field(description="The recording.")
@@ -22,7 +22,7 @@ class CorrectionEntry(Part):
     to_s: float
 
 
-class ProblemEntry(Part):
+class ProblemEntry(base.Part):
     """Something to correct, and how."""
 
     severity: Severity = Field(description="An error stops scaling; of a note nothing is to be done.")
@@ -33,7 +33,7 @@ class ProblemEntry(Part):
     corrections: list[CorrectionEntry] = Field(default=[], description="Any one of these solves it.")
 
 
-class AxesEntry(Part):
+class AxesEntry(base.Part):
     """Which laboratory axes were taken for up and forward."""
 
     up: str
@@ -46,7 +46,7 @@ class AxesEntry(Part):
     )
 
 
-class FileRole(Part):
+class FileRole(base.Part):
     """An uploaded file, and what it is for."""
 
     name: str
@@ -59,7 +59,7 @@ class FileRole(Part):
     problem: ProblemEntry | None = None
 
 
-class LabelEntry(Part):
+class LabelEntry(base.Part):
     """A label of one recording."""
 
     label: str
@@ -69,7 +69,7 @@ class LabelEntry(Part):
     computed: bool = Field(description="Whether it reads like a point that software computed.")
 
 
-class RepairEntry(Part):
+class RepairEntry(base.Part):
     """Something that was decided or repaired while reading."""
 
     what: str
@@ -78,7 +78,7 @@ class RepairEntry(Part):
     frames: int
 
 
-class RecordingProof(Part):
+class RecordingProof(base.Part):
     """One recording as it was understood. Positions are m, X forward, Y up, Z right."""
 
     name: str
@@ -92,16 +92,16 @@ class RecordingProof(Part):
     walked_m: float = Field(description="From first to last frame, over the floor.")
     direction: tuple[float, float, float] | None = Field(description="Of walking; null where nobody walks.")
     labels: list[LabelEntry]
-    markers: ArrayEntry
-    plates: list[PlateEntry]
+    markers: base.ArrayEntry
+    plates: list[base.PlateEntry]
     forces_from: str | None
-    force: ArrayEntry | None
-    centre_of_pressure: ArrayEntry | None
+    force: base.ArrayEntry | None
+    centre_of_pressure: base.ArrayEntry | None
     repairs: list[RepairEntry]
     problems: list[ProblemEntry]
 
 
-class Candidate(Part):
+class Candidate(base.Part):
     """A label that may be a marker."""
 
     label: str
@@ -109,7 +109,7 @@ class Candidate(Part):
     why: str
 
 
-class MarkerProof(Part):
+class MarkerProof(base.Part):
     """A marker of the model, and the label that is proposed for it."""
 
     marker: str
@@ -123,7 +123,7 @@ class MarkerProof(Part):
     others: list[Candidate]
 
 
-class ExtraMarker(Part):
+class ExtraMarker(base.Part):
     """A label that no marker of the model took, and the segment that it sits on and moves with."""
 
     label: str
@@ -132,7 +132,7 @@ class ExtraMarker(Part):
     why: str
 
 
-class MarkerSetProof(Part):
+class MarkerSetProof(base.Part):
     """The marker set that the recordings were made with, and what follows from it."""
 
     name: str
@@ -142,7 +142,7 @@ class MarkerSetProof(Part):
     additions: list[str] = Field(description="Sets that come with others and are there, too.")
 
 
-class SizesProof(Part):
+class SizesProof(base.Part):
     """What is known of the person's size."""
 
     height_m: float | None
@@ -152,7 +152,7 @@ class SizesProof(Part):
     source: list[str] = Field(description="Files that state them.")
 
 
-class Need(Part):
+class Need(base.Part):
     """Something that an analysis needs, or that makes it better."""
 
     name: str
@@ -164,7 +164,7 @@ class Need(Part):
     )
 
 
-class Readiness(Part):
+class Readiness(base.Part):
     """Whether an analysis can run on what is there."""
 
     analysis: str = Field(description="Its route, such as `dynamics`.")
@@ -173,7 +173,7 @@ class Readiness(Part):
     needs: list[Need]
 
 
-class ProofDocument(Part):
+class ProofDocument(base.Part):
     """A subject's files before anything is computed: what they are, and what to correct."""
 
     schema_version: int = SCHEMA_VERSION

@@ -17,13 +17,13 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files import recording
 from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.recording import READERS, Recording, read_recording
 from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
@@ -34,13 +34,28 @@ from scaling_service.recording.plates import compute_ground_forces
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
+_TABLES = (".csv", ".tsv")
+_ROTATIONS = "rotations"  # field of the error about a recording without markers
+_MESHES = (".stl", ".ply", ".obj", ".vtp")
+_PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
+"""Keys of a subject document under which files are named."""
+_SNIFFED_BYTES = 200_000
+_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
+
+_SETUPS = (
+    ("scale_setup", re.compile(r"<ScaleTool\b")),
+    (None, re.compile(r"<(InverseKinematicsTool|InverseDynamicsTool|ExternalLoads|ScaleSet|AnalyzeTool)\b")),
+    ("marker_set", re.compile(r"<MarkerSet\b")),
+)
+"""What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RecordingFile:
     """A recording as it was read, and what it alone says."""
 
     file: str
-    trial: Recording  # in the laboratory's axes, m as stated
+    trial: recording.Recording  # in the laboratory's axes, m as stated
     axes: Orientation
     forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
     problems: tuple[ProblemEntry, ...] = ()
@@ -70,7 +85,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
 
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
-    trial = repair_markers(read_recording(file))
+    trial = repair_markers(recording.read_recording(file))
     if not trial.labels:
         raise TrialUnusable(
             "rotations without markers, which `ik` follows with a model that is scaled",
@@ -118,34 +133,21 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
 def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
-    level = list_level_corners(trial) if isinstance(trial, Recording) else None
-    return decide(trial, roles=_list_unambiguous(roles), up=up, forward=forward, level=level)
-
-
-def _list_unambiguous(roles: Mapping[str, str]) -> dict[str, str]:
-    """Labels whose role no other label has: of two persons nobody knows whose it is."""
+    level = list_level_corners(trial) if isinstance(trial, recording.Recording) else None
+    # Labels whose role no other label has: of two persons nobody knows whose it is.
     every = list(roles.values())
-    return {label: role for label, role in roles.items() if every.count(role) == 1}
+    return decide(
+        trial,
+        roles={label: role for label, role in roles.items() if every.count(role) == 1},
+        up=up,
+        forward=forward,
+        level=level,
+    )
 
 
 Kind = Literal[
     "recording", "forces", "model", "mesh", "segmentation", "image_markers", "setup", "subject", "other"
 ]
-
-_TABLES = (".csv", ".tsv")
-_ROTATIONS = "rotations"  # field of the error about a recording without markers
-_MESHES = (".stl", ".ply", ".obj", ".vtp")
-_PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
-"""Keys of a subject document under which files are named."""
-_SNIFFED_BYTES = 200_000
-_LONGEST_M = 3.0  # chosen: no bone is so long in m; one of this extent or more is in mm
-
-_SETUPS = (
-    ("scale_setup", re.compile(r"<ScaleTool\b")),
-    (None, re.compile(r"<(InverseKinematicsTool|InverseDynamicsTool|ExternalLoads|ScaleSet|AnalyzeTool)\b")),
-    ("marker_set", re.compile(r"<MarkerSet\b")),
-)
-"""What an XML file of OpenSim is; the first that fits counts, for set-ups may hold marker sets."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -176,7 +178,7 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     suffix = file.suffix.lower()
     if suffix in _TABLES:
         return _read_markers(file, up, forward)
-    if suffix in READERS and (suffix != ".sto" or is_orientation_file(file)):
+    if suffix in recording.READERS and (suffix != ".sto" or is_orientation_file(file)):
         guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
         found = _try_reading(guess, file, lambda: look_at(file, up, forward))
         if found.problem is not None and found.problem.field == _ROTATIONS:

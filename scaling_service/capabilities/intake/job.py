@@ -9,14 +9,14 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from scaling_service.capabilities.intake.document import ProofDocument
-from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
+from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.service import MarkerLabels
 
 
-class ProofRequest(OfOneSubject):
+class ProofRequest(job.OfOneSubject):
     """Look at a subject's files before anything is computed.
 
     All uploaded files are looked at, whether the document names them or not; a document with `subject` alone
@@ -33,7 +33,7 @@ class ProofRequest(OfOneSubject):
     )
     settings: Settings = Field(default=Settings(), description="The laboratory's axes, where known.")
 
-    def list_needed(self, documents: Documents) -> Needed:  # noqa: ARG002 (whatever there is)
+    def list_needed(self, documents: job.Documents) -> job.Needed:  # noqa: ARG002 (whatever there is)
         """No file must be there."""
         return {self.subject: {}}
 
@@ -60,5 +60,5 @@ def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress)
 
 
 KINDS = {
-    "proof": Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
+    "proof": job.Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
 }

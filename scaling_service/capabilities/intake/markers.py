@@ -16,7 +16,7 @@ from scaling_service.capabilities.intake.document import (
     SizesProof,
 )
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
-from scaling_service.model.anatomy.marker_sets import assign_tracking_segments, find_plane_marker, recognise
+from scaling_service.model.anatomy import marker_sets
 from scaling_service.model.anatomy.markers import (
     SACRUM,
     describe_likeness,
@@ -44,6 +44,20 @@ MEASURED = ("ASIS", "PSIS", "LFE", "MFE", "LM", "MM")  # without side: what legs
 SURE = 0.5  # of a label's segment: likelier than all others together
 
 _MOST_OTHERS = 3
+
+_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
+"""Words in labels of tracking markers that no marker set knows, and where those sit."""
+
+_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
+"""Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
+
+LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"
+
+LARGELY = 0.9
+"""Chosen: share of the whole body's markers that must be there; arms and trunk with fewer cost more than they
+tell, and the legs are the safe choice."""
+
+_FOREFOOT = ("TOE", "MT1", "MT5")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +198,7 @@ def assign_extra_markers(unused: Sequence[str], who: Identification, model: Body
 
     ``unused``: labels that no marker took; points that software computed are left out.
     """
-    known = assign_tracking_segments(unused, model)
+    known = marker_sets.assign_tracking_segments(unused, model)
     return [
         ExtraMarker(
             label=label,
@@ -235,7 +249,7 @@ def with_extra_markers(
         return dict(proposed)
     others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
     moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
-    known = assign_tracking_segments([e.label for e in extra if e.label in moving], model)
+    known = marker_sets.assign_tracking_segments([e.label for e in extra if e.label in moving], model)
     shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
     found = {
         e.label: e.segment
@@ -252,10 +266,6 @@ def _is_named(file: str, proposed: Mapping[str, Any]) -> bool:
     return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
-_SAID = (("femur", re.compile(r"THI")), ("tibia", re.compile(r"TIB|SHK|SHANK|LEG")))
-"""Words in labels of tracking markers that no marker set knows, and where those sit."""
-
-
 def guess_segment(label: str) -> str | None:
     """The segment that a label's words tell.
 
@@ -269,13 +279,9 @@ def guess_segment(label: str) -> str | None:
     return f"{segment}_{plain[0].lower()}" if segment is not None and plain[0] in "RL" else None
 
 
-_JOINTS = (("knee", "LFE", "MFE", "knee_width", "thigh"), ("ankle", "LM", "MM", "ankle_width", "shank"))
-"""Joint, its outer and inner landmark, the width between them, and what carries the marker of its plane."""
-
-
 def check_marker_set(labels: Sequence[str]) -> MarkerSetProof | None:
     """The set that all labels together are closest to."""
-    found = recognise(labels)
+    found = marker_sets.recognise(labels)
     if found is None:
         return None
     return MarkerSetProof(
@@ -304,41 +310,28 @@ def describe_consequences(labels: Sequence[str], sizes: SizesProof) -> Iterator[
         if not sides:
             continue
         unsure += [joint] if joint == "knee" else []
-        yield _of_one_side(joint, width, segment, sides, labels, sizes)
+        known = [f"{width}_{side.lower()}" for side in sides]
+        measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
+        planes = [
+            marker_sets.find_plane_marker(
+                labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l"
+            )
+            for s in sides
+        ]
+        text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
+        text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
+        if all(planes):
+            text += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
+        if len(measured) < len(known):
+            missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
+            text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
+        yield text
     if unsure:
         yield (
             "MB_lam and MB_am: without an inner knee marker hip rotation and the knee's axis are hardly "
             "determined; a movement that bends the knees, or a static trial with inner markers, tells more"
         )
         yield "EB and EB_am take the knee's centre and axis from the bones, where there are any"
-
-
-def _of_one_side(
-    joint: str, width: str, segment: str, sides: Sequence[str], labels: Sequence[str], sizes: SizesProof
-) -> str:
-    known = [f"{width}_{side.lower()}" for side in sides]
-    measured = [f"{sizes.sizes_mm[name]:g}" for name in known if name in sizes.sizes_mm]
-    planes = [
-        find_plane_marker(labels, "knee" if joint == "knee" else "ankle", "r" if s == "R" else "l")
-        for s in sides
-    ]
-    text = f"no inner {joint} marker: MB takes the joint's centre from the outer one and half its width"
-    text += f" ({' and '.join(measured)} mm)" if len(measured) == len(known) else ""
-    if all(planes):
-        text += f", in the plane of the {segment}'s marker ({', '.join(p for p in planes if p)})"
-    if len(measured) < len(known):
-        missing = ", ".join(f"{name}_mm: …" for name in known if name not in sizes.sizes_mm)
-        text += f"; the width is not known: measure it and give `sizes: {{{missing}}}`"
-    return text
-
-
-LEGS, FEET, WHOLE = "lower_limb_14dof", "lower_limb_feet_18dof", "full_body_35dof"
-
-LARGELY = 0.9
-"""Chosen: share of the whole body's markers that must be there; arms and trunk with fewer cost more than they
-tell, and the legs are the safe choice."""
-
-_FOREFOOT = ("TOE", "MT1", "MT5")
 
 
 def choose_model(movements: Sequence[Sequence[str]], forces: bool, who: Identification) -> tuple[str, str]:

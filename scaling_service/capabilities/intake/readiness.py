@@ -6,14 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from scaling_service.capabilities.dynamics.weight import FAR_OFF
-from scaling_service.capabilities.intake.document import (
-    MarkerProof,
-    Need,
-    ProblemEntry,
-    Readiness,
-    RecordingProof,
-    SizesProof,
-)
+from scaling_service.capabilities.intake import document
 from scaling_service.capabilities.intake.markers import WHOLE
 from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
@@ -26,12 +19,12 @@ from scaling_service.model.inertia import sum_mass
 
 def judge_readiness(
     proposed: Mapping[str, Any] | None,
-    recordings: Sequence[RecordingProof],
-    markers: Sequence[MarkerProof],
+    recordings: Sequence[document.RecordingProof],
+    markers: Sequence[document.MarkerProof],
     model: BodyModel,
-    sizes: SizesProof,
-    problems: Sequence[ProblemEntry],
-) -> list[Readiness]:
+    sizes: document.SizesProof,
+    problems: Sequence[document.ProblemEntry],
+) -> list[document.Readiness]:
     """Whether each analysis can run, in the order in which people use them.
 
     ``proposed``: the subject document as it would be given; None where no recording can be used.
@@ -40,7 +33,7 @@ def judge_readiness(
     moving = [*trials.get("calibration", ()), *trials.get("evaluation", ())]
     pushed = [r.file for r in recordings if r.file in moving and (r.plates or r.force is not None)]
     errors = [problem.problem for problem in problems if problem.severity == "error"]
-    usable = Need(
+    usable = document.Need(
         name="every problem solved" if errors else "recordings",
         there=proposed is not None and not errors,
         text=errors[0]
@@ -51,14 +44,14 @@ def judge_readiness(
         give="recordings",
     )
     static, held_out = trials.get("static"), trials.get("evaluation") or []
-    standing = Need(
+    standing = document.Need(
         name="standing trial",
         there=static is not None,
         required=False,
         text=static or "without one, segments are measured on the movements, where skin slides",
         give="static",
     )
-    unseen = Need(
+    unseen = document.Need(
         name="held-out movement",
         there=bool(held_out),
         required=False,
@@ -66,14 +59,14 @@ def judge_readiness(
         or "without one, nothing says how well a model follows what it was not fitted to",
         give="evaluation",
     )
-    movement = Need(
+    movement = document.Need(
         name="movement",
         there=bool(moving),
         text=list_few(moving) or "a recording in which the person moves",
         give="recordings",
     )
     bones = (proposed or {}).get("bones")
-    imaged = Need(
+    imaged = document.Need(
         name="bones",
         there=bool(bones),
         required=False,
@@ -82,7 +75,7 @@ def judge_readiness(
         else "with them, two more methods rest on images",
         give="bones",
     )
-    forces = Need(
+    forces = document.Need(
         name="forces",
         there=bool(pushed),
         text=f"with {list_few(pushed)}" if pushed else "no movement has force plates or a file of forces",
@@ -93,7 +86,7 @@ def judge_readiness(
         "height", sizes.height_m, "m", "residuals are reported as shares of body weight times height"
     )
     mass = _measure("mass", sizes.mass_kg, "kg", "the plates' weight stands in for it", required=False)
-    both = Need(
+    both = document.Need(
         name="fitted movement with forces",
         there=any(file in trials.get("calibration", ()) for file in pushed),
         text=list_few([file for file in pushed if file in trials.get("calibration", ())])
@@ -114,8 +107,8 @@ def judge_readiness(
 
 
 def _check_segments(
-    model: BodyModel, markers: Sequence[MarkerProof], extra: Mapping[str, str], moving: Sequence[str]
-) -> Iterator[Need]:
+    model: BodyModel, markers: Sequence[document.MarkerProof], extra: Mapping[str, str], moving: Sequence[str]
+) -> Iterator[document.Need]:
     """What a movement does not show of the model; nothing where every segment is shown.
 
     ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing
@@ -129,13 +122,13 @@ def _check_segments(
     if shown := [name for name in hidden if name in lacking.values()]:
         text = f"no marker shows {list_few(shown)} in the movements: {list_few(list(lacking))} would"
         text += "; name markers that move with them under `extra_markers:`, or choose a smaller model"
-        yield Need(name="segments", there=False, text=text, give="model")
+        yield document.Need(name="segments", there=False, text=text, give="model")
     if bare := [name for name in hidden if name not in shown]:
         text = f"the model has no marker on {list_few(bare)}: how they turn is not told"
-        yield Need(name="segments", there=False, required=False, text=text, give="model")
+        yield document.Need(name="segments", there=False, required=False, text=text, give="model")
 
 
-def sum_up(problems: Sequence[ProblemEntry], readiness: Sequence[Readiness]) -> str:
+def sum_up(problems: Sequence[document.ProblemEntry], readiness: Sequence[document.Readiness]) -> str:
     """The state of the files in a sentence: what can run, and how much there is to look at first."""
     errors = sum(problem.severity == "error" for problem in problems)
     warnings = sum(problem.severity == "warning" for problem in problems)
@@ -150,29 +143,29 @@ def _count(number: int, one: str) -> str:
     return f"{number} {one}{'' if number == 1 else 's'}"
 
 
-def _make_entry(route: str, title: str, *needs: Need) -> Readiness:
+def _make_entry(route: str, title: str, *needs: document.Need) -> document.Readiness:
     ready = all(need.there or not need.required for need in needs)
-    return Readiness(analysis=route, title=title, ready=ready, needs=list(needs))
+    return document.Readiness(analysis=route, title=title, ready=ready, needs=list(needs))
 
 
 def _measure(
     name: Literal["height", "mass"], value: float | None, unit: str, why: str, *, required: bool = True
-) -> Need:
+) -> document.Need:
     text = why if value is None else f"{value:g} {unit}"
-    return Need(name=name, there=value is not None, required=required, text=text, give=name)
+    return document.Need(name=name, there=value is not None, required=required, text=text, give=name)
 
 
-def _check_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Need:
+def _check_feet(model: BodyModel, markers: Sequence[document.MarkerProof]) -> document.Need:
     """That the model has feet, and each shows the markers that tell which plate it stands on."""
     try:
         bare = list(_list_bare_feet(model, markers))
     except ModelRefused as error:
-        return Need(name="feet", there=False, text=error.problem, give="model")
+        return document.Need(name="feet", there=False, text=error.problem, give="model")
     text = f"{list_few(bare)}: too few markers to tell the plate it stands on" if bare else "with markers"
-    return Need(name="feet", there=not bare, text=text, give="model")
+    return document.Need(name="feet", there=not bare, text=text, give="model")
 
 
-def _check_whole_body(model: BodyModel, mass_kg: float | None) -> Need:
+def _check_whole_body(model: BodyModel, mass_kg: float | None) -> document.Need:
     """That the model has about a person's mass: the plates bear the whole person."""
     person = load_generic_person(model.name).mass_kg if model.name in BUILTIN_NAMES else mass_kg
     share = sum_mass(model) / person if person else 1.0
@@ -181,10 +174,10 @@ def _check_whole_body(model: BodyModel, mass_kg: float | None) -> Need:
     if not there:
         text = f"{model.name} is {share:.0%} of a person, and the plates bear all of it"
         text += f"; to check the forces, choose {WHOLE}" if model.name in BUILTIN_NAMES else ""
-    return Need(name="whole body", there=there, text=text, give="model")
+    return document.Need(name="whole body", there=there, text=text, give="model")
 
 
-def _list_bare_feet(model: BodyModel, markers: Sequence[MarkerProof]) -> Iterator[str]:
+def _list_bare_feet(model: BodyModel, markers: Sequence[document.MarkerProof]) -> Iterator[str]:
     for foot, segments in find_feet(model).items():
         if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST:
             yield foot

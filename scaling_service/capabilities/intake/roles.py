@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from scaling_service.capabilities.intake import standing
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
 from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
-from scaling_service.capabilities.intake.standing import STANDING, Standing, rank_standing, split_into_words
 from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
 from scaling_service.core.text import list_few
 from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
@@ -35,6 +35,11 @@ _BONES = (
 _RIGHT = re.compile(r"(?<![a-z])r(ight)?(?![a-z])|right")
 _LEFT = re.compile(r"(?<![a-z])l(eft)?(?![a-z])|left")
 
+_TRIALS = ("static", "calibration", "evaluation")
+_LISTS = ("trials.calibration", "trials.evaluation")
+
+_DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
+
 
 def choose_static(roles: Mapping[str, tuple[str, str]]) -> str | None:
     """The file of standing."""
@@ -49,7 +54,7 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
     names say nothing does, a walk before others, if another is left to fit.
     """
     recordings = [f.content for f in found if isinstance(f.content, RecordingFile)]
-    still = rank_standing(recordings)
+    still = standing.rank_standing(recordings)
     roles: Roles = {s.file: ("trials.static", _explain_choice(still)) for s in still[:1]}
     quiet = {s.file for s in still}
     moves = {item.file: _by_name(item.file) for item in recordings if item.file not in quiet}
@@ -66,7 +71,7 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
     return roles
 
 
-def _explain_choice(still: Sequence[Standing]) -> str:
+def _explain_choice(still: Sequence[standing.Standing]) -> str:
     """Why the first of those that stand still was taken."""
     best, *others = still
     alike = [s.file for s in others if s.merit == best.merit]
@@ -78,10 +83,10 @@ def _explain_choice(still: Sequence[Standing]) -> str:
 def _by_name(name: str) -> tuple[str | None, str]:
     """What a movement's name says that it is for."""
     for role, pattern in (("evaluation", _EVALUATED), ("calibration", _MOVING)):
-        for word in split_into_words(name):
+        for word in standing.split_into_words(name):
             if pattern.match(word):
                 return role, f"its name says {word}"
-    still = next((word for word in split_into_words(name) if STANDING.match(word)), None)
+    still = next((word for word in standing.split_into_words(name) if standing.STANDING.match(word)), None)
     return None, f"its name says {still}, but nobody stands still" if still else "a movement of no known name"
 
 
@@ -216,10 +221,6 @@ def _choose_setup(
         yield fitting[0], ("scale_setup", f"its markers are in the recordings; {'; '.join(others)}")
 
 
-_TRIALS = ("static", "calibration", "evaluation")
-_LISTS = ("trials.calibration", "trials.evaluation")
-
-
 def list_named_files(document: Mapping[str, Any]) -> dict[str, str]:
     """Place to the file that stands there, in a document that need not be whole.
 
@@ -305,9 +306,6 @@ def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
 def _find_unit(found: Sequence[InputFile], files: Any) -> str:
     units = [str(f.content) for f in found if f.name in set(files) and f.kind == "mesh"]
     return max(units, key=units.count, default="mm")
-
-
-_DECIMALS = 3  # of m and kg: files hold them as 32-bit numbers
 
 
 def check_sizes(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:

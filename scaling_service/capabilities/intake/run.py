@@ -13,11 +13,10 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from scaling_service.capabilities.intake import warnings
+from scaling_service.capabilities.intake import roles, warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
-    MarkerProof,
     ProblemEntry,
     ProofDocument,
     RecordingProof,
@@ -45,16 +44,6 @@ from scaling_service.capabilities.intake.markers import (
     with_extra_markers,
 )
 from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
-from scaling_service.capabilities.intake.roles import (
-    ask_for_person,
-    assign_roles,
-    check_sizes,
-    choose_static,
-    list_named_files,
-    order_keys,
-    propose_subject,
-    with_sizes,
-)
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.intake.tables import Ground, check_recording
 from scaling_service.capabilities.scaling.methods.table import calibrate
@@ -170,7 +159,7 @@ def prove(
         found.append(look_into(folder / name, settings.up, settings.forward))
     look = _Look(folder, document, found, settings)
     known, trials = look.known, look.trials
-    sizes = check_sizes(known, look.list_stated_sizes())
+    sizes = roles.check_sizes(known, look.list_stated_sizes())
     report("showing the recordings", _READ)
     look.show_recordings(ArrayFiles(outputs, FOLDER))
     report("naming the markers", _SHOWN)
@@ -180,14 +169,25 @@ def prove(
     model = look.read_model(usual)
     markers, unused = propose_markers(model, trials, mapped, labels or {}, who)
     extra = assign_extra_markers(unused, who, model)
-    explicit = _list_explicit_markers(markers, known) | find_sacral_label(markers, who)
+    # What must stand under `markers:` because scaling would not find it by the names
+    named = dict(known.get("markers") or {})
+    sure = {
+        m.marker: m.label
+        for m in markers
+        if m.label is not None and (m.source == "laboratory" or (m.source == "place" and m.confidence > SURE))
+    }
+    explicit = (
+        {marker: label for marker, label in sure.items() if label not in named.values()} | named
+    ) | find_sacral_label(markers, who)
     free = [one for one in extra if one.label not in explicit.values()]
-    proposed = propose_subject(known, found, look.roles, usual, explicit)
+    proposed = roles.propose_subject(known, found, look.roles, usual, explicit)
     if proposed is not None:
-        proposed = order_keys(with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes))
+        proposed = roles.order_keys(
+            roles.with_sizes(with_extra_markers(proposed, model, markers, free, trials), sizes)
+        )
     report("asking what scaling would refuse", _SHOWN)
-    look.problems += [*look.compare(), *ask_for_person(sizes)]
-    look.problems += look.refusals(proposed)
+    look.problems += [*look.compare(), *roles.ask_for_person(sizes)]
+    look.problems += look.refusals(proposed, who)
     files = [look.role(item) for item in found]
     look.problems += warnings.check_unused_forces(files, look.recordings)
     readiness = judge_readiness(proposed, look.recordings, markers, model, sizes, look.problems)
@@ -213,17 +213,6 @@ def prove(
     )
 
 
-def _list_explicit_markers(markers: Sequence[MarkerProof], known: Mapping[str, Any]) -> dict[str, str]:
-    """What must stand under ``markers:`` because scaling would not find it by the names."""
-    named = dict(known.get("markers") or {})
-    sure = {
-        m.marker: m.label
-        for m in markers
-        if m.label is not None and (m.source == "laboratory" or (m.source == "place" and m.confidence > SURE))
-    }
-    return {marker: label for marker, label in sure.items() if label not in named.values()} | named
-
-
 class _Look:
     """What is known of a folder: its files and their roles, and what is found on the way."""
 
@@ -232,8 +221,8 @@ class _Look:
     ) -> None:
         self.folder, self.found, self.settings = folder, found, settings
         self.known = merge_known(found, document)
-        self.roles = assign_roles(found, self.known)
-        self.static = choose_static(self.roles)
+        self.roles = roles.assign_roles(found, self.known)
+        self.static = roles.choose_static(self.roles)
         self.raw = [f.content for f in found if isinstance(f.content, RecordingFile)]
         self.problems: list[ProblemEntry] = []
         self.seen = [self._correct_labels(item) for item in self.raw]
@@ -263,7 +252,7 @@ class _Look:
 
     def _missing(self) -> Iterator[ProblemEntry]:
         names = [item.name for item in self.found]
-        for place, file in list_named_files(self.known).items():
+        for place, file in roles.list_named_files(self.known).items():
             if file not in names:
                 yield ProblemEntry(
                     severity="error",
@@ -356,14 +345,14 @@ class _Look:
         yield from warnings.check_plates(self.recordings)
         yield from warnings.check_faults(self.recordings)
 
-    def refusals(self, proposed: Mapping[str, Any] | None) -> Iterator[ProblemEntry]:
+    def refusals(self, proposed: Mapping[str, Any] | None, who: Identification) -> Iterator[ProblemEntry]:
         """The first thing that scaling would refuse, and what it would warn of."""
         if proposed is None:
             return
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
             subject = make_subject(check_document(proposed), folder=self.folder)
-            session = load(subject, self.settings, read, facing=True).session
+            session = load(subject, self.settings, read, facing=True, who=who).session
             found = [one for one in session.notes if isinstance(one, Finding)]
             yield from self._tell(found)
             yield from warnings.tell_notes(one for one in session.notes if one not in found)
@@ -386,7 +375,7 @@ class _Look:
     def role(self, item: InputFile) -> FileRole:
         """A file and its place in the document."""
         role, why = self.roles.get(item.name, (None, item.why))
-        named = item.name in list_named_files(self.known).values()
+        named = item.name in roles.list_named_files(self.known).values()
         if item.kind == "forces" and role is None and item.usable:
             why = f"{why}, but no movement without plates of its own has its name or time"
         if item.kind == "recording" and role is None and item.usable and not self.known.get("trials"):

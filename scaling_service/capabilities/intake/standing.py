@@ -11,7 +11,7 @@ import numpy as np
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.markers import guess_segment
 from scaling_service.core.errors import InputError
-from scaling_service.model.anatomy.markers import find_canonical, is_computed, look_up_meaning
+from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_shown
 from scaling_service.recording.exchanged import measure_shape
@@ -112,9 +112,9 @@ def sort_by_segment(labels: Sequence[str]) -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     for label in labels:
-        meant = look_up_meaning(label)
+        meant = markers.look_up_meaning(label)
         segment = guess_segment(label) if meant is None else meant.segment
-        if segment is None or is_computed(label):
+        if segment is None or markers.is_computed(label):
             continue
         if meant is not None and meant.side and segment not in ("pelvis", "torso", "head"):
             segment = f"{segment}_{meant.side}"
@@ -162,7 +162,7 @@ def measure_sway(trial: Trial) -> float:
 
 def count_landmarks(trial: Trial) -> int:
     """How many landmarks are seen in some frame."""
-    return len({find_canonical(label) for label in trial.shown_labels} - {None})
+    return len({markers.find_canonical(label) for label in trial.shown_labels} - {None})
 
 
 def is_upright(trial: Trial) -> bool:
@@ -192,7 +192,7 @@ def _list_pelvis_distances(trials: Sequence[Trial]) -> dict[tuple[str, str], flo
 
 def _by_landmark(trial: Trial) -> Trial:
     """The labels whose landmark no other label has, renamed to it."""
-    marks = [find_canonical(label) for label in trial.labels]
+    marks = [markers.find_canonical(label) for label in trial.labels]
     return trial.relabel(
         {
             label: m

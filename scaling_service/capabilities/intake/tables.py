@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.intake.document import LabelEntry, ProblemEntry, RecordingProof, RepairEntry
+from scaling_service.capabilities.intake import document
 from scaling_service.capabilities.intake.files import RecordingFile, make_axes_entry, make_problem
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.base import ArrayEntry, PlateEntry
-from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
+from scaling_service.files import table_files
 from scaling_service.model.anatomy.markers import is_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Trial
@@ -27,6 +27,25 @@ from scaling_service.recording.orientation import Orientation, apply
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
 Vector = tuple[float, float, float]
+
+NEAR_M = 0.25
+"""Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
+length from heel to toes, for feet that bear few markers)."""
+
+BESIDE_M = 0.1  # chosen: soles reach this far from the markers
+
+OFFSET_N = 10.0
+"""Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""
+
+STEADY = 0.3
+"""Chosen: an offset changes by less than this share of itself; somebody or something on the plate moves."""
+
+BRIEF_S = 0.05  # chosen: briefer loads are knocks
+RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
+_BOTH = 0.3  # chosen: share of a contact that a foot must be there
+_FEWEST = 10  # frames that tell an offset
+
+_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +61,8 @@ def check_recording(
     axes: Orientation,
     ground: Ground | None,
     given: tuple[str | None, str | None],
-    files: ArrayFiles,
-) -> tuple[RecordingProof, Trial]:
+    files: table_files.ArrayFiles,
+) -> tuple[document.RecordingProof, Trial]:
     """One recording as it travels, its tables written, and the recording in the session's axes.
 
     ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
@@ -56,7 +75,7 @@ def check_recording(
     force = pressure = None
     if turned is not None:
         force, pressure, plates = _of_forces(turned, item, axes, trial, files)
-    entry = RecordingProof(
+    entry = document.RecordingProof(
         name=trial.name,
         file=item.file,
         format=item.file.rpartition(".")[2].upper(),
@@ -74,7 +93,7 @@ def check_recording(
         force=force,
         centre_of_pressure=pressure,
         repairs=[
-            RepairEntry.model_validate(repair, from_attributes=True)
+            document.RepairEntry.model_validate(repair, from_attributes=True)
             for repair in (*trial.repairs, *(() if turned is None else turned.repairs))
         ],
         problems=[*item.problems, *problems],
@@ -82,7 +101,9 @@ def check_recording(
     return entry, trial
 
 
-def _turn(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None, list[ProblemEntry]]:
+def _turn(
+    ground: Ground | None, axes: Orientation
+) -> tuple[GroundForces | None, list[document.ProblemEntry]]:
     """Forces in our axes, or why they cannot be had."""
     if ground is None:
         return None, []
@@ -93,17 +114,17 @@ def _turn(ground: Ground | None, axes: Orientation) -> tuple[GroundForces | None
 
 
 def _of_forces(
-    forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: ArrayFiles
+    forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: table_files.ArrayFiles
 ) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     ground = forces.change(
         times=trial.times,
-        force=sample_at(forces.times, forces.force, trial.times),
-        moment=sample_at(forces.times, forces.moment, trial.times),
+        force=table_files.sample_at(forces.times, forces.force, trial.times),
+        moment=table_files.sample_at(forces.times, forces.moment, trial.times),
         read=None,
     )
     own = item.corners if len(item.plates) == len(forces.plates) else None
-    entries = list_plates(forces, None if own is None else axes.rotate(own))
+    entries = table_files.list_plates(forces, None if own is None else axes.rotate(own))
     kinds = () if own is None else tuple(plate.kind for plate in item.plates)
     return (
         files.write(f"{item.file}.force", ground.force, "N"),
@@ -112,11 +133,11 @@ def _of_forces(
     )
 
 
-def _label(trial: Trial, column: int) -> LabelEntry:
+def _label(trial: Trial, column: int) -> document.LabelEntry:
     shown = find_seen(trial.markers[:, column])
     gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
-    return LabelEntry(
+    return document.LabelEntry(
         label=trial.labels[column],
         seen=round(float(shown.mean()), 4),
         gaps=gaps,
@@ -144,26 +165,6 @@ def _walk(trial: Trial) -> tuple[float, Vector | None]:
     return distance, (x, y, z)
 
 
-NEAR_M = 0.25
-"""Chosen: pressure farther than this over the floor from every marker of a foot is not that foot's (a foot's
-length from heel to toes, for feet that bear few markers)."""
-
-BESIDE_M = 0.1  # chosen: soles reach this far from the markers
-
-OFFSET_N = 10.0
-"""Chosen: plates at rest read less; what they read shifts the centre of pressure by millimetres only."""
-
-STEADY = 0.3
-"""Chosen: an offset changes by less than this share of itself; somebody or something on the plate moves."""
-
-BRIEF_S = 0.05  # chosen: briefer loads are knocks
-RESTS_M_S = 0.3  # chosen: a standing foot stays below, skin included; a swinging one reaches 3 to 4
-_BOTH = 0.3  # chosen: share of a contact that a foot must be there
-_FEWEST = 10  # frames that tell an offset
-
-_FEET: Mapping[str, str] = {"r": "right foot", "l": "left foot"}
-
-
 def describe_plates(
     entries: list[PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
 ) -> list[PlateEntry]:
@@ -172,7 +173,14 @@ def describe_plates(
     ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:
     types of the plates; empty for forces of tables.
     """
-    feet = _locate_feet(trial)
+    # Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's.
+    clusters = sort_by_segment(trial.labels)
+    feet = {}
+    for side in _FEET:
+        on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
+        on = on or clusters.get(f"tibia_{side}", [])
+        if on:
+            feet[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
     centre, pressing = forces.centre_of_pressure(), forces.pressing
     described = []
     for k, entry in enumerate(entries):
@@ -198,18 +206,6 @@ def describe_plates(
         }
         described.append(entry.model_copy(update=changes))
     return described
-
-
-def _locate_feet(trial: Trial) -> dict[str, Array]:
-    """Side to the places of its foot's markers over the floor, (n, m, 2); else those of the shank's."""
-    clusters = sort_by_segment(trial.labels)
-    found = {}
-    for side in _FEET:
-        on = [*clusters.get(f"calcn_{side}", []), *clusters.get(f"toes_{side}", [])]
-        on = on or clusters.get(f"tibia_{side}", [])
-        if on:
-            found[side] = np.stack([trial.position(label)[:, [0, 2]] for label in on], axis=1)
-    return found
 
 
 def _measure_distance(foot: Array, centre: Array) -> Array:

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.intake.document import (
-    CorrectionEntry,
-    FileRole,
-    ProblemEntry,
-    RecordingProof,
-    Severity,
-)
+from scaling_service.capabilities.intake import document
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
 from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis
@@ -26,8 +20,18 @@ from scaling_service.recording.plausibility import find_unlabelled
 
 Roles = Mapping[str, tuple[str, str]]
 
+_REPAIRS = {
+    "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
+    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
+    "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
+}
 
-def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -> Iterator[ProblemEntry]:
+_LATE_S = 0.1  # chosen: other clocks and rounding
+
+
+def check_standing(
+    roles: Roles, trials: Mapping[str, Trial], *, wanted: bool
+) -> Iterator[document.ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
@@ -57,7 +61,7 @@ def check_standing(roles: Roles, trials: Mapping[str, Trial], *, wanted: bool) -
         )
 
 
-def check_units(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
+def check_units(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
     """Recordings whose unit of length cannot be true."""
     for item in recordings:
         for repair in (r for r in item.axes.repairs if r.what == "unit"):
@@ -67,7 +71,7 @@ def check_units(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
             yield _make_warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
+def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
     """More labels than a person carries; trajectories without one, with the markers whose gaps they fill."""
     for item in recordings:
         named = sum(not is_unlabelled(label) for label in item.trial.labels)
@@ -90,7 +94,9 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[ProblemEntry]:
             )
 
 
-def tell_findings(findings: Sequence[Finding], trials: Mapping[str, Trial]) -> Iterator[ProblemEntry]:
+def tell_findings(
+    findings: Sequence[Finding], trials: Mapping[str, Trial]
+) -> Iterator[document.ProblemEntry]:
     """What recordings show that a sound person does not, with the corrections that solve it.
 
     ``trials``: by file, with the files' own labels.
@@ -99,7 +105,7 @@ def tell_findings(findings: Sequence[Finding], trials: Mapping[str, Trial]) -> I
     for one in findings:
         file = files.get(one.place, one.place)
         offers = {one.place: one.exchanges, **one.rivals}
-        yield ProblemEntry(
+        yield document.ProblemEntry(
             severity="error" if one.severity == "refusal" else "warning",
             file=file,
             field=", ".join(one.labels[:4]) or None,
@@ -115,7 +121,7 @@ def tell_findings(findings: Sequence[Finding], trials: Mapping[str, Trial]) -> I
         )
 
 
-def _make_correction(file: str, wrong: Exchange, trial: Trial) -> CorrectionEntry | None:
+def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.CorrectionEntry | None:
     """The exchange with the file's own labels; None where it cannot be told which these are."""
     own = {label: label for label in trial.labels}
     for label in trial.labels:
@@ -123,12 +129,12 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> CorrectionEntr
     if any(label not in own for label in wrong.labels):
         return None
     labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
-    return CorrectionEntry(
+    return document.CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )
 
 
-def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
+def check_plates(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
     """Plates that read something while nobody is near them, each once for all recordings."""
     offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
@@ -145,7 +151,7 @@ def check_plates(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
         )
 
 
-def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]:
+def check_faults(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
     """What plates did wrong, as their readings alone show; loading tells the same of markers."""
     for recording in recordings:
         for repair in recording.repairs:
@@ -157,16 +163,9 @@ def check_faults(recordings: Sequence[RecordingProof]) -> Iterator[ProblemEntry]
                 )
 
 
-_REPAIRS = {
-    "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
-    "saturated": "Choose a larger range of the plate's amplifier; until then its highest forces are wrong",
-    "dead_channel": "Repair the plate; until then no forces of this recording are to be trusted",
-}
-
-
 def check_times(
-    recordings: Sequence[RecordingProof], spans: Mapping[str, tuple[float, float]]
-) -> Iterator[ProblemEntry]:
+    recordings: Sequence[document.RecordingProof], spans: Mapping[str, tuple[float, float]]
+) -> Iterator[document.ProblemEntry]:
     """Files of forces that do not cover the recording that they are for."""
     for recording in recordings:
         source = recording.forces_from
@@ -184,12 +183,9 @@ def check_times(
             )
 
 
-_LATE_S = 0.1  # chosen: other clocks and rounding
-
-
 def check_unused_forces(
-    files: Sequence[FileRole], recordings: Sequence[RecordingProof]
-) -> Iterator[ProblemEntry]:
+    files: Sequence[document.FileRole], recordings: Sequence[document.RecordingProof]
+) -> Iterator[document.ProblemEntry]:
     """Files of forces that belong to no recording, while some movement has no forces."""
     moving = ("trials.calibration", "trials.evaluation")
     used_as = {file.name: file.role for file in files}
@@ -209,9 +205,9 @@ def _make_warning(
     remedy: str,
     file: str | None = None,
     field: str | None = None,
-    corrections: Sequence[CorrectionEntry] = (),
-) -> ProblemEntry:
-    return ProblemEntry(
+    corrections: Sequence[document.CorrectionEntry] = (),
+) -> document.ProblemEntry:
+    return document.ProblemEntry(
         severity="warning",
         file=file,
         field=field,
@@ -221,8 +217,8 @@ def _make_warning(
     )
 
 
-def tell_notes(notes: Iterable[Note]) -> Iterator[ProblemEntry]:
+def tell_notes(notes: Iterable[Note]) -> Iterator[document.ProblemEntry]:
     """What loading says, each with its remedy."""
     for note in notes:
-        severity: Severity = "note" if note.severity == "note" else "warning"
-        yield ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)
+        severity: document.Severity = "note" if note.severity == "note" else "warning"
+        yield document.ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)

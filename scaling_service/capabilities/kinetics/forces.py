@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, ModelRefused, TrialUnusable
 from scaling_service.files.forces import read_forces
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces, PlateRecording, SegmentLoads
@@ -21,10 +21,10 @@ from scaling_service.model.trial import (
     Repair,
     Trial,
 )
+from scaling_service.recording import plates_feet
 from scaling_service.recording.faults import repair_forces
 from scaling_service.recording.orientation import Orientation
 from scaling_service.recording.plates import compute_ground_forces, orient_forces, synchronise
-from scaling_service.recording.plates_feet import FootContacts, assign_foot_loads, assign_plates
 
 LARGEST_FREE_MOMENT = 100.0
 """N m, median over loaded samples (chosen: a standing foot twists the floor by up to some 20 N m; the same
@@ -44,7 +44,7 @@ class TrialForces:
 
     source: Path  # the file that the forces came from
     ground: GroundForces  # at the markers' times, filtered
-    contacts: FootContacts
+    contacts: plates_feet.FootContacts
     loads: SegmentLoads
 
     @property
@@ -54,7 +54,7 @@ class TrialForces:
 
 
 def read_trial_forces(
-    recording: Path, plates: PlateRecording | TrialUnusable | None, named: Path | None
+    recording: Path, plates: PlateRecording | errors.TrialUnusable | None, named: Path | None
 ) -> tuple[Path, GroundForces] | None:
     """The forces of one recording as they stand: of the file named under ``forces:``, else of its own plates.
 
@@ -71,7 +71,7 @@ def read_trial_forces(
             free = np.abs(np.einsum("nka,ka->nk", np.where(loaded[..., None], about, 0.0), forces.normals))
             for k, plate in enumerate(forces.plates):
                 if loaded[:, k].any() and np.median(free[loaded[:, k], k]) > LARGEST_FREE_MOMENT:
-                    raise TrialUnusable(
+                    raise errors.TrialUnusable(
                         f"{plate} is twisted by {np.median(free[loaded[:, k], k]):.0f} N m, as no foot can",
                         file=forces.name,
                         field=f"{plate}, moment",
@@ -102,7 +102,7 @@ def prepare_forces(
         # A C3D file that states a wrong unit of length for its markers states it for its plates, too.
         corrected = [r for r in trial.repairs if r.what == "unit" and r.where == trial.name]
         if source.suffix.lower() == ".c3d" and corrected:
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"the places of its plates are not sure: {corrected[0].detail}",
                 file=source,
                 field="POINT:UNITS",
@@ -110,15 +110,15 @@ def prepare_forces(
             )
         ground = synchronise(turn_forces(source, forces, axes), trial.times, cutoff_hz=cutoff_hz)
         if not ground.in_contact().any():
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"no plate bears more than {np.nanmax(np.abs(ground.pressing), initial=0.0):.3g} N while "
                 "markers are recorded",
                 file=ground.name,
                 field="forces",
                 remedy="Give forces in N, of a person who stands on the plates",
             )
-        contacts = assign_plates(ground, feet)
-        loads = assign_foot_loads(ground, contacts, {foot: foot for foot in feet})
+        contacts = plates_feet.assign_plates(ground, feet)
+        loads = plates_feet.assign_foot_loads(ground, contacts, {foot: foot for foot in feet})
     return TrialForces(source, ground, contacts, loads)
 
 
@@ -127,7 +127,7 @@ def _blame_file(file: Path) -> Iterator[None]:
     """Let errors name the whole path of the file, also where they name it by its bare name."""
     try:
         yield
-    except InputError as error:
+    except errors.InputError as error:
         if error.file in (None, file.name, file.stem):
             error.file = str(file)
         raise
@@ -139,7 +139,7 @@ def turn_forces(source: Path, forces: GroundForces, axes: Orientation) -> Ground
     Those of MOT and STO files stand Y up and must be in the axes of the markers.
     """
     if source.suffix.lower() != ".c3d" and axes.up != "+y":
-        raise InputError(
+        raise errors.InputError(
             f"forces of MOT and STO files are Y up, but the markers' laboratory has {axes.up} up",
             file=source,
             field="forces",
@@ -158,14 +158,14 @@ def find_feet(model: BodyModel) -> dict[str, tuple[str, ...]]:
         if _FOOT.search(name)
     }
     if not feet:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"model '{model.name}' has no feet, so the ground's forces act on nothing",
             field="model",
             remedy="Use a model of the whole body, such as full_body_35dof, or one whose feet are called "
             "calcn_r and calcn_l",
         )
     if len(feet) == 1:
-        raise ModelRefused(
+        raise errors.ModelRefused(
             f"model '{model.name}' has one foot, but the ground bears a person by both",
             field="model",
             remedy="Use a model of the whole body; the planar squat is for `consistent`",
@@ -183,7 +183,7 @@ def find_foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) 
     for foot, segments in find_feet(model).items():
         labels = [label for label in trial.shown_labels if sits.get(label) in segments]
         if len(labels) < FEWEST:
-            raise TrialUnusable(
+            raise errors.TrialUnusable(
                 f"foot '{foot}' shows {' and '.join(labels) or 'no marker'}; heel and toe at least are "
                 "needed to tell which plate it stands on",
                 file=trial.name,
@@ -194,7 +194,7 @@ def find_foot_markers(model: BodyModel, trial: Trial, extra: Mapping[str, str]) 
     return found
 
 
-Plates = Mapping[Path, PlateRecording | TrialUnusable | None]
+Plates = Mapping[Path, PlateRecording | errors.TrialUnusable | None]
 """Recording to what was read of its plates."""
 
 ReadForces = dict[Path, tuple[Path, GroundForces]]
@@ -205,7 +205,7 @@ def gather_movement_forces(subject: Subject, plates: Plates) -> ReadForces:
     """The forces of those movements that have some; refused where none has."""
     read = read_movement_forces(subject, plates)
     if not read:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "no movement has forces: neither plates in its C3D file nor a file of forces",
             field="forces",
             remedy="Name each trial's file of forces under `forces:`, or record with force plates",
@@ -233,13 +233,13 @@ def assign_forces(
     assert axes is not None  # a session that was read has axes
     trials = {trial.name: trial for trial in session.dynamic}
     found: dict[str, TrialForces] = {}
-    unusable: dict[str, TrialUnusable] = {}
+    unusable: dict[str, errors.TrialUnusable] = {}
     for path, (source, forces) in read.items():
         trial = trials[path.stem]
         try:
             feet = find_foot_markers(session.model, trial, session.subject.extra_markers)
             found[path.stem] = prepare_forces(source, forces, trial, feet, axes, cutoff_hz=cutoff_hz(trial))
-        except TrialUnusable as error:
+        except errors.TrialUnusable as error:
             unusable[path.stem] = error
     if unusable and not found:
         raise next(iter(unusable.values()))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from scaling_service.capabilities.shared import screen
 from scaling_service.capabilities.shared.flags import Out, Tables
 from scaling_service.capabilities.shared.names import BONE_NAMES
-from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running, say
 from scaling_service.report.tables import Row, Table
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def landmarks(
     given = {name: path for name, path in zip(BONE_NAMES, meshes, strict=True) if path is not None}
     if segmentation is not None:
         given["segmentation"] = segmentation
-    with running(out) as progress:
+    with screen.running(out) as progress:
         from scaling_service.capabilities.landmarks.document import tabulate_points
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
         from scaling_service.capabilities.shared.tables import make_table_writer
@@ -90,11 +90,11 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     for name, found in document.bones.items():
         notes += [f"{name}: no {what}: {why}" for what, why in found.refused.items()]
         notes += [f"{name}: {warning}" for warning in found.warnings]
-    console = make_console()
+    console = screen.make_console()
     caption = f"Landmarks, mm (files in {document.settings['units']})"
-    print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
-    say(console, "Note", "yellow", notes)
-    list_files(console, out, [name])
+    screen.print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
+    screen.say(console, "Note", "yellow", notes)
+    screen.list_files(console, out, [name])
 
 
 COMMANDS = (landmarks,)

@@ -10,14 +10,14 @@ from typing import Any, Literal
 from pydantic import Field, field_validator
 
 from scaling_service.capabilities.landmarks.document import LandmarksDocument
-from scaling_service.capabilities.shared.job import Documents, Kind, Needed, OfOneSubject
+from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT, require_plain_name
 
 
-class LandmarksRequest(OfOneSubject):
+class LandmarksRequest(job.OfOneSubject):
     """Find joint centres, axes and bony landmarks on surfaces of bones."""
 
     bones: dict[str, str] | None = Field(
@@ -44,7 +44,7 @@ class LandmarksRequest(OfOneSubject):
         bones.pop("units", None)
         return self.bones if self.bones is not None else {k: v for k, v in bones.items() if v is not None}
 
-    def list_needed(self, documents: Documents) -> Needed:
+    def list_needed(self, documents: job.Documents) -> job.Needed:
         """The meshes."""
         found = self.meshes(documents[self.subject])
         if not found:
@@ -78,7 +78,7 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
 
 
 KINDS = {
-    "landmarks": Kind(
+    "landmarks": job.Kind(
         request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
     ),
 }

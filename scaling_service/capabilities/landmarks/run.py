@@ -10,13 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scaling_service.bones.images import SEGMENTATION, list_files_of, read_bones
-from scaling_service.bones.results import Array, BoneLandmarks, Cylinder, MeshRefused, Sphere
-from scaling_service.bones.whole import BONES, check_joined, find_landmarks
+from scaling_service.bones import images, results, whole
 from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.documents.writing import all_or_nothing, code_version, write_json
+from scaling_service.documents import writing
 
 FILE_NAME = "landmarks.json"
 DETECT = "detect"  # in place of a unit: the one in which the bones have the size of bones
@@ -36,8 +34,8 @@ def landmark_bones(
     """
     began = time.perf_counter()
     if not bones:
-        raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(BONES)}")
-    imaged = read_bones(bones, None if units == DETECT else units)
+        raise InputError("no bone is given", remedy=f"Give at least one of --{', --'.join(whole.BONES)}")
+    imaged = images.read_bones(bones, None if units == DETECT else units)
     shapes = imaged.meshes
     done: list[str] = []
 
@@ -46,16 +44,18 @@ def landmark_bones(
         done.append(name)
 
     try:
-        found = imaged.widen(find_landmarks(shapes, progress=starting))
-    except MeshRefused as error:
-        file = bones.get(error.field or "", bones.get(SEGMENTATION))
-        raise MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
+        found = imaged.widen(whole.find_landmarks(shapes, progress=starting))
+    except results.MeshRefused as error:
+        file = bones.get(error.field or "", bones.get(images.SEGMENTATION))
+        raise results.MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
     notes = (*_ask_whether_joined(found), *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
     return LandmarksDocument(
-        code_version=code_version(),
+        code_version=writing.code_version(),
         settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
-        input_hashes={file.name: _digest(file) for path in bones.values() for file in list_files_of(path)},
+        input_hashes={
+            file.name: _digest(file) for path in bones.values() for file in images.list_files_of(path)
+        },
         warnings=list(notes),
         wall_s=round(time.perf_counter() - began, 3),
         **described,
@@ -67,17 +67,17 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
 
     Raises InputError: the folder cannot be made or written to.
     """
-    with all_or_nothing(Path(folder)) as scratch:
-        absent = [bone for bone in BONES if getattr(document, bone) is None]
-        write_json(scratch / FILE_NAME, document, without=absent)
+    with writing.all_or_nothing(Path(folder)) as scratch:
+        absent = [bone for bone in whole.BONES if getattr(document, bone) is None]
+        writing.write_json(scratch / FILE_NAME, document, without=absent)
     return Path(folder) / FILE_NAME
 
 
-def _ask_whether_joined(found: Mapping[str, BoneLandmarks]) -> tuple[str, ...]:
+def _ask_whether_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
     """What tells against one image of one person: told, as bones may each lie in a frame of their own."""
     try:
-        return check_joined(found)
-    except MeshRefused as error:
+        return whole.check_joined(found)
+    except results.MeshRefused as error:
         return (f"{error.field}: {error.problem}: another frame or person, which image-based methods refuse",)
 
 
@@ -86,9 +86,11 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _describe(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
     """One bone's part of the document; points are named as found, with their unit."""
-    fits = _list_fits(bone)
+    fits = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
+    for name, tube in bone.cylinders.items():
+        fits[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
     fields |= _ADDED[bone.bone](bone)
     return fields | {
@@ -106,15 +108,11 @@ def _describe(bone: BoneLandmarks) -> dict[str, Any]:
     }
 
 
-def _list_fits(bone: BoneLandmarks) -> dict[str, ShapeFit]:
-    found = {name: _fit("sphere", ball, ball.centre) for name, ball in bone.spheres.items()}
-    for name, tube in bone.cylinders.items():
-        found[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
-    return found
-
-
 def _fit(
-    shape: Literal["sphere", "cylinder"], found: Sphere | Cylinder, centre: Array, axis: Vector | None = None
+    shape: Literal["sphere", "cylinder"],
+    found: results.Sphere | results.Cylinder,
+    centre: results.Array,
+    axis: Vector | None = None,
 ) -> ShapeFit:
     return ShapeFit(
         shape=shape,
@@ -126,7 +124,7 @@ def _fit(
     )
 
 
-def _describe_femur(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe_femur(bone: results.BoneLandmarks) -> dict[str, Any]:
     knee, tube, head = bone.axes.get("knee"), bone.cylinders.get("condyles"), bone.spheres.get("head")
     apart = None
     if knee is not None and tube is not None:
@@ -139,7 +137,7 @@ def _describe_femur(bone: BoneLandmarks) -> dict[str, Any]:
     }
 
 
-def _describe_tibia(bone: BoneLandmarks) -> dict[str, Any]:
+def _describe_tibia(bone: results.BoneLandmarks) -> dict[str, Any]:
     talus = "ankle" in bone.axes
     source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
     return {
@@ -149,7 +147,7 @@ def _describe_tibia(bone: BoneLandmarks) -> dict[str, Any]:
     }
 
 
-_ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
+_ADDED: Mapping[str, Callable[[results.BoneLandmarks], dict[str, Any]]] = {
     "femur": _describe_femur,
     "tibia": _describe_tibia,
     "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
@@ -160,11 +158,11 @@ _ADDED: Mapping[str, Callable[[BoneLandmarks], dict[str, Any]]] = {
 }
 
 
-def _to_mm(point: Array) -> Vector:
+def _to_mm(point: results.Array) -> Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _to_unit(direction: Array) -> Vector:
+def _to_unit(direction: results.Array) -> Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

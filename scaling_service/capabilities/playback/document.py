@@ -6,14 +6,14 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import ArrayEntry, Part, PlateEntry
+from scaling_service.documents import base
 
 SCHEMA_VERSION = 1
 
 Point = tuple[float, float, float]
 
 
-class SegmentEntry(Part):
+class SegmentEntry(base.Part):
     """A segment of a body."""
 
     name: str
@@ -21,7 +21,7 @@ class SegmentEntry(Part):
     shape: Literal["image", "simple", "none"] = Field(description="Where the surface of that name is from.")
 
 
-class PlacedEntry(Part):
+class PlacedEntry(base.Part):
     """A point that a segment carries."""
 
     name: str
@@ -35,14 +35,14 @@ class BodyMarker(PlacedEntry):
     anatomical: bool
 
 
-class AxisEntry(Part):
+class AxisEntry(base.Part):
     """A knee's axis."""
 
     segment: str
     ends_m: tuple[Point, Point]
 
 
-class BodyEntry(Part):
+class BodyEntry(base.Part):
     """One model of the person."""
 
     name: str
@@ -53,7 +53,7 @@ class BodyEntry(Part):
     axes: list[AxisEntry]
 
 
-class CoordinateEntry(Part):
+class CoordinateEntry(base.Part):
     """A degree of freedom."""
 
     name: str
@@ -61,19 +61,21 @@ class CoordinateEntry(Part):
     estimated: bool = Field(description="Whether the recording determines it; else it stands at its default.")
 
 
-class MotionEntry(Part):
+class MotionEntry(base.Part):
     """How one body moves in one recording."""
 
-    poses: ArrayEntry = Field(description="Frames, segments, 7: origin, quaternion x, y, z, w to ground.")
-    errors: ArrayEntry = Field(description="Frames, labels: distance of measured and model marker, mm.")
+    poses: base.ArrayEntry = Field(
+        description="Frames, segments, 7: origin, quaternion x, y, z, w to ground."
+    )
+    errors: base.ArrayEntry = Field(description="Frames, labels: distance of measured and model marker, mm.")
     coordinates: list[CoordinateEntry]
-    angles: ArrayEntry = Field(description="Frames, coordinates: degrees or m.")
-    placed: ArrayEntry | None = Field(
+    angles: base.ArrayEntry = Field(description="Frames, coordinates: degrees or m.")
+    placed: base.ArrayEntry | None = Field(
         default=None, description="Frames, labels, 3: model markers, where they glide on their segments."
     )
 
 
-class SceneTrial(Part):
+class SceneTrial(base.Part):
     """One recording with all bodies in it."""
 
     name: str
@@ -82,14 +84,14 @@ class SceneTrial(Part):
     rate_hz: float
     start_s: float
     labels: list[str]
-    measured: ArrayEntry = Field(description="Frames, labels, 3: measured markers after processing, m.")
+    measured: base.ArrayEntry = Field(description="Frames, labels, 3: measured markers after processing, m.")
     motions: dict[str, MotionEntry] = Field(description="Body to its motion.")
-    plates: list[PlateEntry]
-    force: ArrayEntry | None
-    centre_of_pressure: ArrayEntry | None
+    plates: list[base.PlateEntry]
+    force: base.ArrayEntry | None
+    centre_of_pressure: base.ArrayEntry | None
 
 
-class TestEntry(Part):
+class TestEntry(base.Part):
     """Where curves differ over the cycle."""
 
     __test__ = False  # not a test of pytest
@@ -108,7 +110,7 @@ class CycleScene(TestEntry):
     pairs: dict[str, TestEntry] = Field(description="Body to its test against the reference.")
 
 
-class GaitScene(Part):
+class GaitScene(base.Part):
     """Joint angles over the gait cycle."""
 
     trials: list[str]
@@ -118,7 +120,7 @@ class GaitScene(Part):
     angles: dict[str, CycleScene]
 
 
-class SceneDocument(Part):
+class SceneDocument(base.Part):
     """All that is needed to play a result back."""
 
     schema_version: int = SCHEMA_VERSION
@@ -128,42 +130,42 @@ class SceneDocument(Part):
     gait: GaitScene | None
 
 
-class ResidualTrial(Part):
+class ResidualTrial(base.Part):
     """The residual wrench over one recording."""
 
     start_s: float
     rate_hz: float
-    residual: ArrayEntry = Field(
+    residual: base.ArrayEntry = Field(
         description="Frames, 6: force in N, moment about the root segment's origin in N m, in ground axes."
     )
 
 
-class ResidualScene(Part):
+class ResidualScene(base.Part):
     """Residual wrenches over time; frames that do not count are unknown."""
 
     schema_version: int = SCHEMA_VERSION
     trials: dict[str, ResidualTrial]
 
 
-class WrenchTrial(Part):
+class WrenchTrial(base.Part):
     """The ground wrench over one recording, as measured and as motions explain it."""
 
     start_s: float
     rate_hz: float
     components: list[bool] = Field(description="Which of force x, y, z and moment x, y, z count.")
-    wrenches: dict[str, ArrayEntry] = Field(
+    wrenches: dict[str, base.ArrayEntry] = Field(
         description="'measured' and each way, frames, 6: N and N m, in ground axes."
     )
 
 
-class WrenchScene(Part):
+class WrenchScene(base.Part):
     """Ground wrenches over time."""
 
     schema_version: int = SCHEMA_VERSION
     trials: dict[str, WrenchTrial]
 
 
-class MuscleCurve(Part):
+class MuscleCurve(base.Part):
     """One muscle's, or joint's, course over one recording by every method."""
 
     quantity: Literal["moment arm", "length", "joint moment"]
@@ -174,10 +176,10 @@ class MuscleCurve(Part):
     start_s: float
     rate_hz: float
     methods: list[str]
-    values: ArrayEntry = Field(description="Frames, methods.")
+    values: base.ArrayEntry = Field(description="Frames, methods.")
 
 
-class MuscleScene(Part):
+class MuscleScene(base.Part):
     """The courses in which methods differ most."""
 
     schema_version: int = SCHEMA_VERSION

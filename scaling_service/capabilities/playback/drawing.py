@@ -10,9 +10,8 @@ import trimesh
 from trimesh.exchange.gltf import export_glb
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import body, poses
 from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.body import BodyModel, Segment, Vector, to_vector
-from scaling_service.model.poses import evaluate_marker, follow, list_model_values, pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
@@ -28,7 +27,7 @@ NEAR_AN_END = 0.25
 """Chosen: share of a segment's length within which a joint belongs to one of its ends."""
 
 
-def find_knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
+def find_knee_axes(model: body.BodyModel) -> dict[str, tuple[body.Vector, body.Vector]]:
     """Thigh to both ends of its knee's axis in its frame, m, with the knee straight; hinges only."""
     found = {}
     for side in ("r", "l", ""):
@@ -38,22 +37,22 @@ def find_knee_axes(model: BodyModel) -> dict[str, tuple[Vector, Vector]]:
             if axis is not None:
                 centre, direction = axis
                 ends = (centre - _AXIS_HALF_M * direction, centre + _AXIS_HALF_M * direction)
-                found[thigh] = (to_vector(ends[0]), to_vector(ends[1]))
+                found[thigh] = (body.to_vector(ends[0]), body.to_vector(ends[1]))
     return found
 
 
-def _find_first_axis(model: BodyModel, segment: Segment) -> tuple[Array, Array] | None:
+def _find_first_axis(model: body.BodyModel, segment: body.Segment) -> tuple[Array, Array] | None:
     """Where, and along which direction, the first driven turn of a joint acts in the parent's frame."""
-    values = list_model_values(model)
+    values = poses.list_model_values(model)
     for k, joint in enumerate(segment.joints):
         if joint.kind == "rotation" and joint.law.coordinates:
-            rotation, origin = follow(segment.joints[:k], values)
+            rotation, origin = poses.follow(segment.joints[:k], values)
             return origin, rotation @ np.asarray(joint.axis)
     return None
 
 
 def build_surfaces(
-    model: BodyModel, bones: Mapping[str, Bone]
+    model: body.BodyModel, bones: Mapping[str, Bone]
 ) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
     """A surface of every segment that has a size, in the segment's frame.
 
@@ -84,14 +83,16 @@ def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
     return content
 
 
-def _list_points(model: BodyModel, segment: str) -> Array:
+def _list_points(model: body.BodyModel, segment: str) -> Array:
     """Joints and markers of a segment in its frame; of a long one the ends alone, which show its axis."""
     joints = np.stack([np.zeros(3), *_list_joints(model, segment)])
     ends = find_ends(joints)
     if ends is not None:
         return ends
-    values = list_model_values(model)
-    markers = [evaluate_marker(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0]
+    values = poses.list_model_values(model)
+    markers = [
+        poses.evaluate_marker(m, values) for m in model.markers if m.segment == segment and m.weight > 0.0
+    ]
     return np.stack([*joints, *markers])
 
 
@@ -110,8 +111,8 @@ def find_ends(joints: Array) -> Array | None:
     return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
 
 
-def _list_joints(model: BodyModel, segment: str) -> Iterator[Array]:
-    frames = pose_neutral_frames(model)
+def _list_joints(model: body.BodyModel, segment: str) -> Iterator[Array]:
+    frames = poses.pose_neutral_frames(model)
     R, origin = frames[segment]
     for child in model.children(segment):
         yield (frames[child.name][1] - origin) @ R

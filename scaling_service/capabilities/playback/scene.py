@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.playback import drawing
 from scaling_service.capabilities.playback.document import (
     AxisEntry,
     BodyEntry,
@@ -22,21 +23,14 @@ from scaling_service.capabilities.playback.document import (
     SceneTrial,
     SegmentEntry,
 )
-from scaling_service.capabilities.playback.drawing import build_surfaces, find_knee_axes, to_glb
 from scaling_service.core.arrays import Array
 from scaling_service.documents.base import ArrayEntry
 from scaling_service.documents.writing import write_json
-from scaling_service.files.table_files import ArrayFiles, list_plates, sample_at
+from scaling_service.files import table_files
+from scaling_service.model import poses
 from scaling_service.model.anatomy.lengths import find_joint_centres
 from scaling_service.model.body import BodyModel
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.poses import (
-    evaluate_marker,
-    is_gliding,
-    list_model_values,
-    place_markers,
-    pose_segments,
-)
 from scaling_service.model.trial import (
     Bone,
     Trial,
@@ -122,11 +116,14 @@ def write_scene(
     ``outputs``: the folder of the job's files.
     ``most_frames``: of a recording; of a longer one every second, third, … frame is kept, in brief.
     """
-    files = ArrayFiles(outputs, FOLDER, brief=most_frames is not None)
+    files = table_files.ArrayFiles(outputs, FOLDER, brief=most_frames is not None)
     document = SceneDocument(
         subject=subject,
         bodies=[_make_body(body, outputs) for body in bodies],
-        trials=[_make_trial(item, files, _choose_step(item, most_frames)) for item in recorded],
+        trials=[
+            _make_trial(item, files, 1 if most_frames is None else -(-item.trial.n_frames // most_frames))
+            for item in recorded
+        ],
         gait=gait,
     )
     write_json(outputs / FILE_NAME, document)
@@ -134,11 +131,11 @@ def write_scene(
 
 
 def _make_body(body: Body, outputs: Path) -> BodyEntry:
-    model, values = body.model, list_model_values(body.model)
-    found, shapes = build_surfaces(model, body.bones)
+    model, values = body.model, poses.list_model_values(body.model)
+    found, shapes = drawing.build_surfaces(model, body.bones)
     name = f"{FOLDER}/{_make_plain_name(body.name)}.glb"
     (outputs / name).parent.mkdir(parents=True, exist_ok=True)
-    (outputs / name).write_bytes(to_glb(found))
+    (outputs / name).write_bytes(drawing.to_glb(found))
     return BodyEntry(
         name=body.name,
         bones=name,
@@ -147,7 +144,7 @@ def _make_body(body: Body, outputs: Path) -> BodyEntry:
             BodyMarker(
                 name=m.name,
                 segment=m.segment,
-                xyz_m=_point(evaluate_marker(m, values)),
+                xyz_m=_point(poses.evaluate_marker(m, values)),
                 anatomical=m.anatomical,
             )
             for m in model.markers
@@ -157,15 +154,13 @@ def _make_body(body: Body, outputs: Path) -> BodyEntry:
             PlacedEntry(name=centre, segment=segment, xyz_m=_point(np.array(at)))
             for centre, (segment, at) in find_joint_centres(model).items()
         ],
-        axes=[AxisEntry(segment=segment, ends_m=ends) for segment, ends in find_knee_axes(model).items()],
+        axes=[
+            AxisEntry(segment=segment, ends_m=ends) for segment, ends in drawing.find_knee_axes(model).items()
+        ],
     )
 
 
-def _choose_step(item: Recorded, most_frames: int | None) -> int:
-    return 1 if most_frames is None else -(-item.trial.n_frames // most_frames)
-
-
-def _make_trial(item: Recorded, files: ArrayFiles, step: int) -> SceneTrial:
+def _make_trial(item: Recorded, files: table_files.ArrayFiles, step: int) -> SceneTrial:
     trial = item.trial
     labels = tuple(dict.fromkeys(name for played in item.played for name in played.markers))
     return SceneTrial(
@@ -177,14 +172,14 @@ def _make_trial(item: Recorded, files: ArrayFiles, step: int) -> SceneTrial:
         labels=list(labels),
         measured=files.write(f"{trial.name}.measured", trial.select(labels).markers[::step], "m"),
         motions={p.body: _make_motion(p, labels, trial.name, files, step) for p in item.played},
-        plates=list_plates(item.forces, item.corners),
+        plates=table_files.list_plates(item.forces, item.corners),
         force=_of_plates(item, files, "N", step),
         centre_of_pressure=_of_plates(item, files, "m", step),
     )
 
 
 def _make_motion(
-    played: Played, labels: tuple[str, ...], trial: str, files: ArrayFiles, step: int
+    played: Played, labels: tuple[str, ...], trial: str, files: table_files.ArrayFiles, step: int
 ) -> MotionEntry:
     model, q = played.model, played.q[::step]
     stem = f"{trial}.{_make_plain_name(played.body)}"
@@ -194,7 +189,7 @@ def _make_motion(
     largest = np.fmax.reduceat(errors, np.arange(0, len(errors), step), axis=0)
     turns = np.array([c.kind == "rotation" for c in model.coordinates])
     return MotionEntry(
-        poses=files.write(f"{stem}.poses", pose_segments(model, q), "m, quaternion x y z w"),
+        poses=files.write(f"{stem}.poses", poses.pose_segments(model, q), "m, quaternion x y z w"),
         errors=files.write(f"{stem}.errors", largest, "mm", first_look="largest"),
         coordinates=[
             CoordinateEntry(
@@ -203,18 +198,20 @@ def _make_motion(
             for c in model.coordinates
         ],
         angles=files.write(f"{stem}.angles", np.where(turns, np.degrees(q), q), "deg or m"),
-        placed=files.write(f"{stem}.placed", place_markers(model, labels, q), "m")
-        if is_gliding(model, labels)
+        placed=files.write(f"{stem}.placed", poses.place_markers(model, labels, q), "m")
+        if poses.is_gliding(model, labels)
         else None,
     )
 
 
-def _of_plates(item: Recorded, files: ArrayFiles, unit: str, step: int) -> ArrayEntry | None:
+def _of_plates(item: Recorded, files: table_files.ArrayFiles, unit: str, step: int) -> ArrayEntry | None:
     forces, trial = item.forces, item.trial
     if forces is None:
         return None
     name, values = ("force", forces.force) if unit == "N" else ("pressure", forces.centre_of_pressure())
-    return files.write(f"{trial.name}.{name}", sample_at(forces.times, values, trial.times[::step]), unit)
+    return files.write(
+        f"{trial.name}.{name}", table_files.sample_at(forces.times, values, trial.times[::step]), unit
+    )
 
 
 def _point(values: Array) -> Point:

@@ -14,8 +14,8 @@ import typer
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from scaling_service.core import options
 from scaling_service.core.errors import InputError
-from scaling_service.core.options import LARGEST, Flag, Options
 
 # Whether a path can be read is asked where it is read, with file and remedy in the answer.
 SubjectFile = Annotated[
@@ -78,7 +78,7 @@ class _Field:
 
     path: tuple[str, ...]
     info: FieldInfo
-    flag: Flag
+    flag: options.Flag
 
     @property
     def parameter(self) -> str:
@@ -90,14 +90,14 @@ class _Field:
         """The flag as it is typed."""
         return self.flag.name or f"--{self.path[-1].replace('_', '-')}"
 
-    def signature(self, default: Options) -> inspect.Parameter:
+    def signature(self, default: options.Options) -> inspect.Parameter:
         """The parameter that typer makes an option of."""
         value = functools.reduce(getattr, self.path, default)
         bounds: dict[str, Any] = {} if self.flag.least is None else {"min": self.flag.least}
         for constraint in self.info.metadata:
             if isinstance(constraint, annotated_types.Ge):
                 bounds["min"] = constraint.ge
-            if isinstance(constraint, annotated_types.Le) and constraint.le < LARGEST:  # type: ignore[operator]
+            if isinstance(constraint, annotated_types.Le) and constraint.le < options.LARGEST:  # type: ignore[operator]
                 bounds["max"] = constraint.le
         option = typer.Option(
             self.option,
@@ -120,7 +120,7 @@ def with_flags(function: Callable[..., Any]) -> Callable[..., Any]:
     A parameter's default, where its annotation is an options model, holds the defaults of its flags. The
     command raises InputError where a value is outside of what the model allows.
     """
-    models: dict[str, tuple[Options, list[_Field]]] = {}
+    models: dict[str, tuple[options.Options, list[_Field]]] = {}
     shown: list[inspect.Parameter] = []
     for parameter in inspect.signature(function, eval_str=True).parameters.values():
         model, only = _find_options(parameter.annotation)
@@ -166,27 +166,27 @@ def read_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
-def _find_options(annotation: Any) -> tuple[type[Options] | None, Only | None]:
+def _find_options(annotation: Any) -> tuple[type[options.Options] | None, Only | None]:
     """The model, where the annotation is one, and which of its flags count."""
     if get_origin(annotation) is Annotated:
         kind, *extra = get_args(annotation)
         model, _ = _find_options(kind)
         return model, next((e for e in extra if isinstance(e, Only)), None)
-    if isinstance(annotation, type) and issubclass(annotation, Options):
+    if isinstance(annotation, type) and issubclass(annotation, options.Options):
         return annotation, None
     return None, None
 
 
-def _list_flagged(model: type[Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
+def _list_flagged(model: type[options.Options], above: tuple[str, ...] = ()) -> Iterator[_Field]:
     for name, info in model.model_fields.items():
-        flag = next((m for m in info.metadata if isinstance(m, Flag)), None)
+        flag = next((m for m in info.metadata if isinstance(m, options.Flag)), None)
         if flag is not None:
             yield _Field((*above, name), info, flag)
-        elif isinstance(info.annotation, type) and issubclass(info.annotation, Options):
+        elif isinstance(info.annotation, type) and issubclass(info.annotation, options.Options):
             yield from _list_flagged(info.annotation, (*above, name))
 
 
-def _fill(default: Options, given: list[tuple[_Field, Any]]) -> Options:
+def _fill(default: options.Options, given: list[tuple[_Field, Any]]) -> options.Options:
     """The model with what was given in place of its defaults."""
     values = default.model_dump()
     for field, value in given:

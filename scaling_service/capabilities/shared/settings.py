@@ -7,15 +7,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from scaling_service.capabilities.shared.names import HIP_REGRESSION_NAMES
-from scaling_service.core.options import LARGEST, Flag, Options
+from scaling_service.core import options
 from scaling_service.recording.settings import ProcessingSettings
 
 _BEYOND = "Beyond the paper"
 
-Bound = Annotated[float, Field(ge=0.0, le=LARGEST)]
+Bound = Annotated[float, Field(ge=0.0, le=options.LARGEST)]
 
 
-class CalibrationSettings(Options):
+class CalibrationSettings(options.Options):
     """Settings of the optimisation-based methods (Puchaud 2019, section 2.2.4), the paper's as defaults.
 
     Examples
@@ -25,14 +25,14 @@ class CalibrationSettings(Options):
     60
     """
 
-    strategy: Annotated[Literal["joint", "alternating"], Flag()] = Field(
+    strategy: Annotated[Literal["joint", "alternating"], options.Flag()] = Field(
         default="joint",
         description="Motion and parameters together (joint), or in turn as in Puchaud 2019 (alternating).",
     )
-    n_frames: Annotated[int, Flag(name="--frames", metavar="N")] = Field(
+    n_frames: Annotated[int, options.Flag(name="--frames", metavar="N")] = Field(
         default=100,
         ge=1,
-        le=LARGEST,
+        le=options.LARGEST,
         description="Frames used to fit, equally spaced over the calibration trials.",
     )
     length_bound: Bound = Field(
@@ -68,36 +68,36 @@ class CalibrationSettings(Options):
         "this share,",
     )
     max_loops: int = Field(
-        default=200, ge=1, le=LARGEST, description="and at the latest after so many loops."
+        default=200, ge=1, le=options.LARGEST, description="and at the latest after so many loops."
     )
     robust_m: Bound | None = Field(
         default=None,
         description="Scale of a Huber loss on marker distances; plain least squares if not given.",
     )
-    sizes: Annotated[Literal["weighted", "measured"], Flag(panel=_BEYOND)] = Field(
+    sizes: Annotated[Literal["weighted", "measured"], options.Flag(panel=_BEYOND)] = Field(
         default="weighted",
         description="Weigh each segment's distances and what persons of this stature and mass are like by "
         "their errors, or take the mean of its distances alone, as the paper does.",
     )
-    hip_regression: Annotated[str, Flag(metavar="NAME", panel=_BEYOND)] = Field(
+    hip_regression: Annotated[str, options.Flag(metavar="NAME", panel=_BEYOND)] = Field(
         default="harrington2007",
         description=f"Which regression: harrington2007, {', '.join(HIP_REGRESSION_NAMES)}.",
     )
-    hip_centre: Annotated[Literal["regression", "functional"], Flag(panel=_BEYOND)] = Field(
+    hip_centre: Annotated[Literal["regression", "functional"], options.Flag(panel=_BEYOND)] = Field(
         default="regression",
         description="From the pelvis markers by regression, or where pelvis and thigh turn against each "
         "other in the calibration trials (three markers on each; SCoRE).",
     )
-    knee_axis: Annotated[Literal["epicondyles", "functional"], Flag(panel=_BEYOND)] = Field(
+    knee_axis: Annotated[Literal["epicondyles", "functional"], options.Flag(panel=_BEYOND)] = Field(
         default="epicondyles",
         description="Along the epicondyles, or where thigh and shank turn against each other in the "
         "calibration trials (three markers on each; SARA).",
     )
-    scaling: Annotated[Literal["uniform", "per-axis"], Flag(panel=_BEYOND)] = Field(
+    scaling: Annotated[Literal["uniform", "per-axis"], options.Flag(panel=_BEYOND)] = Field(
         default="uniform",
         description="One factor for each segment, or factors along its axes where markers determine them.",
     )
-    knee: Annotated[Literal["hinge", "universal", "spherical"], Flag(panel=_BEYOND)] = Field(
+    knee: Annotated[Literal["hinge", "universal", "spherical"], options.Flag(panel=_BEYOND)] = Field(
         default="hinge",
         description="Flexion alone, with inward rotation (universal), or with varus and valgus as well "
         "(spherical).",
@@ -113,7 +113,7 @@ PAPER = CalibrationSettings()
 """The settings of Puchaud 2019, with motion and parameters solved together."""
 
 
-class Settings(Options):
+class Settings(options.Options):
     """How recordings are processed and models fitted.
 
     Examples
@@ -129,7 +129,7 @@ class Settings(Options):
     )
     processing: Annotated[
         ProcessingSettings,
-        Flag(
+        options.Flag(
             name="--smooth-hz",
             metavar="HZ",
             kind=float | None,
@@ -138,17 +138,17 @@ class Settings(Options):
             help="Cutoff of the low pass for markers, 10 where the frame rate allows it; 0: none.",
         ),
     ] = Field(default=ProcessingSettings(), description="What is done to recordings.")
-    up: Annotated[str | None, Flag(metavar="AXIS")] = Field(
+    up: Annotated[str | None, options.Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis that points up, such as +z; found unless given.",
     )
-    forward: Annotated[str | None, Flag(metavar="AXIS")] = Field(
+    forward: Annotated[str | None, options.Flag(metavar="AXIS")] = Field(
         default=None,
         description="Laboratory axis to turn to x, such as -x; unless given, the heading is kept, but where "
         "results are told along and across the way.",
     )
-    seed: Annotated[int, Flag(metavar="N")] = Field(
-        default=0, ge=0, le=LARGEST, description="Seed of everything random."
+    seed: Annotated[int, options.Flag(metavar="N")] = Field(
+        default=0, ge=0, le=options.LARGEST, description="Seed of everything random."
     )
 
     def resolved(self) -> dict[str, Any]:

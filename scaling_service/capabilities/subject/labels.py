@@ -24,7 +24,7 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair, Trial
-from scaling_service.recording.identity.identify import identify
+from scaling_service.recording.identity.identify import Identification, identify
 from scaling_service.recording.orientation import apply, decide
 
 _LIMBS = ("femur", "tibia")
@@ -77,13 +77,14 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
 
 
 def with_tracking_markers(
-    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial]
+    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial], who: Identification | None = None
 ) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
     A segment with fewer than three markers has no pose of its own; where the subject file names no extra
     markers, those that the marker set puts there are taken, and those that sit there and move with it, which
-    takes two markers. Only for built-in models: others bring their own.
+    takes two markers. Only for built-in models: others bring their own. ``who``: what geometry tells, where
+    it was asked already.
     """
     if subject.extra_markers or subject.model not in BUILTIN_NAMES:
         return subject, ()
@@ -95,7 +96,7 @@ def with_tracking_markers(
     free = sorted(labels - set(matched.values()))
     by_set = {n: s for n, s in assign_tracking_segments(free, model).items() if s in limbs}
     still = {s for s in limbs if carried[s] + Counter(by_set.values())[s] < _FEWEST}
-    by_place = _find_clusters(subject, trials, set(free) - by_set.keys(), still)
+    by_place = _find_clusters(subject, trials, set(free) - by_set.keys(), still, who)
     together = carried + Counter([*by_set.values(), *by_place.values()])
     by_place = {label: segment for label, segment in by_place.items() if together[segment] > 1}
     notes = [
@@ -116,23 +117,27 @@ def with_tracking_markers(
 
 
 def _find_clusters(
-    subject: Subject, trials: Mapping[Path, Trial], free: set[str], limbs: set[str]
+    subject: Subject,
+    trials: Mapping[Path, Trial],
+    free: set[str],
+    limbs: set[str],
+    who: Identification | None,
 ) -> dict[str, str]:
     """Labels that geometry puts on segments, of those that no marker takes."""
     if not limbs or not free or subject.static is None or subject.static not in trials:
         return {}
-    standing = trials[subject.static]
-    upright = apply(decide(standing, roles=_list_roles(standing)), standing)
-    told = _list_roles(standing)
-    found = identify(
-        upright,
-        [trial for path, trial in trials.items() if path != subject.static],
-        stature=subject.height_m,
-        landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
-    )
+    if who is None:
+        standing = trials[subject.static]
+        told = _list_roles(standing)
+        who = identify(
+            apply(decide(standing, roles=told), standing),
+            [trial for path, trial in trials.items() if path != subject.static],
+            stature=subject.height_m,
+            landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
+        )
     return {
         one.label: one.segment
-        for one in found.labels.values()
+        for one in who.labels.values()
         if one.label in free and one.segment in limbs and one.confidence > _SURE
     }
 

@@ -44,6 +44,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
+from scaling_service.recording.identity.identify import Identification
 from scaling_service.recording.orientation import (
     Orientation,
     apply,
@@ -148,6 +149,7 @@ def load(
     *,
     facing: bool = False,
     standing: bool = False,
+    who: Identification | None = None,
 ) -> Loaded:
     """Read the model and the recordings of a subject, understand, question and prepare them.
 
@@ -158,10 +160,11 @@ def load(
     ``read``: recordings that were read already, by :func:`read_recordings`; the others are read. ``facing``:
     whether to turn the person X forward, for results that are told along and across the way.
     ``standing``: whether motion stands as the model does, whose gravity may point along another axis than y.
+    ``who``: what geometry tells of the labels, where it was asked already.
     Raises InputError: whatever a file or a label is not fit for; it names the file and the remedy.
     """
     found = read_files(subject, read)
-    understood = understand(found, settings, facing=facing, standing=standing)
+    understood = understand(found, settings, facing=facing, standing=standing, who=who)
     return prepare(understood, question(understood), settings.processing)
 
 
@@ -183,14 +186,21 @@ def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> 
     )
 
 
-def understand(read: Read, settings: Settings, *, facing: bool = False, standing: bool = False) -> Understood:
+def understand(
+    read: Read,
+    settings: Settings,
+    *,
+    facing: bool = False,
+    standing: bool = False,
+    who: Identification | None = None,
+) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     model = labels.without_computed(read.model, read.subject)
     marked = {path: found for path, found in read.recordings.items() if found.labels}
     if not marked:
         return _understand_rotations(read, model, settings)
     labels.check_explicit(read.subject, model, list(marked.values()))
-    subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked)
+    subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
     named = apply_to_each(lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked)
     axes = decide_axes(

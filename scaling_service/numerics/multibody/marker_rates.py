@@ -14,13 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.motion import (
-    LinkMotion,
-    Mechanism,
-    Screws,
-    point_acceleration,
-    point_velocity,
-)
+from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.rigid import build_skew
 from scaling_service.numerics.multibody.tree import Tree, cross, evaluate_local_positions
 
@@ -37,7 +31,7 @@ class MarkerTargets:
         return MarkerTargets(self.values[:, rows], self.weights[:, rows])
 
 
-def compute_marker_motion(tree: Tree, p: Array, state: LinkMotion) -> Array:
+def compute_marker_motion(tree: Tree, p: Array, state: motion.LinkMotion) -> Array:
     """Positions, velocities and accelerations of a tree's markers, (3, n, n_markers, 3).
 
     ``tree``: with the links of the mechanism that moved.
@@ -45,8 +39,8 @@ def compute_marker_motion(tree: Tree, p: Array, state: LinkMotion) -> Array:
     """
     link, local = tree.marker_link, evaluate_local_positions(tree, p)
     at = np.einsum("mjan,mjn->man", state.poses.axes[link], local) + state.poses.origins[link]
-    speed = point_velocity(state.twists[link], at)
-    pace = point_acceleration(state.twists[link], state.accelerations[link], at)
+    speed = motion.point_velocity(state.twists[link], at)
+    pace = motion.point_acceleration(state.twists[link], state.accelerations[link], at)
     return np.ascontiguousarray(np.stack([at, speed, pace]).transpose(0, 3, 1, 2))
 
 
@@ -57,7 +51,13 @@ def compute_marker_misfit(moved: Array, targets: MarkerTargets) -> tuple[Array, 
 
 
 def form_normal_equations(
-    mechanism: Mechanism, tree: Tree, screws: Screws, rows: Array, gap: Array, weights: Array, m: int
+    mechanism: motion.Mechanism,
+    tree: Tree,
+    screws: motion.Screws,
+    rows: Array,
+    gap: Array,
+    weights: Array,
+    m: int,
 ) -> tuple[Array, Array]:
     """Half the gradient and the Gauss-Newton matrix of the weighted squares, by frame.
 
@@ -149,7 +149,7 @@ class MarkerShifts:
             marker=self.marker, axis=self.axis, signal=self.signal, sd=self.sd, signals=self.signals[:, rows]
         )
 
-    def columns(self, tree: Tree, state: LinkMotion) -> Array:
+    def columns(self, tree: Tree, state: motion.LinkMotion) -> Array:
         """Shifts per unit of each number, and their rates, (k, n, 9)."""
         link = tree.marker_link[self.marker]
         axes = state.poses.axes[link, self.axis]  # (k, 3, n)
@@ -182,9 +182,9 @@ class ShiftNormal:
 
 def shift_normal(
     shifts: MarkerShifts,
-    mechanism: Mechanism,
+    mechanism: motion.Mechanism,
     tree: Tree,
-    screws: Screws,
+    screws: motion.Screws,
     rows: Array,
     columns: Array,
     gap: Array,

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.multibody import plan
 from scaling_service.numerics.multibody.laws import (
     NONE,
     follow_slopes,
 )
-from scaling_service.numerics.multibody.plan import Entry, find_entry_coordinate, split_entries
 from scaling_service.numerics.multibody.tree import Poses, Tree, cross, pose_links
 
 TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -90,9 +90,9 @@ class Mechanism:
         return len(self.tree.links)
 
     @cached_property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[plan.Entry, ...]:
         """The terms that move with time, once for each of their coordinates, turns first, then shifts."""
-        moving = split_entries(self.tree.plan.entries, self.tree.factors)
+        moving = plan.split_entries(self.tree.plan.entries, self.tree.factors)
         return tuple(sorted(moving, key=lambda e: not e.is_turn))
 
     @cached_property
@@ -124,7 +124,9 @@ class Mechanism:
     @cached_property
     def coordinates(self) -> NDArray[np.intp]:
         """The coordinate that each entry follows, shape (n_entries,)."""
-        return np.array([find_entry_coordinate(e, self.tree.factors) for e in self.entries], dtype=np.intp)
+        return np.array(
+            [plan.find_entry_coordinate(e, self.tree.factors) for e in self.entries], dtype=np.intp
+        )
 
     @cached_property
     def gathering(self) -> Array:

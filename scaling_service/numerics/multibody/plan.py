@@ -14,15 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Factor,
-    Link,
-    Shift,
-    TermArrays,
-    Turn,
-    Values,
-)
+from scaling_service.numerics.multibody import laws
 
 Index = NDArray[np.intp]
 _TO_AXIS = (
@@ -46,11 +38,11 @@ class _Node:
 
     link: int
     shift: Array = field(default_factory=lambda: _ORIGIN)
-    shift_terms: tuple[TermArrays, ...] = ()
+    shift_terms: tuple[laws.TermArrays, ...] = ()
     before: Array = field(default_factory=lambda: _UNTURNED)
     after: Array = field(default_factory=lambda: _UNTURNED)
     turn: float | None = None
-    turn_terms: tuple[TermArrays, ...] = ()
+    turn_terms: tuple[laws.TermArrays, ...] = ()
 
     @property
     def takes_shift(self) -> bool:
@@ -73,9 +65,9 @@ class Linear:
     curved: slice | Index
     gains: Array
     factors: tuple[int, ...]
-    others: tuple[tuple[int, float, TermArrays], ...]
+    others: tuple[tuple[int, float, laws.TermArrays], ...]
 
-    def values(self, q: Array, values: Values) -> Array:
+    def values(self, q: Array, values: laws.Values) -> Array:
         """Values of all rows, (n_rows, n_frames)."""
         result = np.repeat(self.constant[:, None], q.shape[1], axis=1)
         result[self.varying] += self.matrix @ q
@@ -83,7 +75,7 @@ class Linear:
             result[self.curved] += self.gains @ np.array([values.factors[k] for k in self.factors])
         for row, gain, term in self.others:
             scale = gain * values.p[term.parameter]
-            result[row] += scale * values.factors[term.factor] if term.factor != NONE else scale
+            result[row] += scale * values.factors[term.factor] if term.factor != laws.NONE else scale
         return result
 
 
@@ -97,7 +89,7 @@ class Entry:
 
     node: int
     link: int
-    term: TermArrays
+    term: laws.TermArrays
     direction: Array
     is_turn: bool
     number: int = 0  # which coordinate of the term's factor is looked at, where they are one by one
@@ -120,12 +112,12 @@ class Plan:
     entries: tuple[Entry, ...]  # Every varying term, in the order of the links' moves
 
 
-def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int) -> Plan:
+def plan_of(links: Sequence[laws.Link], factors: Sequence[laws.Factor], n_coordinates: int) -> Plan:
     """Arrange the moves of all links for computation."""
-    nodes: list[_Node] = [_Node(link=NONE)]
-    parents, last = [NONE], [0] * len(links)
+    nodes: list[_Node] = [_Node(link=laws.NONE)]
+    parents, last = [laws.NONE], [0] * len(links)
     for k, link in enumerate(links):
-        before = 0 if link.parent == NONE else last[link.parent]
+        before = 0 if link.parent == laws.NONE else last[link.parent]
         for node in _list_nodes(k, link):
             parents.append(before)
             nodes.append(node)
@@ -139,7 +131,9 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
     ordered = [nodes[k] for k in order]
     edges = np.flatnonzero(np.diff(np.array(depth)[order])) + 1
     bounds = [*edges.tolist(), len(nodes)]
-    parent_rows = np.array([place[parents[k]] if parents[k] != NONE else 0 for k in order], dtype=np.intp)
+    parent_rows = np.array(
+        [place[parents[k]] if parents[k] != laws.NONE else 0 for k in order], dtype=np.intp
+    )
     levels = tuple((slice(a, b), run_of(parent_rows[a:b])) for a, b in pairwise(bounds))
     return Plan(
         parent=parent_rows,
@@ -156,17 +150,17 @@ def plan_of(links: Sequence[Link], factors: Sequence[Factor], n_coordinates: int
     )
 
 
-def _list_nodes(number: int, link: Link) -> list[_Node]:
+def _list_nodes(number: int, link: laws.Link) -> list[_Node]:
     nodes = [_Node(link=number)]
     for move in link.moves:
         node = nodes[-1]
-        if isinstance(move, Shift):
+        if isinstance(move, laws.Shift):
             if not node.takes_shift:
                 node = _Node(link=number)
                 nodes.append(node)
             node.shift = node.shift + move.constant
             node.shift_terms += move.terms
-        elif isinstance(move, Turn):
+        elif isinstance(move, laws.Turn):
             if node.turn is not None:
                 node = _Node(link=number)
                 nodes.append(node)
@@ -200,8 +194,8 @@ def _build_rotations(nodes: Sequence[_Node]) -> Array:
 
 def _build_linear(
     constants: Sequence[tuple[float, ...]],
-    terms: Sequence[tuple[TermArrays, ...]],
-    factors: Sequence[Factor],
+    terms: Sequence[tuple[laws.TermArrays, ...]],
+    factors: Sequence[laws.Factor],
     n_coordinates: int,
 ) -> Linear:
     width = len(constants[0])
@@ -213,7 +207,7 @@ def _build_linear(
         for term in own:
             if is_plain(term, factors):
                 matrix[rows, factors[term.factor].coordinate] += term.gain
-            elif term.parameter == NONE:
+            elif term.parameter == laws.NONE:
                 gains[rows, term.factor] += term.gain
             else:
                 others += [(k * width + i, float(gain), term) for i, gain in enumerate(term.gain) if gain]
@@ -231,24 +225,24 @@ def _build_linear(
     )
 
 
-def split_entries(entries: Sequence[Entry], factors: Sequence[Factor]) -> list[Entry]:
+def split_entries(entries: Sequence[Entry], factors: Sequence[laws.Factor]) -> list[Entry]:
     """The entries that coordinates move, once for each coordinate."""
     return [
         replace(entry, number=number) if number else entry
         for entry in entries
-        if entry.term.factor != NONE
+        if entry.term.factor != laws.NONE
         for number in range(len(factors[entry.term.factor].coordinates))
     ]
 
 
-def find_entry_coordinate(entry: Entry, factors: Sequence[Factor]) -> int:
+def find_entry_coordinate(entry: Entry, factors: Sequence[laws.Factor]) -> int:
     """The coordinate that an entry of :func:`split_entries` follows."""
     return factors[entry.term.factor].coordinates[entry.number]
 
 
-def is_plain(term: TermArrays, factors: Sequence[Factor]) -> bool:
+def is_plain(term: laws.TermArrays, factors: Sequence[laws.Factor]) -> bool:
     """Whether a term is a constant times one coordinate, nothing else."""
-    return term.parameter == NONE and term.factor != NONE and factors[term.factor].shape is None
+    return term.parameter == laws.NONE and term.factor != laws.NONE and factors[term.factor].shape is None
 
 
 def _list_entries(row: int, node: _Node) -> list[Entry]:

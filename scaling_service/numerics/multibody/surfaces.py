@@ -106,33 +106,27 @@ def _reach_along_arc(x: Sequence[_Series], offsets: Sequence[float], axis: int) 
     """
     (sin_a, cos_a), (sin_b, cos_b) = _turn(x[0] + offsets[0]), _turn(x[1] + offsets[1])
     cosine = cos_a * cos_b
-    ratio = cosine.through(_differentiate_angle_over_sine(cosine.value, cosine.order))
-    if axis == 1:
-        return _invert(ratio)
-    aside = _invert(ratio * (cosine + 1.0))
-    return aside * (sin_b * -1.0 if axis == 0 else sin_a * cos_b)
-
-
-def _differentiate_angle_over_sine(cosine: Array, order: int) -> list[Array]:
-    """Derivatives of ``w = t / sin t`` with ``c = cos t``, from order zero.
-
-    ``(1 - c^2) w' = c w - 1``, and so on by differentiation; near ``c = 1`` its series in ``1 - c``.
-    """
-    u = 1.0 - cosine
+    # Derivatives of `w = t / sin t` with `c = cos t`, from order zero. `(1 - c^2) w' = c w - 1`, and so
+    # on by differentiation; near `c = 1` its series in `1 - c`.
+    u = 1.0 - cosine.value
     near = u < _NEAR
-    far = np.where(near, 0.0, cosine)
+    far = np.where(near, 0.0, cosine.value)
     rest = 1.0 - far**2
     found = [np.arccos(far) / np.sqrt(rest)]
-    for k in range(1, order + 1):
+    for k in range(1, cosine.order + 1):
         above = (k - 1) ** 2 * found[k - 2] if k > 1 else -1.0
         found.append(((2 * k - 1) * far * found[k - 1] + above) / rest)
     small, coefficients = np.where(near, u, 0.0), _SERIES
-    for k in range(order + 1):
+    for k in range(cosine.order + 1):
         found[k] = np.where(
             near, (-1.0) ** k * np.polynomial.polynomial.polyval(small, coefficients), found[k]
         )
         coefficients = np.polynomial.polynomial.polyder(coefficients)
-    return found
+    ratio = cosine.through(found)
+    if axis == 1:
+        return _invert(ratio)
+    aside = _invert(ratio * (cosine + 1.0))
+    return aside * (sin_b * -1.0 if axis == 0 else sin_a * cos_b)
 
 
 _KINDS: Mapping[str, Callable[[Sequence[_Series], Sequence[float]], _Series]] = {

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
+from scaling_service.numerics.least_squares import elimination
 from scaling_service.numerics.least_squares.clusters import (
     Clusters,
     Misfit,
@@ -31,15 +32,6 @@ from scaling_service.numerics.least_squares.clusters import (
     compute_misfit,
     gather_clusters,
     weight_markers,
-)
-from scaling_service.numerics.least_squares.elimination import (
-    Elimination,
-    Limits,
-    PivotDamping,
-    Pull,
-    compute_twists,
-    plan_elimination,
-    solve_step,
 )
 from scaling_service.numerics.multibody.laws import NONE
 from scaling_service.numerics.multibody.tree import Poses, Tree, evaluate_local_positions, pose_links
@@ -92,7 +84,7 @@ class _Problem:
     """A block of frames: the statistics of every link, and what bounds and pulls the coordinates."""
 
     tree: Tree
-    plan: Elimination
+    plan: elimination.Elimination
     p: Array
     clusters: Clusters  # by row of the plan
     ground: Array
@@ -120,18 +112,18 @@ class _Problem:
         value, weight = self.prior
         return poses, misfit, misfit.cost + (weight * (q - value) ** 2).sum(axis=0)
 
-    def limits(self, q: Array) -> Limits:
+    def limits(self, q: Array) -> elimination.Limits:
         """How far the columns may move."""
         now = q[self.plan.variables]
-        return Limits(self.lower - now, self.upper - now)
+        return elimination.Limits(self.lower - now, self.upper - now)
 
-    def pull(self, q: Array) -> Pull | None:
+    def pull(self, q: Array) -> elimination.Pull | None:
         """The coordinates' own tasks by column."""
         if self.prior is None:
             return None
         columns = self.plan.variables
         value, weight = self.prior[0][columns], self.prior[1][columns]
-        return Pull(weight, weight * (value - q[columns]))
+        return elimination.Pull(weight, weight * (value - q[columns]))
 
 
 def is_articulated(tree: Tree) -> bool:
@@ -180,7 +172,7 @@ def solve_motion(
     limits = (np.full(nq, -np.inf), np.full(nq, np.inf)) if bounds is None else bounds
     q, cost = np.empty((n, nq)), np.empty(n)
     steps, converged = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=bool)
-    plan = plan_elimination(tree, moving)
+    plan = elimination.plan_elimination(tree, moving)
     for start in range(0, n, _BLOCK):
         rows = slice(start, min(start + _BLOCK, n))
         some = weights[rows] if weights.ndim == 2 else weights
@@ -195,7 +187,7 @@ def solve_motion(
 
 def _take_block(
     tree: Tree,
-    plan: Elimination,
+    plan: elimination.Elimination,
     p: Array,
     measured: Array,
     weights: Array,
@@ -325,7 +317,7 @@ def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> 
     Near the minimum, coordinates that their carriers take past a bound are moved just to it, and the step of
     their frames is made again knowing so: cut off afterwards, it may raise the cost.
     """
-    twist, limits = compute_twists(part.plan, poses), part.limits(state.best)
+    twist, limits = elimination.compute_twists(part.plan, poses), part.limits(state.best)
     delta, promised = _eliminate(part, misfit, twist, state, limits)
     within = _clip(delta, limits.low, limits.high)
     over = within != delta
@@ -338,13 +330,13 @@ def _solve_step(part: _Problem, poses: Poses, misfit: Misfit, state: _State) -> 
 
 
 def _eliminate(
-    part: _Problem, misfit: Misfit, twist: Array, state: _State, limits: Limits
+    part: _Problem, misfit: Misfit, twist: Array, state: _State, limits: elimination.Limits
 ) -> tuple[Array, Array]:
-    return solve_step(
+    return elimination.solve_step(
         part.plan,
         compute_curvature_and_wrench(part.clusters, misfit, state.near),
         twist,
-        PivotDamping(state.damping, part.floor),
+        elimination.PivotDamping(state.damping, part.floor),
         second=state.near,
         pull=part.pull(state.best),
         limits=limits,

@@ -15,16 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Factor,
-    Fixed,
-    Link,
-    ShapeGroup,
-    TermArrays,
-    Values,
-    group_shapes,
-)
+from scaling_service.numerics.multibody import laws
 from scaling_service.numerics.multibody.plan import Entry, Plan, plan_of, run_of
 
 CYCLE = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
@@ -38,15 +29,15 @@ class MarkerTerm:
     """A varying part of one marker's local position."""
 
     marker: int
-    term: TermArrays
+    term: laws.TermArrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tree:
     """A compiled body model: indices and arrays, no names."""
 
-    links: tuple[Link, ...]  # Parents first
-    factors: tuple[Factor, ...]
+    links: tuple[laws.Link, ...]  # Parents first
+    factors: tuple[laws.Factor, ...]
     n_coordinates: int
     n_parameters: int
     marker_link: NDArray[np.intp]  # (n_markers,)
@@ -67,16 +58,16 @@ class Tree:
         return plan_of(self.links, self.factors, self.n_coordinates)
 
     @cached_property
-    def shape_groups(self) -> tuple[ShapeGroup, ...]:
+    def shape_groups(self) -> tuple[laws.ShapeGroup, ...]:
         """Shapes that are evaluated together."""
-        return group_shapes(self.factors)
+        return laws.group_shapes(self.factors)
 
     @cached_property
     def carried(self) -> tuple[slice | NDArray[np.intp], ...]:
         """For every link the markers on it and on everything that hangs on it."""
         below: list[set[int]] = [set(rows.tolist()) for rows in self.marker_rows]
         for k in reversed(range(len(self.links))):
-            if self.links[k].parent != NONE:
+            if self.links[k].parent != laws.NONE:
                 below[self.links[k].parent] |= below[k]
         return tuple(run_of(np.array(sorted(s), dtype=np.intp)) for s in below)
 
@@ -86,16 +77,16 @@ class Tree:
         return tuple(np.flatnonzero(self.marker_link == k) for k in range(len(self.links)))
 
     @cached_property
-    def marker_parameters(self) -> dict[int, tuple[int, TermArrays]]:
+    def marker_parameters(self) -> dict[int, tuple[int, laws.TermArrays]]:
         """Parameters that enter one term of one marker and nothing else: the marker and the term."""
-        found: dict[int, tuple[int, TermArrays]] = {}
+        found: dict[int, tuple[int, laws.TermArrays]] = {}
         taken = [e.term.parameter for entries in self.entries_of_link for e in entries]
         for marker, terms in self.terms_of_marker.items():
             for term in terms:
                 if term.parameter in found:
                     taken.append(term.parameter)
                 found[term.parameter] = (marker, term)
-        return {k: at for k, at in found.items() if k not in (NONE, *taken)}
+        return {k: at for k, at in found.items() if k not in (laws.NONE, *taken)}
 
     @cached_property
     def entries_of_link(self) -> tuple[tuple[Entry, ...], ...]:
@@ -111,7 +102,7 @@ class Tree:
                     {
                         v
                         for move in link.moves
-                        if not isinstance(move, Fixed)
+                        if not isinstance(move, laws.Fixed)
                         for term in move.terms
                         for v in list_variables(self, term)
                     }
@@ -121,31 +112,31 @@ class Tree:
         )
 
     @cached_property
-    def terms_of_marker(self) -> dict[int, tuple[TermArrays, ...]]:
+    def terms_of_marker(self) -> dict[int, tuple[laws.TermArrays, ...]]:
         """The varying terms of each marker that has any."""
-        terms: dict[int, tuple[TermArrays, ...]] = {}
+        terms: dict[int, tuple[laws.TermArrays, ...]] = {}
         for item in self.marker_terms:
             terms[item.marker] = (*terms.get(item.marker, ()), item.term)
         return terms
 
 
-def list_variables(tree: Tree, term: TermArrays) -> list[int]:
+def list_variables(tree: Tree, term: laws.TermArrays) -> list[int]:
     """The variables that enter a term: its coordinates, its parameter."""
     found: list[int] = []
-    if term.factor != NONE:
+    if term.factor != laws.NONE:
         found += tree.factors[term.factor].coordinates
-    if term.parameter != NONE:
+    if term.parameter != laws.NONE:
         found.append(tree.n_coordinates + term.parameter)
     return found
 
 
-def list_rates(tree: Tree, values: Values, term: TermArrays) -> list[tuple[int, Array | float]]:
+def list_rates(tree: Tree, values: laws.Values, term: laws.TermArrays) -> list[tuple[int, Array | float]]:
     """The variables of a term and the rate of its scalar part with each."""
     rates: list[tuple[int, Array | float]] = []
-    if term.factor != NONE:
+    if term.factor != laws.NONE:
         coordinates = tree.factors[term.factor].coordinates
         rates += [(c, values.by_coordinate(term, k)) for k, c in enumerate(coordinates)]
-    if term.parameter != NONE:
+    if term.parameter != laws.NONE:
         rates.append((tree.n_coordinates + term.parameter, values.by_parameter(term)))
     return rates
 
@@ -158,7 +149,7 @@ class Poses:
     # (n_nodes, 4, 3, n_frames): ``frames[node, j]`` is the node's j-th axis in ground, ``frames[node, 3]``
     # its origin (m)
     frames: Array
-    values: Values
+    values: laws.Values
 
     @property
     def node_axes(self) -> Array:
@@ -196,7 +187,7 @@ def pose_links(tree: Tree, q: Array, p: Array, ground: Array | None = None) -> P
         keeps moments about it small.
     """
     plan, n = tree.plan, q.shape[1]
-    values = Values.of(tree.factors, tree.shape_groups, q, p)
+    values = laws.Values.of(tree.factors, tree.shape_groups, q, p)
     # One piece of memory: two are given back to the system after every call, and to get them anew takes
     # longer than the computation.
     local, frames = np.empty((2, len(plan.parent), 4, 3, n))
@@ -225,7 +216,7 @@ def turn_to_ground(axes: Array, local: Array) -> Array:
 
 def evaluate_local_positions(tree: Tree, p: Array) -> Array:
     """Marker positions in their links, which no coordinate enters, shape (n_markers, 3, 1), m."""
-    values = Values.of(tree.factors, tree.shape_groups, np.zeros((tree.n_coordinates, 1)), p)
+    values = laws.Values.of(tree.factors, tree.shape_groups, np.zeros((tree.n_coordinates, 1)), p)
     result = tree.marker_local[:, :, None].astype(float)
     for marker, terms in tree.terms_of_marker.items():
         result[marker] += values.vector(np.zeros(3), terms)

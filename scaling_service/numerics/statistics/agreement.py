@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from scaling_service.core.arrays import Array
-from scaling_service.numerics.statistics.complete import ComparisonImpossible, report_absent, require_complete
+from scaling_service.numerics.statistics import complete
 
 LIMITS = 0.95
 """The share of differences between the limits of agreement (Bland & Altman 1986; z = 1.96)."""
@@ -91,8 +91,8 @@ def measure_agreement(
     for subject, by_method in values.items():
         for name in (method, reference):
             if name not in by_method:
-                raise report_absent(subject, name, quantity)
-    pairs = require_complete(
+                raise complete.report_absent(subject, name, quantity)
+    pairs = complete.require_complete(
         [[by_method[method], by_method[reference]] for by_method in values.values()],
         tuple(values),
         (method, reference),
@@ -100,7 +100,7 @@ def measure_agreement(
         dimensions=2,
     )
     if len(pairs) < 3:
-        raise ComparisonImpossible(
+        raise complete.ComparisonImpossible(
             f"agreement needs at least three subjects, and there are {len(pairs)}",
             field=quantity,
             remedy="Add subjects",

@@ -12,15 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.numerics.statistics import permutation_tests
 from scaling_service.numerics.statistics.complete import ComparisonImpossible, require_complete
-from scaling_service.numerics.statistics.permutation_tests import (
-    CurveTest,
-    PairedT,
-    RepeatedMeasuresF,
-    assess_curve,
-    draw_orders,
-    draw_signs,
-)
 
 NODES = 101
 """0 to 100 % of the cycle, as Pataky's examples and published joint angles (Schwartz 2008: every 2 %)."""
@@ -172,7 +165,7 @@ class PairedCurves:
     methods: tuple[str, str]
     difference_mean: Array
     difference_sd: Array
-    test: CurveTest
+    test: permutation_tests.CurveTest
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -187,7 +180,7 @@ class WaveformComparison:
     quantity: str
     subjects: tuple[str, ...]
     methods: tuple[str, ...]
-    anova: CurveTest
+    anova: permutation_tests.CurveTest
     pairs: tuple[PairedCurves, ...]
     n_pairs: int
 
@@ -241,16 +234,18 @@ def compare_waveforms(
 
 def analyse_repeated_measures(
     values: Array, rng: np.random.Generator, settings: WaveformSettings | None = None
-) -> CurveTest:
+) -> permutation_tests.CurveTest:
     """One-way analysis of variance with repeated measures along curves, by exchange within subjects.
 
     ``values`` (n_subjects, n_conditions, n_nodes): complete: use ``Curves`` to make sure.
     """
     chosen = settings or WaveformSettings()
-    statistic = RepeatedMeasuresF(values)
+    statistic = permutation_tests.RepeatedMeasuresF(values)
     n, k = values.shape[:2]
-    rearranged = draw_orders(n, k, chosen.rearrangements, rng)
-    return assess_curve("F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha)
+    rearranged = permutation_tests.draw_orders(n, k, chosen.rearrangements, rng)
+    return permutation_tests.assess_curve(
+        "F", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha
+    )
 
 
 def compare_paired(
@@ -260,7 +255,7 @@ def compare_paired(
     settings: WaveformSettings | None = None,
     *,
     n_tests: int = 1,
-) -> CurveTest:
+) -> permutation_tests.CurveTest:
     """Paired two-tailed t test along curves, by exchange of signs.
 
     ``first``, ``second``: (n_subjects, n_nodes).
@@ -268,9 +263,11 @@ def compare_paired(
     """
     chosen = settings or WaveformSettings()
     scale = float(max(np.abs(first).max(), np.abs(second).max()))
-    statistic = PairedT(first - second, scale)
-    rearranged = draw_signs(len(first), chosen.rearrangements, rng)
-    return assess_curve("t", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha / n_tests)
+    statistic = permutation_tests.PairedT(first - second, scale)
+    rearranged = permutation_tests.draw_signs(len(first), chosen.rearrangements, rng)
+    return permutation_tests.assess_curve(
+        "t", statistic, statistic.degrees_of_freedom, rearranged, chosen.alpha / n_tests
+    )
 
 
 def _compare_pair(

@@ -26,17 +26,10 @@ from scaling_service.model.scaling import scale_model
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.sweep import solve_motion
 from scaling_service.numerics.multibody.tree import pose_links, pose_markers
+from scaling_service.recording.identity import starts
 from scaling_service.recording.identity.landmarks import STATURE_M, read_body
-from scaling_service.recording.identity.starts import (
-    FEWEST,
-    FIRST_M,
-    Start,
-    assign,
-    measure_misfit,
-    place_rigidly,
-)
 
-_FINE_M = (FIRST_M, 0.06, 0.05, 0.04, 0.04, 0.04)
+_FINE_M = (starts.FIRST_M, 0.06, 0.05, 0.04, 0.04, 0.04)
 _TRIED = 9  # of headings and statures, bent and sized
 _BENT = np.radians(20.0)  # SD of joint angles in standing, beside a marker's 30 mm (chosen)
 _PLACED_M = 0.03
@@ -57,6 +50,7 @@ _ARMS = (
 """How people hold their arms in standing trials: hanging, held off, spread, forward, elbows bent, hands on
 hips or before the chest. Chosen; each start finds what lies within 30 deg of it."""
 
+_ARM = ("humerus", "ulna", "hand")
 _ENDS = (("LFE", "MFE"), ("LM", "MM"))
 _WANDS = ("THI", "SHK")  # put anywhere along the segment, on each side at another height
 _MIRROR = np.array([1.0, 1.0, -1.0])
@@ -88,7 +82,7 @@ class StandingBody:
     it faces, rad about Y from X. ``misfit`` m2: squared distances of all labels, those at no landmark as far.
     """
 
-    start: Start
+    start: starts.Start
     stature: float
     taken: Mapping[int, str]
     places: Mapping[str, Array]
@@ -107,11 +101,11 @@ def propose_standing_bodies(
     ``known``: labels whose landmarks are certain. Empty where there are too few points.
     """
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
-    if len(seen) < FEWEST:
+    if len(seen) < starts.FEWEST:
         return []
     at, fixed = points[seen], _renumber(seen, known)
-    tried: list[Start] = []
-    for start in sorted(place_rigidly(at, stature, fixed), key=lambda start: start.cost):
+    tried: list[starts.Start] = []
+    for start in sorted(starts.place_rigidly(at, stature, fixed), key=lambda start: start.cost):
         if len(tried) < _TRIED and not any(start.resembles(other) for other in tried):
             tried.append(start)
     bodies = sorted((_bend(at, start, fixed) for start in tried), key=lambda body: body.misfit)
@@ -124,7 +118,9 @@ def refine_standing_body(
     """A proposed body with its arms held as the person's, its landmarks where both sides show them."""
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     at, fixed = points[seen], _renumber(seen, known)
-    held = (_bend(at, body.start, fixed, adapt=True, arms=arms) for arms in _ARMS)
+    free = len(body.taken) < len(seen) or any(body.segments[n].startswith(_ARM) for n in body.taken.values())
+    arms = _ARMS if free else (_HANGING,)  # where no label is or may be an arm's, nothing tells of them
+    held = (_bend(at, body.start, fixed, adapt=True, arms=how) for how in arms)
     return _with_numbers_of(seen, min(held, key=lambda other: other.misfit))
 
 
@@ -138,7 +134,7 @@ def _with_numbers_of(seen: NDArray[np.intp], body: StandingBody) -> StandingBody
 
 def _bend(
     at: Array,
-    start: Start,
+    start: starts.Start,
     fixed: Mapping[int, str],
     *,
     adapt: bool = False,
@@ -169,14 +165,12 @@ def _bend(
     rotations = np.array([c.kind == "rotation" and not c.name.startswith("pelvis") for c in body.coordinates])
     pull = np.where(rotations, (_PLACED_M / _BENT) ** 2, 0.0)
     wanted = q.copy()
-    upright = pose_markers(
-        compile_model(scale_model(body, {n: tuple(f) for n, f in factors.items()}), names),
-        q,
-        list_parameter_values(body),
-    )[0]
-    pairs = assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
-    for reach in _FINE_M:
-        model = _move_markers(scale_model(body, {n: tuple(f) for n, f in factors.items()}), shifts)
+    model = scale_model(body, {n: tuple(f) for n, f in factors.items()})
+    upright = pose_markers(compile_model(model, names), q, list_parameter_values(body))[0]
+    pairs = starts.assign(at, upright, names, 2.0 * _FINE_M[0], fixed)
+    for k, reach in enumerate(_FINE_M):
+        model = scale_model(body, {n: tuple(f) for n, f in factors.items()}) if k else model
+        model = _move_markers(model, shifts) if shifts.any() else model
         used = [names[column] for _, column in pairs]
         q = solve_motion(
             compile_model(model, used),
@@ -190,11 +184,11 @@ def _bend(
         ).q
         tree = compile_model(model, names)
         places = pose_markers(tree, q, list_parameter_values(model))[0]
-        pairs = assign(at, places, names, 2.0 * reach, fixed)
+        pairs = starts.assign(at, places, names, 2.0 * reach, fixed)
         adrift = _list_adrift(model, {names[column] for _, column in pairs})
         if adrift:
             far = np.where([[name in adrift] for name in names], np.inf, places)
-            pairs = assign(at, far, names, 2.0 * reach, fixed)
+            pairs = starts.assign(at, far, names, 2.0 * reach, fixed)
         pairs = _pair_the_back(at, _reconcile(model, q, at, pairs, names, fixed), names, places)
         _resize(factors, at, places, names, pairs)
         if adapt:
@@ -208,7 +202,7 @@ def _bend(
         segments=segments,
         ends=_list_ends(model, q),
         heading=start.heading + float(q[0, index["pelvis_rotation"]] - wanted[0, index["pelvis_rotation"]]),
-        misfit=measure_misfit(at, places, pairs),
+        misfit=starts.measure_misfit(at, places, pairs),
     )
 
 

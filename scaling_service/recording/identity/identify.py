@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.arrays import Array
-from scaling_service.model.anatomy.markers import is_computed, look_up_meaning, strip_prefix
+from scaling_service.model.anatomy import markers
 from scaling_service.model.trial import Trial, is_unlabelled
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.recording.identity.body import (
@@ -105,7 +105,7 @@ def identify(
     names = [
         label
         for label in dict.fromkeys(standing.labels)
-        if not is_computed(strip_prefix(label)) and not is_unlabelled(label)
+        if not markers.is_computed(markers.strip_prefix(label)) and not is_unlabelled(label)
     ]
     if len(names) > MOST_LABELS:
         return Identification({}, None)
@@ -166,7 +166,22 @@ def _look(
         own = segments.index(body.segments[name])
         stands[row, own] = min(stands[row, own], apart)
     owners = [segments.index(body.segments[told[k]]) if k in told else None for k in range(len(at))]
-    return _Look(body, segments, *_settle(stands, spreads, owners))
+    # Probability of each label's segment, (n, n_segments), and how likely all labels are (logarithm)
+    place = -_TAIL * np.log1p(stands**2 / (2.0 * _TAIL * _STANDS_M**2))
+    place[~np.isfinite(stands).all(axis=1)] = 0.0
+    share = _normalise(place, owners)
+    square = np.where(np.isfinite(spreads), spreads, 0.0) ** 2
+    seen = np.isfinite(spreads).astype(float)
+    for _ in range(_ROUNDS):
+        weight = seen @ share
+        moved = (square @ share) / np.maximum(weight, 1e-12)
+        # A segment of which a label sees less than one whole other label says nothing of it either way.
+        loose = np.where(weight > 0.5, moved, np.nan)
+        worst = np.nanmin(np.where(np.isfinite(loose), loose, np.inf), axis=1, keepdims=True)
+        loose = np.where(np.isfinite(loose), loose, np.where(np.isfinite(worst), worst, 0.0))
+        log = place - _TAIL * np.log1p(loose / (2.0 * _TAIL * _MOVES_M**2))
+        share = _normalise(log, owners)
+    return _Look(body, segments, share, float((share * log).sum()))
 
 
 def _tell_by_knees(names: Sequence[str], at: Array, look: _Look, movements: Sequence[Trial]) -> int:
@@ -261,25 +276,6 @@ def _measure_spreads(names: Sequence[str], movements: Sequence[Trial]) -> Array:
     return spread
 
 
-def _settle(stands: Array, spreads: Array, told: Sequence[int | None]) -> tuple[Array, float]:
-    """Probability of each label's segment, (n, n_segments), and how likely all labels are (logarithm)."""
-    place = -_TAIL * np.log1p(stands**2 / (2.0 * _TAIL * _STANDS_M**2))
-    place[~np.isfinite(stands).all(axis=1)] = 0.0
-    share = _normalise(place, told)
-    square = np.where(np.isfinite(spreads), spreads, 0.0) ** 2
-    seen = np.isfinite(spreads).astype(float)
-    for _ in range(_ROUNDS):
-        weight = seen @ share
-        moved = (square @ share) / np.maximum(weight, 1e-12)
-        # A segment of which a label sees less than one whole other label says nothing of it either way.
-        loose = np.where(weight > 0.5, moved, np.nan)
-        worst = np.nanmin(np.where(np.isfinite(loose), loose, np.inf), axis=1, keepdims=True)
-        loose = np.where(np.isfinite(loose), loose, np.where(np.isfinite(worst), worst, 0.0))
-        log = place - _TAIL * np.log1p(loose / (2.0 * _TAIL * _MOVES_M**2))
-        share = _normalise(log, told)
-    return share, float((share * log).sum())
-
-
 def _normalise(log: Array, told: Sequence[int | None]) -> Array:
     share = np.exp(log - log.max(axis=1, keepdims=True))
     share /= share.sum(axis=1, keepdims=True)
@@ -311,7 +307,7 @@ def _explain(
     near: float,
     landmark: str | None,
 ) -> str:
-    meaning = look_up_meaning(label)
+    meaning = markers.look_up_meaning(label)
     parts = []
     mates = share.argmax(axis=1) == share[row].argmax()
     known = spreads[row, mates & np.isfinite(spreads[row]) & (np.arange(len(share)) != row)]

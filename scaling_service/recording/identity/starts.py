@@ -13,7 +13,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.multibody.tree import pose_markers
-from scaling_service.recording.identity.landmarks import MORE, STATURE_M, read_body
+from scaling_service.recording.identity import landmarks
 
 _HEADINGS = np.radians(np.arange(0.0, 360.0, 45.0))
 _COARSE_M = (0.15, 0.12, 0.10, 0.08)  # chosen: half of how far label and landmark may be apart, by round
@@ -46,7 +46,7 @@ class Start:
 
 def place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) -> Iterator[Start]:
     """The upright body at every heading, each moved and turned over the points nearest to it."""
-    body = read_body()
+    body = landmarks.read_body()
     names = list(body.marker_names)
     rise = float(np.ptp(at[:, 1]))
     tree = compile_model(body, names)
@@ -54,7 +54,7 @@ def place_rigidly(at: Array, stature: float | None, fixed: Mapping[int, str]) ->
     low, high = _STATURES_M
     guesses = [top * rise for top in _TOPS if low < top * rise < high]
     for height in guesses if stature is None else [stature]:
-        sized = height / STATURE_M * upright
+        sized = height / landmarks.STATURE_M * upright
         for heading, sunk in product(_HEADINGS, (0.0, _ANKLES * height)):
             turn = rotate_about((0.0, 1.0, 0.0), float(heading))
             middle = np.array([np.median(at[:, 0]), at[:, 1].min() - sunk, np.median(at[:, 2])])
@@ -92,7 +92,9 @@ def assign(
     method goes over the longer side once for each entry of the shorter one (Crouse 2016).
     """
     squared = np.nan_to_num(((places[:, None] - at[None]) ** 2).sum(axis=2), nan=np.inf)
-    squared = squared + np.array([_RARE_M**2 if name[1:] in MORE else 0.0 for name in names])[:, None]
+    squared = (
+        squared + np.array([_RARE_M**2 if name[1:] in landmarks.MORE else 0.0 for name in names])[:, None]
+    )
     alone = reach**2
     for column, name in fixed.items():
         row = names.index(name)

@@ -10,12 +10,7 @@ from anyio.to_thread import current_default_thread_limiter
 from fastapi import FastAPI
 from prometheus_client import CollectorRegistry
 
-from scaling_service.capabilities.playback.document import (
-    MuscleScene,
-    ResidualScene,
-    SceneDocument,
-    WrenchScene,
-)
+from scaling_service.capabilities.playback import document
 from scaling_service.documents.service import Problem
 from scaling_service.service.http import (
     contents,
@@ -83,7 +78,13 @@ def create_app(service: Service, *, loopback: bool) -> FastAPI:
         app,
         service.kinds,
         bodies=(*subjects.DOCUMENTS, *laboratory.DOCUMENTS, *contents.DOCUMENTS),
-        answers=(Problem, SceneDocument, ResidualScene, WrenchScene, MuscleScene),
+        answers=(
+            Problem,
+            document.SceneDocument,
+            document.ResidualScene,
+            document.WrenchScene,
+            document.MuscleScene,
+        ),
     )
     app.add_middleware(monitoring.RequestMonitor, registry=app.state.registry)
     return app

@@ -14,7 +14,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 
 from scaling_service.documents.reading import MAX_BYTES
-from scaling_service.service.http.problems import BodyUnreadable, TooSlow, WrongMediaType
+from scaling_service.service.http import problems
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.errors import TooLarge
 
@@ -53,7 +53,7 @@ async def read_json(request: Request) -> dict[str, Any]:
     """The body as a JSON object."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type != "application/json":
-        raise WrongMediaType(
+        raise problems.WrongMediaType(
             f"the body is '{media_type[:60]}', not JSON",
             field="Content-Type",
             remedy="Send JSON with `Content-Type: application/json`",
@@ -71,9 +71,9 @@ async def read_json(request: Request) -> dict[str, Any]:
         json.dumps(found, ensure_ascii=False).encode("utf-8")  # halves of characters cannot be kept
     except (ValueError, RecursionError) as error:  # decoding errors are ValueErrors
         said = error.msg if isinstance(error, json.JSONDecodeError) else "it is nested too deeply or no text"
-        raise BodyUnreadable(f"the body is not valid JSON: {said}", remedy="Correct it") from None
+        raise problems.BodyUnreadable(f"the body is not valid JSON: {said}", remedy="Correct it") from None
     if not isinstance(found, dict):
-        raise BodyUnreadable("the body is not a JSON object", remedy='Send `{"key": value, …}`')
+        raise problems.BodyUnreadable("the body is not a JSON object", remedy='Send `{"key": value, …}`')
     return found
 
 
@@ -94,7 +94,7 @@ async def read_chunks(request: Request, longest_s: float) -> AsyncIterator[bytes
             break
         except TimeoutError:
             said = f"nothing came for {SILENCE_S:g} s" if left_s > SILENCE_S else f"it took {longest_s:g} s"
-            raise TooSlow(said, remedy="Try again, over a faster connection") from None
+            raise problems.TooSlow(said, remedy="Try again, over a faster connection") from None
         waiting += piece
         if len(waiting) >= CHUNK_BYTES:
             yield bytes(waiting)

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 
-from scaling_service.service.http.problems import ForeignOrigin, KeyNeeded, TooManyRequests, WrongHost
+from scaling_service.service.http import problems
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.settings import is_loopback
 from scaling_service.service.store import keys, links
@@ -42,7 +42,7 @@ class Callers:
         """
         # A page of another site cannot make a browser on this machine ask under that site's name.
         if self._loopback and not _is_this_machine(request.headers.get("host", "")):
-            raise WrongHost(
+            raise problems.WrongHost(
                 "this service answers under the names of this machine only",
                 field="Host",
                 remedy="Ask 127.0.0.1 or localhost",
@@ -50,7 +50,7 @@ class Callers:
         address = request.client.host if request.client else "unix"
         try:
             owner, caller = self._recognise(request, address)
-        except (KeyNeeded, ForeignOrigin):
+        except (problems.KeyNeeded, problems.ForeignOrigin):
             self._count(address)
             raise
         self._count(caller)
@@ -65,7 +65,7 @@ class Callers:
         if ticket is not None:
             owner = links.find_owner(self._database, ticket, request.scope["path"])
             if owner is None:
-                raise KeyNeeded(
+                raise problems.KeyNeeded(
                     "this link does not work any more",
                     field=PARAMETER,
                     remedy="Open it again where it came from",
@@ -73,9 +73,9 @@ class Callers:
             return owner, f"links of {owner}"
         if not self._loopback or keys.has_valid(self._database):
             remedy = "Send `Authorization: Bearer KEY`; `scaling-service keys create OWNER` makes one"
-            raise KeyNeeded("a key is needed", field="Authorization", remedy=remedy)
+            raise problems.KeyNeeded("a key is needed", field="Authorization", remedy=remedy)
         if request.method not in ("GET", "HEAD") and _is_foreign(request):
-            raise ForeignOrigin(
+            raise problems.ForeignOrigin(
                 "a page of another site may change nothing here",
                 field="Origin",
                 remedy="Use the service's own page, or a program; pages of other sites need a key",
@@ -85,17 +85,17 @@ class Callers:
     def _count(self, caller: str) -> None:
         wait_s = self._limit.take(caller)
         if wait_s > 0.0:
-            raise TooManyRequests(wait_s)
+            raise problems.TooManyRequests(wait_s)
 
     def _check_key(self, request: Request, given: str) -> tuple[str, str]:
         scheme, _, token = given.partition(" ")
         if scheme.lower() != "bearer":
-            raise KeyNeeded(
+            raise problems.KeyNeeded(
                 "only bearer keys are known", field="Authorization", remedy="Send `Authorization: Bearer KEY`"
             )
         owner = keys.find_owner(self._database, token.strip())
         if owner is None:
-            raise KeyNeeded(
+            raise problems.KeyNeeded(
                 "this key opens nothing",
                 field="Authorization",
                 remedy="It is wrong or was revoked: `scaling-service keys list` shows those that are valid",

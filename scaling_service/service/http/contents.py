@@ -18,10 +18,9 @@ from urllib.parse import quote, unquote
 from fastapi import APIRouter, Request, Response
 
 from scaling_service.documents.service import Link, LinkRequest
+from scaling_service.service.http import callers, problems
 from scaling_service.service.http.bodies import in_writer_thread, read_model
-from scaling_service.service.http.callers import PARAMETER, Owner, ServiceDep
 from scaling_service.service.http.documentation import describe_json_body
-from scaling_service.service.http.problems import RangeUnsatisfiable, Responses, describe_refusals
 from scaling_service.service.http.streams import BoundedResponse
 from scaling_service.service.jobs.submission import RequestInvalid
 from scaling_service.service.store.blobs import Blobs
@@ -79,9 +78,9 @@ def answer_unless_cached(
     return answer(headers)
 
 
-def describe_file_responses(schema: dict[str, str]) -> Responses:
+def describe_file_responses(schema: dict[str, str]) -> problems.Responses:
     """What a route that sends a stored file answers, for the OpenAPI document."""
-    return describe_refusals(404, 416) | {
+    return problems.describe_refusals(404, 416) | {
         200: {"description": "The file", "content": {"*/*": {"schema": schema}}},
         206: {"description": "The range", "content": {"*/*": {"schema": schema}}},
         304: {"description": "Unchanged"},
@@ -138,7 +137,7 @@ def parse_range(header: str | None, size: int) -> range | None:
     else:
         wanted = range(int(begin), min(int(end) + 1, size) if end else size)
     if not wanted:
-        raise RangeUnsatisfiable(size)
+        raise problems.RangeUnsatisfiable(size)
     return wanted
 
 
@@ -180,10 +179,10 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
 @router.post(
     "",
     status_code=HTTPStatus.CREATED,
-    responses=describe_refusals(400, 408, 413, 415, 507),
+    responses=problems.describe_refusals(400, 408, 413, 415, 507),
     openapi_extra=describe_json_body(EXAMPLE, LinkRequest),
 )
-async def make_link(request: Request, owner: Owner, service: ServiceDep) -> Link:
+async def make_link(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Link:
     """Make a link to a file that works without a key, for a minute or for as long as is said.
 
     Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.
@@ -199,11 +198,12 @@ async def make_link(request: Request, owner: Owner, service: ServiceDep) -> Link
         )
     ticket, until_us = await in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
     return Link(
-        path=f"{quote(wanted)}?{PARAMETER}={ticket}", until=datetime.fromtimestamp(until_us / 1e6, UTC)
+        path=f"{quote(wanted)}?{callers.PARAMETER}={ticket}",
+        until=datetime.fromtimestamp(until_us / 1e6, UTC),
     )
 
 
-@router.delete("", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals())
-def end_links(owner: Owner, service: ServiceDep) -> None:
+@router.delete("", status_code=HTTPStatus.NO_CONTENT, responses=problems.describe_refusals())
+def end_links(owner: callers.Owner, service: callers.ServiceDep) -> None:
     """Let none of your links open anything any more. Revoking a key does so, too."""
     service.end_links(owner)

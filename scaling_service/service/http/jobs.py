@@ -20,18 +20,12 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
+from scaling_service.service.http import contents, subjects
 from scaling_service.service.http.bodies import in_writer_thread, read_json
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.contents import (
-    answer_unless_cached,
-    describe_file_responses,
-    send_stored_file,
-    zip_files,
-)
 from scaling_service.service.http.documentation import RESULT, describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.streams import BOUNDED, BoundedResponse
-from scaling_service.service.http.subjects import Cursor, Size, as_datetime, list_file_entries
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.store.errors import NotFound, StoreUnavailable
 from scaling_service.service.store.tables import JobRow
@@ -80,10 +74,10 @@ def as_document(row: JobRow) -> JobDocument:
         progress=Progress(what=row.progress_what, share=row.progress_share),
         attempt=row.attempt,
         revision=row.revision,
-        created_at=as_datetime(row.created_us),
-        started_at=None if row.started_us is None else as_datetime(row.started_us),
-        finished_at=None if row.finished_us is None else as_datetime(row.finished_us),
-        updated_at=as_datetime(row.updated_us),
+        created_at=subjects.as_datetime(row.created_us),
+        started_at=None if row.started_us is None else subjects.as_datetime(row.started_us),
+        finished_at=None if row.finished_us is None else subjects.as_datetime(row.finished_us),
+        updated_at=subjects.as_datetime(row.updated_us),
         code_version=row.code_version,
         failure=row.failure,
         links={"self": here}
@@ -104,8 +98,8 @@ def list_jobs(
     state: State | None = None,
     kind: _Kind = None,
     subject: _Subject = None,
-    cursor: Cursor = None,
-    limit: Size = 50,
+    cursor: subjects.Cursor = None,
+    limit: subjects.Size = 50,
 ) -> JobPage:
     """List jobs, newest first."""
     page = service.jobs(
@@ -122,7 +116,7 @@ def list_jobs(
 def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a job."""
     row = service.job(owner, job)
-    return answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
+    return contents.answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
 
 
 @router.delete(
@@ -189,7 +183,7 @@ def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) 
     if text is None:
         raise _report_no_result(row)
     version = f"{job[:16]}-{row.attempt}"
-    return answer_unless_cached(
+    return contents.answer_unless_cached(
         request, version, lambda h: Response(text, headers=h, media_type="application/json")
     )
 
@@ -207,7 +201,7 @@ def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
 @router.get("/{job}/files", responses=describe_refusals(404))
 def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
     """List what a job made."""
-    return FileList(items=list_file_entries(service.files(owner, job)))
+    return FileList(items=subjects.list_file_entries(service.files(owner, job)))
 
 
 @router.get(
@@ -226,7 +220,7 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
         "Content-Disposition": f'attachment; filename="{row.kind}-{job[:8]}.zip"',
         "Cache-Control": "no-store",
     }
-    stream = zip_files(files, service.store.blobs.open)
+    stream = contents.zip_files(files, service.store.blobs.open)
     longest_s = service.settings.limit_stream_s
     return BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
 
@@ -234,7 +228,7 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
 @router.get(
     "/{job}/files/{path:path}",
     response_class=Response,
-    responses=describe_file_responses({"type": "string"}),
+    responses=contents.describe_file_responses({"type": "string"}),
     dependencies=BOUNDED,
 )
 def get_file(
@@ -246,7 +240,7 @@ def get_file(
 ) -> Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
-    return send_stored_file(request, service.store.blobs, row)
+    return contents.send_stored_file(request, service.store.blobs, row)
 
 
 def _report_no_result(row: JobRow) -> NotFound:

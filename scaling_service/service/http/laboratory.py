@@ -33,7 +33,7 @@ from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
 from scaling_service.service.jobs.example import MOST, Examples
 from scaling_service.service.store.tables import MarkerMapRow
-from scaling_service.virtual.example import SLIDING, SWAPPED, Hidden
+from scaling_service.virtual import example
 
 router = APIRouter(prefix="/v1", tags=["subjects"])
 
@@ -115,11 +115,11 @@ def list_vocabulary() -> Vocabulary:
         ],
         bones=list(BONES),
         gait_angles=list_gait_angles(),
-        hidden_in_example=[_write_sentence(one) for one in (SLIDING, SWAPPED)],
+        hidden_in_example=[_write_sentence(one) for one in (example.SLIDING, example.SWAPPED)],
     )
 
 
-def _write_sentence(hidden: Hidden) -> str:
+def _write_sentence(hidden: example.Hidden) -> str:
     trials = () if hidden.trial is None else (hidden.trial,)
     sizes = {name: QuantityDocument(value=value, sd=None) for name, value in hidden.parameters.items()}
     return describe_effect(hidden.kind, hidden.where, hidden.driver, trials, sizes)

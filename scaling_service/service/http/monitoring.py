@@ -53,6 +53,11 @@ _ANSWER: dict[int | str, dict[str, Any]] = {
     200: {"description": "It is", "content": {"application/json": {"schema": {"type": "object"}}}}
 }
 
+_DEFECT = InputError(
+    "the program failed on this request",
+    remedy="Report it; the service's log says where it happened",
+)
+
 
 @router.get("/health", responses=_ANSWER)
 async def health() -> dict[str, str]:
@@ -173,9 +178,3 @@ class RequestMonitor:
 
 class _CutShort(Exception):
     """An answer could not be brought to its end."""
-
-
-_DEFECT = InputError(
-    "the program failed on this request",
-    remedy="Report it; the service's log says where it happened",
-)

@@ -17,7 +17,7 @@ from scaling_service.documents.service import Problem
 from scaling_service.service.jobs.example import ExampleFailed
 from scaling_service.service.jobs.ledger import QueueFull
 from scaling_service.service.jobs.submission import RequestInvalid
-from scaling_service.service.store.errors import InUse, NotFound, StoreFull, StoreUnavailable, TooLarge
+from scaling_service.service.store import errors
 from scaling_service.service.store.links import TooManyLinks
 from scaling_service.service.store.room import QuotaReached
 
@@ -75,15 +75,15 @@ class RangeUnsatisfiable(InputError):
 
 
 _STATUS: tuple[tuple[type[InputError], int], ...] = (
-    (NotFound, 404),
-    (InUse, 409),
-    (TooLarge, 413),
+    (errors.NotFound, 404),
+    (errors.InUse, 409),
+    (errors.TooLarge, 413),
     (QueueFull, 429),
     (TooManyRequests, 429),
     (TooManyLinks, 429),
-    (StoreFull, 507),
+    (errors.StoreFull, 507),
     (QuotaReached, 507),
-    (StoreUnavailable, 503),
+    (errors.StoreUnavailable, 503),
     (KeyNeeded, 401),
     (BodyUnreadable, 400),
     (WrongMediaType, 415),
@@ -101,8 +101,8 @@ def answer_problem(error: InputError, status: int | None = None) -> JSONResponse
     """An error as the answer to a request."""
     name = type(error).__name__
     code = status or next(status for kind, status in _STATUS if isinstance(error, kind))
-    if isinstance(error, StoreUnavailable):  # where it lies on this machine is no client's business
-        error = StoreUnavailable(error.problem, remedy=error.remedy)
+    if isinstance(error, errors.StoreUnavailable):  # where it lies on this machine is no client's business
+        error = errors.StoreUnavailable(error.problem, remedy=error.remedy)
     document = Problem(
         type=f"urn:scaling-service:{name}",
         title=HTTPStatus(code).phrase,

@@ -14,20 +14,15 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
 from scaling_service.documents.subject import SubjectDocument
-from scaling_service.service.http.bodies import in_writer_thread, read_chunks, read_json
+from scaling_service.service.http import bodies, contents
 from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.contents import (
-    answer_unless_cached,
-    describe_file_responses,
-    send_stored_file,
-)
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.streams import BOUNDED
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import ImagedPerson
+from scaling_service.service.store import tables
 from scaling_service.service.store.errors import TooLarge
-from scaling_service.service.store.tables import LARGEST, FileRow, SubjectRow
 
 router = APIRouter(prefix="/v1/subjects", tags=["subjects"])
 
@@ -43,7 +38,7 @@ FileName = Annotated[
 Cursor = Annotated[
     str | None, Query(pattern=r"^[A-Za-z0-9_\-]*$", max_length=400, description="`next` of the page before.")
 ]
-Size = Annotated[int, Query(ge=1, le=LARGEST, description="Entries of a page.")]
+Size = Annotated[int, Query(ge=1, le=tables.LARGEST, description="Entries of a page.")]
 
 EXAMPLE: dict[str, Any] = {
     "subject": {"id": "S01", "sex": "F", "height_m": 1.70, "mass_kg": 62.0},
@@ -72,8 +67,8 @@ async def put_subject(
     It is the subject file of the command line as JSON; files stand in it by the names under which they are
     uploaded. For landmarks alone it may hold `subject` and `bones` only.
     """
-    document = await read_json(request)
-    row, new = await in_writer_thread(service.put_subject, owner, document)
+    document = await bodies.read_json(request)
+    row, new = await bodies.in_writer_thread(service.put_subject, owner, document)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
     response.headers["Location"] = f"/v1/subjects/{quote(row.id)}"
     return await run_in_threadpool(_make_detail, service, owner, row.id)
@@ -94,7 +89,7 @@ def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limi
 def get_subject(subject: Named, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Look at a subject: its document and its files."""
     detail = _make_detail(service, owner, subject)
-    return answer_unless_cached(
+    return contents.answer_unless_cached(
         request, detail.revision, lambda h: JSONResponse(detail.model_dump(mode="json"), headers=h)
     )
 
@@ -127,22 +122,22 @@ async def put_file(
     _refuse_too_large(request, service.settings.limit_upload_mb)
     with ExitStack() as entered:
         upload = await run_in_threadpool(entered.enter_context, service.upload(owner, subject, name))
-        async for chunk in read_chunks(request, service.settings.limit_stream_s):
-            await in_writer_thread(upload.write, chunk)
-        (entry,) = list_file_entries([await in_writer_thread(upload.keep)])
+        async for chunk in bodies.read_chunks(request, service.settings.limit_stream_s):
+            await bodies.in_writer_thread(upload.write, chunk)
+        (entry,) = list_file_entries([await bodies.in_writer_thread(upload.keep)])
         return entry
 
 
 @router.get(
     "/{subject}/files/{name}",
     response_class=Response,
-    responses=describe_file_responses(_BYTES),
+    responses=contents.describe_file_responses(_BYTES),
     dependencies=BOUNDED,
 )
 def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
-    return send_stored_file(request, service.store.blobs, row)
+    return contents.send_stored_file(request, service.store.blobs, row)
 
 
 @router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
@@ -166,12 +161,12 @@ def as_datetime(microseconds: int) -> datetime:
     return datetime.fromtimestamp(microseconds / 1e6, UTC)
 
 
-def list_file_entries(rows: list[FileRow]) -> list[FileEntry]:
+def list_file_entries(rows: list[tables.FileRow]) -> list[FileEntry]:
     """Files as they travel."""
     return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
-def _make_entry(row: SubjectRow) -> dict[str, Any]:
+def _make_entry(row: tables.SubjectRow) -> dict[str, Any]:
     times = {"created_at": as_datetime(row.created_us), "updated_at": as_datetime(row.updated_us)}
     return {"id": row.id, "revision": row.revision} | times
 

@@ -34,9 +34,9 @@ from scaling_service.documents.jobs import Failure
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
+from scaling_service.service.sandbox import outcomes
 from scaling_service.service.sandbox.child import Child
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome
 from scaling_service.service.sandbox.supervisor import supervise, warm_up
 from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Blobs
@@ -101,10 +101,10 @@ def _end_of_part(end: parts.PartRow) -> dict[str, Any]:
     }
 
 
-def run_attempt(order: Order) -> Outcome:
+def run_attempt(order: Order) -> outcomes.Outcome:
     """Do one attempt, whatever its end; this is what executors run."""
     if order.code_version != code_version():
-        return Failed(
+        return outcomes.Failed(
             Failure(
                 kind="WorkerMismatch",
                 problem=f"a worker runs {code_version()}, the service {order.code_version}",
@@ -132,8 +132,8 @@ def run_attempt(order: Order) -> Outcome:
         child = Child(partial(order.kind.perform, asked["request"]), order.folder, order.limits)
         outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
     except StoreUnavailable as error:
-        return Lost(error.problem)
-    return replace(outcome, host=socket.gethostname()) if isinstance(outcome, Finished) else outcome
+        return outcomes.Lost(error.problem)
+    return replace(outcome, host=socket.gethostname()) if isinstance(outcome, outcomes.Finished) else outcome
 
 
 class Watch:

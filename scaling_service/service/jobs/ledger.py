@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.machine import Event, Standing, follow_event
+from scaling_service.service.jobs import machine
 from scaling_service.service.store import jobs, parts
 from scaling_service.service.store.blobs import Content, keep
 from scaling_service.service.store.database import NowUs
@@ -81,7 +81,7 @@ class Ledger:
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
             elif row.state in _AGAIN:
-                self._move(connection, row, Event.ASK, _FRESH)
+                self._move(connection, row, machine.Event.ASK, _FRESH)
             else:  # somebody else asked meanwhile
                 return row, False
             if new.parts:
@@ -94,13 +94,13 @@ class Ledger:
         if row is None:
             jobs.add(connection, part, State.QUEUED.value, part=True)
         elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
-            self._move(connection, row, Event.ASK, _FRESH)
+            self._move(connection, row, machine.Event.ASK, _FRESH)
 
     def _await_parts(self, connection: Connection, row: JobRow) -> None:
         """Let a job that is queued wait for its parts, unless they are over."""
         over, count = parts.count_ended(connection, row.id)
         if over < count:
-            self._move(connection, row, Event.WAIT, _sum_progress(over, count))
+            self._move(connection, row, machine.Event.WAIT, _sum_progress(over, count))
 
     def lease(
         self, worker: str, host: str, kinds: Collection[str] | None = None, without: Collection[str] = ()
@@ -117,7 +117,7 @@ class Ledger:
                 "started_us": NowUs(),
                 "progress_what": "starting",
             }
-            self._move(connection, row, Event.LEASE, begun)
+            self._move(connection, row, machine.Event.LEASE, begun)
             return jobs.lock(connection, row.id)
 
     def finish(self, held: JobRow, made: AttemptOutput, provenance: str) -> State | None:
@@ -127,16 +127,18 @@ class Ledger:
             if row is None:
                 return None
             if row.state is State.CANCELLING:
-                return self._move(connection, row, Event.FINISH)
+                return self._move(connection, row, machine.Event.FINISH)
             keep(connection, self.store.blobs, [content for _, content in made.files])
             files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
             jobs.add_files(connection, row.id, files)
             parts.take_files(connection, row.id)
             done = {"result": made.result, "provenance": provenance}
             progress = {"progress_share": 1.0, "progress_what": "done"}
-            return self._move(connection, row, Event.FINISH, done | progress)
+            return self._move(connection, row, machine.Event.FINISH, done | progress)
 
-    def settle(self, held: JobRow, event: Event, failure: Failure, provenance: str | None) -> State | None:
+    def settle(
+        self, held: JobRow, event: machine.Event, failure: Failure, provenance: str | None
+    ) -> State | None:
         """Record an attempt that ended without a result; None where the job is no longer ours.
 
         The failure is kept where the job ends as failed by this.
@@ -145,8 +147,8 @@ class Ledger:
             row = self._lock_if_held(connection, held)
             if row is None:
                 return None
-            if event is Event.RELEASE and row.state is State.CANCELLING:
-                event = Event.STOP
+            if event is machine.Event.RELEASE and row.state is State.CANCELLING:
+                event = machine.Event.STOP
             return self._move(connection, row, event, _list_failure_columns(failure, provenance))
 
     def cancel(self, owner: str, job: str) -> JobRow:
@@ -162,10 +164,10 @@ class Ledger:
             if _is_active(row):
                 if parts.is_needed(connection, job):
                     raise report_needed(job)
-                self._move(connection, row, Event.CANCEL)
+                self._move(connection, row, machine.Event.CANCEL)
                 for part in made_of:
                     if part is not None and _is_active(part) and not parts.is_needed(connection, part.id):
-                        self._move(connection, part, Event.CANCEL)
+                        self._move(connection, part, machine.Event.CANCEL)
             return _require_existing(connection, job)
 
     def take_back(self, dead: Iterable[str] = ()) -> list[str]:
@@ -174,7 +176,7 @@ class Ledger:
             taken = jobs.lock_lost(connection, dead)
             for row in taken:
                 why = _list_failure_columns(report_worker_lost(row, "its worker ended"), None)
-                self._move(connection, row, Event.LOSE, why)
+                self._move(connection, row, machine.Event.LOSE, why)
         return [row.id for row in taken]
 
     def _lock_if_held(self, connection: Connection, held: JobRow) -> JobRow | None:
@@ -185,10 +187,16 @@ class Ledger:
         return row if row.state.is_leased else None
 
     def _move(
-        self, connection: Connection, row: JobRow, event: Event, values: Mapping[str, Any] | None = None
+        self,
+        connection: Connection,
+        row: JobRow,
+        event: machine.Event,
+        values: Mapping[str, Any] | None = None,
     ) -> State:
         """Write where a locked job stands after an event, with all that changes with it."""
-        new = follow_event(Standing(row.state, row.attempt, row.losses), event, self.most_losses)
+        new = machine.follow_event(
+            machine.Standing(row.state, row.attempt, row.losses), event, self.most_losses
+        )
         written: dict[str, Any] = dict(values or {})
         written |= {"state": new.state.value, "attempt": new.attempt, "losses": new.losses}
         if not new.state.is_leased:
@@ -210,7 +218,7 @@ class Ledger:
         """A part is over: count again, and let go on what waited for the last one."""
         waiting = parts.list_waiting(connection, part)
         if waiting and state is State.CANCELLED:  # with another whole, just before this one was asked for
-            self._move(connection, _require_existing(connection, part), Event.ASK, _FRESH)
+            self._move(connection, _require_existing(connection, part), machine.Event.ASK, _FRESH)
             return
         for whole in waiting:
             row = jobs.lock(connection, whole)
@@ -218,7 +226,7 @@ class Ledger:
                 continue
             over, count = parts.count_ended(connection, whole)
             if over == count:
-                self._move(connection, row, Event.READY)
+                self._move(connection, row, machine.Event.READY)
             else:
                 jobs.change(connection, whole, _sum_progress(over, count))
 

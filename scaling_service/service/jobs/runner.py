@@ -18,24 +18,14 @@ from pathlib import Path
 from typing import IO
 
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs.attempts import (
-    SLOTS,
-    AttemptFolder,
-    MakeExecutor,
-    Order,
-    choose_executor,
-    make_order,
-    run_attempt,
-)
+from scaling_service.service.jobs import attempts, ledger
 from scaling_service.service.jobs.kinds import KINDS, Kind
-from scaling_service.service.jobs.ledger import WAITING, AttemptOutput, Ledger, report_worker_lost
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version, write_provenance
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
-from scaling_service.service.store import deletion, jobs
+from scaling_service.service.sandbox import outcomes
+from scaling_service.service.store import deletion, errors, jobs
 from scaling_service.service.store.blobs import Content
-from scaling_service.service.store.errors import ContentMissing, StoreFull, StoreUnavailable, disk_errors
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
@@ -67,9 +57,9 @@ class RunningAttempt:
     """An attempt that a runner looks after, of a job as it was leased."""
 
     row: JobRow
-    order: Order
-    folder: AttemptFolder
-    future: Future[Outcome]
+    order: attempts.Order
+    folder: attempts.AttemptFolder
+    future: Future[outcomes.Outcome]
     beside: bool  # whether it runs beside the workers, in its owner's slot for what is brief
     begun: float = field(default_factory=time.monotonic)
 
@@ -86,12 +76,12 @@ class Runner:
         settings: ServiceSettings,
         *,
         kinds: Mapping[str, Kind] = KINDS,
-        make_executor: MakeExecutor | None = None,
+        make_executor: attempts.MakeExecutor | None = None,
     ) -> None:
         self._store, self._settings, self._kinds = store, settings, kinds
         self._brief = [name for name, kind in kinds.items() if kind.brief]
-        self._make_executor = make_executor or choose_executor(settings)
-        self._ledger = Ledger(store, settings.most_losses, settings.lease_s)
+        self._make_executor = make_executor or attempts.choose_executor(settings)
+        self._ledger = ledger.Ledger(store, settings.most_losses, settings.lease_s)
         self._lock = RunnerLock(store.blobs.folder)
         self._executor: Executor | None = None
         self._held: dict[str, RunningAttempt] = {}
@@ -136,7 +126,7 @@ class Runner:
                     self._executor = self._executor or self._make_executor()
                     self._start_queued(self._executor)
                     self._pause_s = 0.0
-                except StoreUnavailable as error:
+                except errors.StoreUnavailable as error:
                     longest = min(_LONGEST_PAUSE_S, self._settings.lease_s / 4)
                     self._pause_s = min(max(2 * self._pause_s, TICK_S), longest)
                     # Every runner gets the time to renew its leases before anyone takes jobs back.
@@ -173,17 +163,19 @@ class Runner:
 
     def _end_finished(self) -> None:
         """Record what has ended; what cannot be recorded now does not hold up the rest."""
-        trouble: StoreUnavailable | None = None
+        trouble: errors.StoreUnavailable | None = None
         for job, held in list(self._held.items()):
             if held.future.done():
                 try:
                     self._settle(held)
-                except StoreUnavailable as error:
+                except errors.StoreUnavailable as error:
                     trouble = error
                     continue
                 except Exception as error:
                     log.exception("the outcome of a job cannot be recorded", extra={"job": job})
-                    lost = report_worker_lost(held.row, f"its result cannot be kept ({type(error).__name__})")
+                    lost = ledger.report_worker_lost(
+                        held.row, f"its result cannot be kept ({type(error).__name__})"
+                    )
                     self._ledger.settle(held.row, Event.LOSE, lost, None)
                     held.folder.remove()
                 del self._held[job]
@@ -195,8 +187,8 @@ class Runner:
         outcome, wall_s = read_outcome(held.future), time.monotonic() - held.begun
         try:
             state = self._record(held, outcome, wall_s)
-        except ContentMissing as error:  # somebody else removed what was made
-            outcome = Lost(error.problem)
+        except errors.ContentMissing as error:  # somebody else removed what was made
+            outcome = outcomes.Lost(error.problem)
             state = self._record(held, outcome, wall_s)
         # One line for the log, without anything of the patient's.
         entry = {
@@ -207,31 +199,33 @@ class Runner:
             "state": None if state is None else state.value,
             "wall_s": round(wall_s, 3),
         }
-        if isinstance(outcome, Failed):
+        if isinstance(outcome, outcomes.Failed):
             entry |= {"failure": outcome.failure.kind, "trace": outcome.trace}
-        if isinstance(outcome, Lost):
+        if isinstance(outcome, outcomes.Lost):
             entry["reason"] = outcome.reason
-        usual = isinstance(outcome, Finished | Stopped) or (isinstance(outcome, Failed) and not outcome.trace)
+        usual = isinstance(outcome, outcomes.Finished | outcomes.Stopped) or (
+            isinstance(outcome, outcomes.Failed) and not outcome.trace
+        )
         log.log(logging.INFO if usual else logging.WARNING, "attempt ended", extra=entry)
         held.folder.remove()
 
-    def _record(self, held: RunningAttempt, outcome: Outcome, wall_s: float) -> State | None:
+    def _record(self, held: RunningAttempt, outcome: outcomes.Outcome, wall_s: float) -> State | None:
         """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
         row, outputs = held.row, held.folder.folder / "outputs"
-        host = outcome.host if isinstance(outcome, Finished) else row.host
+        host = outcome.host if isinstance(outcome, outcomes.Finished) else row.host
         origin = write_provenance(row, held.order.specification, host, wall_s)
         match outcome:
-            case Finished():
+            case outcomes.Finished():
                 files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)
-                made = AttemptOutput(json.dumps(outcome.result, allow_nan=False), files)
+                made = ledger.AttemptOutput(json.dumps(outcome.result, allow_nan=False), files)
                 return self._ledger.finish(row, made, origin)
-            case Failed():
+            case outcomes.Failed():
                 return self._ledger.settle(row, Event.FAIL, outcome.failure, origin)
-            case Stopped():
-                stopped = report_worker_lost(row, "it was stopped")
+            case outcomes.Stopped():
+                stopped = ledger.report_worker_lost(row, "it was stopped")
                 return self._ledger.settle(row, Event.RELEASE, stopped, origin)
-            case Lost():
-                lost = report_worker_lost(row, outcome.reason)
+            case outcomes.Lost():
+                lost = ledger.report_worker_lost(row, outcome.reason)
                 return self._ledger.settle(row, Event.LOSE, lost, origin)
 
     def _take_back(self) -> None:
@@ -247,7 +241,7 @@ class Runner:
         """
         while jobs.has_queued(self._store.database):
             served = {held.row.owner for held in self._held.values() if held.beside}
-            row = self._lease(self._brief, served) if len(served) < SLOTS else None
+            row = self._lease(self._brief, served) if len(served) < attempts.SLOTS else None
             beside = row is not None
             if row is None and len(self._held) - len(served) < self._settings.workers:
                 row = self._lease()
@@ -261,12 +255,12 @@ class Runner:
         # Raise StoreFull where the disk is nearly full; queued jobs say so while it is.
         try:
             self._store.require_room(self._settings.reserve_mb * 1_000_000)
-        except StoreFull as error:
+        except errors.StoreFull as error:
             self._lacks_room = True
             jobs.explain_wait(self._store.database, error.problem)
             raise
         if self._lacks_room:
-            jobs.explain_wait(self._store.database, WAITING)
+            jobs.explain_wait(self._store.database, ledger.WAITING)
             self._lacks_room = False
         return self._ledger.lease(self.name, socket.gethostname(), kinds, without)
 
@@ -275,15 +269,17 @@ class Runner:
         if kind is None:
             self._ledger.settle(row, Event.FAIL, _UNKNOWN, None)
             return
-        folder = AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
+        folder = attempts.AttemptFolder(self._store.blobs.work / f"{row.id}.{row.attempt}")
         limits = self._settings.choose_limits(brief=kind.brief, first=beside)
-        order = make_order(self._store, self._settings, kind, row, folder.folder, limits)
+        order = attempts.make_order(self._store, self._settings, kind, row, folder.folder, limits)
         folder.open()
         try:
-            future = executor.submit(run_attempt, order)
+            future = executor.submit(attempts.run_attempt, order)
         except RuntimeError as error:  # broken, or shut down behind our back
             self._executor = None
-            raise StoreUnavailable(f"the executor is not available ({type(error).__name__})") from error
+            raise errors.StoreUnavailable(
+                f"the executor is not available ({type(error).__name__})"
+            ) from error
         self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future, beside=beside)
         future.add_done_callback(lambda _future: self._wake.set())
 
@@ -293,7 +289,7 @@ class Runner:
             held.future.cancel()
             held.folder.stop()
         wait([held.future for held in self._held.values()], timeout=_ENDING_S)
-        with suppress(StoreUnavailable):  # then the leases run out
+        with suppress(errors.StoreUnavailable):  # then the leases run out
             self._end_finished()
 
     def _tidy(self) -> None:
@@ -304,19 +300,19 @@ class Runner:
                 if self._settings.retention_days is not None:
                     deletion.expire(self._store.database, self._store.blobs, self._settings.retention_days)
                 self._store.tidy()
-            except StoreUnavailable as error:
+            except errors.StoreUnavailable as error:
                 log.warning("tidying was put off", extra={"reason": error.problem})
             self._stop.wait(TIDY_S)
 
 
-def read_outcome(future: Future[Outcome]) -> Outcome:
+def read_outcome(future: Future[outcomes.Outcome]) -> outcomes.Outcome:
     """How an attempt ended, also where the executor itself broke."""
     try:
         return future.result()
     except CancelledError:
-        return Stopped()
+        return outcomes.Stopped()
     except Exception as error:  # noqa: BLE001 (an executor raises what it likes when a worker is gone)
-        return Lost(f"the executor failed ({type(error).__name__})")
+        return outcomes.Lost(f"the executor failed ({type(error).__name__})")
 
 
 def read_machine_id() -> str:
@@ -341,7 +337,7 @@ class RunnerLock:
         self._folder = folder / "runners"
         self._machine = read_machine_id()
         self.name = f"{self._machine}-{os.getpid()}-{secrets.token_hex(4)}"
-        with disk_errors(folder):
+        with errors.disk_errors(folder):
             self._folder.mkdir(mode=0o700, exist_ok=True)
             hidden = self._folder / f".{self.name}"
             self._file: IO[str] = hidden.open("x", encoding="ascii")
@@ -351,12 +347,12 @@ class RunnerLock:
     def dead(self, names: Iterable[str]) -> list[str]:
         """Those runners that were on this machine and are no more."""
         mine = [name for name in names if name.startswith(f"{self._machine}-") and name != self.name]
-        with disk_errors(self._folder):
+        with errors.disk_errors(self._folder):
             return [name for name in mine if not _is_locked(self._folder / name)]
 
     def forget_dead(self) -> None:
         """Remove what dead runners of this machine left."""
-        with disk_errors(self._folder):
+        with errors.disk_errors(self._folder):
             for name in self.dead(path.name for path in self._folder.iterdir()):
                 (self._folder / name).unlink(missing_ok=True)
 

@@ -18,22 +18,15 @@ from sqlalchemy import Connection
 from scaling_service.capabilities.shared.job import JobRequest
 from scaling_service.documents.base import require_plain_name
 from scaling_service.documents.jobs import State
+from scaling_service.service.jobs import submission
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.ledger import Ledger
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.submission import (
-    check_request,
-    check_subject,
-    make_new_job,
-    write_canonical,
-    write_canonical_subject,
-)
-from scaling_service.service.store import deletion, jobs, links, subjects
+from scaling_service.service.store import deletion, jobs, links, subjects, tables
 from scaling_service.service.store.blobs import Incoming
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.room import Quotas
 from scaling_service.service.store.store import Store
-from scaling_service.service.store.tables import FileRow, JobRow, MarkerMapRow, Page, SubjectRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +44,7 @@ class Upload:
         self.service.require_room(len(chunk))
         self.incoming.write(chunk)
 
-    def keep(self) -> FileRow:
+    def keep(self) -> tables.FileRow:
         """All has come; the file is the subject's, in place of one of the same name."""
         store, most = self.service.store, self.service.settings.limit_files
         content = self.incoming.finish()
@@ -78,14 +71,14 @@ class Service:
 
     # Subjects
 
-    def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[SubjectRow, bool]:
+    def put_subject(self, owner: str, document: Mapping[str, Any]) -> tuple[tables.SubjectRow, bool]:
         """Keep a subject's document under the name that it gives; whether that name is new."""
-        name = check_subject(document)
+        name = submission.check_subject(document)
         self.require_room()
-        text, most = write_canonical_subject(document), self.settings.limit_subjects
+        text, most = submission.write_canonical_subject(document), self.settings.limit_subjects
         return subjects.put(self._database, owner, name, text, most=most)
 
-    def subject(self, owner: str, subject: str) -> SubjectRow:
+    def subject(self, owner: str, subject: str) -> tables.SubjectRow:
         """One subject."""
         return subjects.get(self._database, owner, _require_known_name(subject, "subject"))
 
@@ -95,7 +88,9 @@ class Service:
         document: dict[str, Any] = json.loads(text)
         return document
 
-    def subjects(self, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
+    def subjects(
+        self, owner: str, cursor: str | None = None, limit: int = 50
+    ) -> tables.Page[tables.SubjectRow]:
         """An owner's subjects, newest first."""
         return subjects.list_page(self._database, owner, cursor, limit)
 
@@ -118,11 +113,11 @@ class Service:
         with self.store.incoming(self.settings.limit_upload_mb * 1_000_000) as incoming:
             yield Upload(service=self, owner=owner, subject=subject, name=name, incoming=incoming)
 
-    def subject_files(self, owner: str, subject: str) -> list[FileRow]:
+    def subject_files(self, owner: str, subject: str) -> list[tables.FileRow]:
         """A subject's files, by name."""
         return subjects.list_files(self._database, owner, _require_known_name(subject, "subject"))
 
-    def subject_file(self, owner: str, subject: str, name: str) -> tuple[FileRow, Path]:
+    def subject_file(self, owner: str, subject: str, name: str) -> tuple[tables.FileRow, Path]:
         """One file of a subject and where its content lies."""
         return self._one(self.subject_files(owner, subject), name)
 
@@ -134,14 +129,14 @@ class Service:
 
     # The laboratory
 
-    def marker_map(self, owner: str) -> MarkerMapRow | None:
+    def marker_map(self, owner: str) -> tables.MarkerMapRow | None:
         """Which label is which marker in an owner's laboratory; None where that was never said."""
         return subjects.read_marker_map(self._database, owner)
 
-    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> MarkerMapRow | None:
+    def put_marker_map(self, owner: str, labels: Mapping[str, str]) -> tables.MarkerMapRow | None:
         """Keep which label is which marker, in place of what was said before."""
         self.require_room()
-        subjects.put_marker_map(self._database, owner, write_canonical(dict(labels)))
+        subjects.put_marker_map(self._database, owner, submission.write_canonical(dict(labels)))
         return self.marker_map(owner)
 
     # Links
@@ -156,7 +151,9 @@ class Service:
 
     # Jobs
 
-    def ask(self, owner: str, kind: str, request: Mapping[str, Any] | JobRequest) -> tuple[JobRow, bool]:
+    def ask(
+        self, owner: str, kind: str, request: Mapping[str, Any] | JobRequest
+    ) -> tuple[tables.JobRow, bool]:
         """Ask for a job, or find the one that was asked for before; whether this put it in the queue.
 
         RequestInvalid or SubjectInvalid where what is asked for cannot be done; QueueFull where too many
@@ -165,17 +162,17 @@ class Service:
         row = self.kinds.get(kind)
         if row is None or row.route is None:
             raise NotFound(f"there is no kind of job '{kind}'", field="kind")
-        checked, made_of = check_request(row, request), row.parts
+        checked, made_of = submission.check_request(row, request), row.parts
 
         def make(connection: Connection) -> jobs.NewJob:
-            new = make_new_job(connection, owner, kind, checked, made_of)
+            new = submission.make_new_job(connection, owner, kind, checked, made_of)
             if jobs.find(connection, new.id) is None:
                 self.quotas.require(owner)
             return new
 
         return self._ledger.ask(make, self.settings.limit_queue)
 
-    def job(self, owner: str, job: str) -> JobRow:
+    def job(self, owner: str, job: str) -> tables.JobRow:
         """One job; ``revision`` grows with any change."""
         return jobs.get(self._database, owner, _require_known_name(job, "job"))
 
@@ -188,7 +185,7 @@ class Service:
         subject: str | None = None,
         cursor: str | None = None,
         limit: int = 50,
-    ) -> Page[JobRow]:
+    ) -> tables.Page[tables.JobRow]:
         """An owner's jobs, newest first."""
         for what, name in (("kind", kind), ("subject", subject)):
             _require_known_name(name or "", what)
@@ -208,15 +205,15 @@ class Service:
         """Where the result came from, as JSON; None where there is none (yet)."""
         return jobs.read_documents(self._database, owner, _require_known_name(job, "job"))[2]
 
-    def files(self, owner: str, job: str) -> list[FileRow]:
+    def files(self, owner: str, job: str) -> list[tables.FileRow]:
         """What a job made, by path."""
         return jobs.list_files(self._database, owner, _require_known_name(job, "job"))
 
-    def file(self, owner: str, job: str, path: str) -> tuple[FileRow, Path]:
+    def file(self, owner: str, job: str, path: str) -> tuple[tables.FileRow, Path]:
         """One file that a job made and where its content lies."""
         return self._one(self.files(owner, job), path)
 
-    def cancel(self, owner: str, job: str) -> JobRow:
+    def cancel(self, owner: str, job: str) -> tables.JobRow:
         """Wish that a job ends; one that is over stays as it is, a part of one that is not is InUse."""
         with self._deleting(owner):
             return self._ledger.cancel(owner, _require_known_name(job, "job"))
@@ -250,7 +247,7 @@ class Service:
             yield
         self.quotas.forget(owner)
 
-    def _one(self, files: list[FileRow], name: str) -> tuple[FileRow, Path]:
+    def _one(self, files: list[tables.FileRow], name: str) -> tuple[tables.FileRow, Path]:
         for file in files:
             if file.name == name:
                 return file, self.store.blobs.path(file.sha256)

@@ -15,7 +15,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
-from scaling_service.core.errors import FileUnreadable, InputError, SubjectInvalid
+from scaling_service.core import errors
 from scaling_service.documents.reading import read_content
 from scaling_service.service.sandbox.limits import Limits
 
@@ -34,7 +34,7 @@ _ENCRYPTED = ("require", "verify-ca", "verify-full")
 """Of ``sslmode`` in a PostgreSQL URL (PostgreSQL manual, section 34.19)."""
 
 
-class SettingsRefused(InputError):
+class SettingsRefused(errors.InputError):
     """A setting is unknown, cannot be used, or is unsafe."""
 
 
@@ -214,8 +214,12 @@ def is_loopback(host: str | None) -> bool:
 def _read(file: Path | None) -> dict[str, Any]:
     try:
         content = {} if file is None else read_content(file) or {}
-    except SubjectInvalid as error:
-        raise FileUnreadable(error.problem, file=file, field=error.field, remedy=error.remedy) from None
+    except errors.SubjectInvalid as error:
+        raise errors.FileUnreadable(
+            error.problem, file=file, field=error.field, remedy=error.remedy
+        ) from None
     if not isinstance(content, dict):
-        raise FileUnreadable("it is no mapping of settings", file=file, remedy="Write `key: value` lines")
+        raise errors.FileUnreadable(
+            "it is no mapping of settings", file=file, remedy="Write `key: value` lines"
+        )
     return content

@@ -75,7 +75,8 @@ def bundle(web: Path) -> None:
     """
     node, npm = _find_node()
     environment = os.environ | {"PATH": f"{node.parent}{os.pathsep}{os.environ.get('PATH', os.defpath)}"}
-    if not _has_packages(web):
+    installed = web / "node_modules" / ".package-lock.json"
+    if not (installed.is_file() and installed.stat().st_mtime >= (web / "package-lock.json").stat().st_mtime):
         _run(
             [*npm, "ci", "--omit=dev", "--ignore-scripts", "--no-audit", "--no-fund"],
             web,
@@ -88,11 +89,6 @@ def bundle(web: Path) -> None:
     for name in ("index.html", "report/report.js"):
         if not (web / "built" / name).is_file():
             raise PageNotBuilt(f"bundling wrote no {name} into {web / 'built'}")
-
-
-def _has_packages(web: Path) -> bool:
-    installed = web / "node_modules" / ".package-lock.json"
-    return installed.is_file() and installed.stat().st_mtime >= (web / "package-lock.json").stat().st_mtime
 
 
 def _find_node() -> tuple[Path, list[str]]:

@@ -48,8 +48,30 @@ class Child:
         os.setsid()
         pipe, parent = messages.fileno(), parent_process()
         assert parent is not None
-        _die_with_parent(parent.sentinel)
-        _isolate(self.folder, {pipe, parent.sentinel})
+        # Have the kernel kill this process group when the writing end of a pipe closes. No thread of ours
+        # has to run for that, so it also ends a process that is stuck in a library: SIGKILL is sent in
+        # place of SIGIO (fcntl(2), "Signal-driven I/O").
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, -os.getpgrp())
+        fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, fcntl.fcntl(parent.sentinel, fcntl.F_GETFL) | os.O_ASYNC)
+        watch = select.poll()
+        watch.register(parent.sentinel, select.POLLHUP)
+        if watch.poll(0):  # it was closed before the kernel was asked
+            os.killpg(os.getpgrp(), signal.SIGKILL)
+        # Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder
+        pipes = {pipe, parent.sentinel}
+        nowhere = os.open(os.devnull, os.O_RDWR)
+        for descriptor in range(3):
+            os.dup2(nowhere, descriptor)
+        ends = [2, *sorted(pipes), os.sysconf("SC_OPEN_MAX")]
+        for before, after in pairwise(ends):
+            os.closerange(before + 1, after)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+        for name in [name for name in os.environ if name.startswith(SECRETS)]:
+            del os.environ[name]
+        os.environ["TMPDIR"] = tempfile.tempdir = str(self.folder / "tmp")
+        os.chdir(self.folder / "tmp")
         self.limits.apply()
         _send(pipe, self._answer(lambda what, share: _send(pipe, {"progress": [what[:200], share]})))
         os.killpg(os.getpgrp(), signal.SIGKILL)
@@ -104,37 +126,6 @@ def _list_causes(error: BaseException) -> Iterator[BaseException]:
     while seen is not None:
         yield seen
         seen = seen.__cause__ or seen.__context__
-
-
-def _die_with_parent(lifeline: int) -> None:
-    """Have the kernel kill this process group when the writing end of a pipe closes.
-
-    No thread of ours has to run for that, so it also ends a process that is stuck in a library: SIGKILL is
-    sent in place of SIGIO (fcntl(2), "Signal-driven I/O").
-    """
-    fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
-    fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
-    fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
-    watch = select.poll()
-    watch.register(lifeline, select.POLLHUP)
-    if watch.poll(0):  # it was closed before the kernel was asked
-        os.killpg(os.getpgrp(), signal.SIGKILL)
-
-
-def _isolate(folder: Path, pipes: set[int]) -> None:
-    """Be quiet, know no secrets, hold these pipes only, and keep everything temporary in the folder."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for descriptor in range(3):
-        os.dup2(nowhere, descriptor)
-    ends = [2, *sorted(pipes), os.sysconf("SC_OPEN_MAX")]
-    for before, after in pairwise(ends):
-        os.closerange(before + 1, after)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-    for name in [name for name in os.environ if name.startswith(SECRETS)]:
-        del os.environ[name]
-    os.environ["TMPDIR"] = tempfile.tempdir = str(folder / "tmp")
-    os.chdir(folder / "tmp")
 
 
 def _send(pipe: int, message: dict[str, Any]) -> None:

@@ -22,8 +22,8 @@ from pydantic import ValidationError
 
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure
+from scaling_service.service.sandbox import outcomes
 from scaling_service.service.sandbox.child import RESULT, Child, Progress
-from scaling_service.service.sandbox.outcomes import Failed, Finished, Lost, Outcome, Stopped
 from scaling_service.service.store.blobs import prepare
 from scaling_service.service.store.errors import StoreUnavailable
 
@@ -32,6 +32,17 @@ PRELOAD = "scaling_service.service.sandbox.warm"  # what the fork server imports
 _ROOT = Path(__file__).resolve().parents[3]
 _CONTEXT = multiprocessing.get_context("forkserver")
 _GONE_S = 10.0  # chosen: SIGKILL takes effect at once, unless the machine itself is stuck
+
+TICK_S = 0.1
+"""Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
+
+_LOOK_AT_DISK_S = 1.0
+_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
+_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
+_MOST_FILES = 10_000
+_LONGEST_PATH = 512  # characters, as in the table of files
+
+_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
 
 
 def find_python(module: str, *arguments: str) -> tuple[list[str], dict[str, str]]:
@@ -86,19 +97,7 @@ class SandboxProcess:
         self.messages.close()
 
 
-TICK_S = 0.1
-"""Between looks at the clock and the wish to stop. Chosen: quick for a person, nothing for a machine."""
-
-_LOOK_AT_DISK_S = 1.0
-_LONGEST_LINE = 1 << 16  # bytes. A child that sends a longer line is not ours any more.
-_LARGEST_RESULT = 64 << 20  # bytes. Chosen: far above any document, far below the memory of a machine.
-_MOST_FILES = 10_000
-_LONGEST_PATH = 512  # characters, as in the table of files
-
-_CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS)
-
-
-def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> Outcome:
+def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> outcomes.Outcome:
     """Have work done in a limited process, and wait for its end, whatever that is.
 
     ``stop`` is asked ten times a second whether to stop; ``progress`` hears what is being done and the
@@ -107,7 +106,7 @@ def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> 
     try:
         launched = SandboxProcess(child)
     except (OSError, EOFError) as error:
-        return Lost(f"no process could be started ({error})")
+        return outcomes.Lost(f"no process could be started ({error})")
     try:
         answer = _await_answer(launched, child, stop, progress)
     finally:
@@ -117,7 +116,7 @@ def supervise(child: Child, *, stop: Callable[[], bool], progress: Progress) -> 
 
 def _await_answer(
     launched: SandboxProcess, child: Child, stop: Callable[[], bool], progress: Progress
-) -> dict[str, Any] | Outcome:
+) -> dict[str, Any] | outcomes.Outcome:
     """The child's answer, or how it ended without one."""
     begun = looked = time.monotonic()
     pipe = launched.messages.fileno()
@@ -138,27 +137,27 @@ def _await_answer(
             # What the exit of a child that gave no answer means.
             code = launched.exit_code
             if code == -signal.SIGXCPU:
-                return Failed.of(child.limits.report_exceeded(child.limits.cpu_setting))
+                return outcomes.Failed.of(child.limits.report_exceeded(child.limits.cpu_setting))
             if code is not None and -code in _CRASHES:
-                return Failed(
+                return outcomes.Failed(
                     Failure(
                         kind="ProgramError",
                         problem=f"a library crashed on this job ({signal.Signals(-code).name})",
                         remedy="Check that the files are sound: damaged ones can do this",
                     )
                 )
-            return Lost(f"the process ended with {code}")
+            return outcomes.Lost(f"the process ended with {code}")
         if lines.broken:
-            return Lost("it sent what cannot be read")
+            return outcomes.Lost("it sent what cannot be read")
         now = time.monotonic()
         if stop():
-            return Stopped()
+            return outcomes.Stopped()
         if now - begun > child.limits.wall_s:
-            return Failed.of(child.limits.report_exceeded("limit_wall_s"))
+            return outcomes.Failed.of(child.limits.report_exceeded("limit_wall_s"))
         if now - looked > _LOOK_AT_DISK_S:
             looked = now
             if _count_bytes(child.folder) > child.limits.output_bytes:
-                return Failed.of(child.limits.report_exceeded("limit_output_mb"))
+                return outcomes.Failed.of(child.limits.report_exceeded("limit_output_mb"))
 
 
 class _Lines:
@@ -185,30 +184,32 @@ class _Lines:
         return messages
 
 
-def _parse_answer(answer: dict[str, Any], child: Child) -> Outcome:
+def _parse_answer(answer: dict[str, Any], child: Child) -> outcomes.Outcome:
     """A child's last message as an outcome, with its files counted and synced by us."""
     try:
         if "failure" in answer:
             fields = {k: v if v is None else _make_printable(v) for k, v in dict(answer["failure"]).items()}
-            return Failed(Failure.model_validate(fields), _make_printable(answer.get("trace", ""))[:4000])
+            return outcomes.Failed(
+                Failure.model_validate(fields), _make_printable(answer.get("trace", ""))[:4000]
+            )
         if "hindered" in answer:
-            return Lost(_make_printable(answer["hindered"])[:200])
+            return outcomes.Lost(_make_printable(answer["hindered"])[:200])
         if _count_bytes(child.folder) > child.limits.output_bytes:
-            return Failed.of(child.limits.report_exceeded("limit_output_mb"))
+            return outcomes.Failed.of(child.limits.report_exceeded("limit_output_mb"))
         # The result document, which must be JSON in the narrow sense.
         file = child.folder / RESULT
         if file.lstat().st_size > _LARGEST_RESULT:
             raise ValueError("no result is so large")
-        return Finished(
+        return outcomes.Finished(
             json.loads(file.read_bytes(), parse_constant=_reject_constant),
             _list_files(child.folder / "outputs"),
         )
     except StoreUnavailable as error:
-        return Lost(error.problem)
+        return outcomes.Lost(error.problem)
     except InputError as error:
-        return Failed.of(error)
+        return outcomes.Failed.of(error)
     except (ValidationError, ValueError, TypeError, RecursionError, OSError) as error:
-        return Lost(f"its answer cannot be read ({type(error).__name__})")
+        return outcomes.Lost(f"its answer cannot be read ({type(error).__name__})")
 
 
 def _list_files(outputs: Path) -> tuple[tuple[str, str, int], ...]:

@@ -19,8 +19,8 @@ from typing import BinaryIO
 
 from sqlalchemy import Connection, delete, exists, or_, select
 
+from scaling_service.service.store import errors
 from scaling_service.service.store.database import Database, NowUs, insert_for
-from scaling_service.service.store.errors import ContentMissing, TooLarge, disk_errors
 from scaling_service.service.store.tables import REFERENCES, blobs
 
 _CHUNK = 1 << 20
@@ -54,17 +54,17 @@ class Incoming:
         """Add bytes; TooLarge where more than the limit came."""
         self._size += len(chunk)
         if self._size > self._limit:
-            raise TooLarge(
+            raise errors.TooLarge(
                 f"the upload is larger than {self._limit / 1e6:g} MB",
                 remedy="Cut or compress the recording, or raise the limit in the service's settings",
             )
         self._digest.update(chunk)
-        with disk_errors(self._scratch.parent):
+        with errors.disk_errors(self._scratch.parent):
             self._file.write(chunk)
 
     def finish(self) -> Content:
         """All has come: put it safely on disk."""
-        with disk_errors(self._scratch.parent):
+        with errors.disk_errors(self._scratch.parent):
             self._file.flush()
             os.fsync(self._file.fileno())
         return Content(self._digest.hexdigest(), self._size, self._scratch)
@@ -84,14 +84,14 @@ class Blobs:
         self.uploads = folder / "scratch" / "uploads"
         self.work = folder / "scratch" / "jobs"
         self._blobs = folder / "blobs"
-        with disk_errors(folder):
+        with errors.disk_errors(folder):
             for place in (folder, folder / "scratch", self.uploads, self.work, self._blobs):
                 place.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
 
     @contextmanager
     def incoming(self, limit: int) -> Iterator[Incoming]:
         """Take an upload of at most ``limit`` bytes; what is not kept in time leaves no trace."""
-        with disk_errors(self.folder):
+        with errors.disk_errors(self.folder):
             upload = Incoming(self.uploads / secrets.token_hex(16), limit)
         try:
             yield upload
@@ -108,7 +108,7 @@ class Blobs:
         Repeating it after a transaction that failed is harmless.
         """
         target = self.path(content.sha256)
-        with disk_errors(self.folder):
+        with errors.disk_errors(self.folder):
             if not target.parent.exists():
                 target.parent.mkdir(mode=_PRIVATE, exist_ok=True)
                 sync_folder(target.parent.parent)
@@ -120,12 +120,12 @@ class Blobs:
 
     def remove(self, sha256: str) -> None:
         """Remove content, within the transaction that holds the lock of its row."""
-        with disk_errors(self.folder):
+        with errors.disk_errors(self.folder):
             self.path(sha256).unlink(missing_ok=True)
 
     def open(self, sha256: str) -> BinaryIO:
         """Content, to be read; ContentMissing where it is not there."""
-        with disk_errors(self.folder):
+        with errors.disk_errors(self.folder):
             try:
                 return self.path(sha256).open("rb")
             except FileNotFoundError:
@@ -134,12 +134,12 @@ class Blobs:
     def copy(self, sha256: str, target: Path) -> None:
         """Copy content to a file and check on the way that it is what its name says."""
         digest = hashlib.sha256()
-        with self.open(sha256) as source, disk_errors(target.parent), target.open("xb") as copy:
+        with self.open(sha256) as source, errors.disk_errors(target.parent), target.open("xb") as copy:
             while chunk := source.read(_CHUNK):
                 digest.update(chunk)
                 copy.write(chunk)
         if digest.hexdigest() != sha256:
-            raise ContentMissing(
+            raise errors.ContentMissing(
                 "a stored file is damaged",
                 file=self.path(sha256),
                 remedy="Check the disk, and upload the file again",
@@ -164,7 +164,7 @@ class Blobs:
 
 def prepare(path: Path) -> Content:
     """A finished file in scratch, synced and named by its content."""
-    with disk_errors(path.parent), path.open("rb") as file:
+    with errors.disk_errors(path.parent), path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
         os.fsync(file.fileno())
         return Content(digest, os.fstat(file.fileno()).st_size, path)
@@ -179,8 +179,8 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _report_content_missing(sha256: str) -> ContentMissing:
-    return ContentMissing(
+def _report_content_missing(sha256: str) -> errors.ContentMissing:
+    return errors.ContentMissing(
         f"the stored content {sha256[:12]}… is not there",
         remedy="Upload the file again, or restore the data directory from a backup",
     )

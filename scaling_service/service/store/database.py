@@ -23,7 +23,7 @@ from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.functions import FunctionElement
 
 from scaling_service.core.errors import DependencyMissing, InputError
-from scaling_service.service.store.errors import StoreUnavailable, of_sqlite, report_full
+from scaling_service.service.store import errors
 
 CONNECT_S = 5
 """Chosen: a PostgreSQL that does not answer by then is reported as unavailable, and tried again later."""
@@ -213,25 +213,25 @@ def database_errors() -> Iterator[None]:
     try:
         yield
     except PoolTimeout as error:
-        busy = StoreUnavailable("all connections to the database are busy", remedy="Try again later")
+        busy = errors.StoreUnavailable("all connections to the database are busy", remedy="Try again later")
         raise busy from error
     except DBAPIError as error:
-        known = of_sqlite(error.orig) or _of_postgres(error)
+        known = errors.of_sqlite(error.orig) or _of_postgres(error)
         if known is None:
             raise
         raise known from error
 
 
-def _of_postgres(error: DBAPIError) -> StoreUnavailable | None:
+def _of_postgres(error: DBAPIError) -> errors.StoreUnavailable | None:
     state = getattr(error.orig, "sqlstate", None)
     if state == _POSTGRES_FULL:
-        return report_full()
+        return errors.report_full()
     # Classes 08 connection, 53 resources, 57 operator intervention, 25006 read-only, 40 rolled back; or none
     # at all where the server was not reached (PostgreSQL manual, appendix A).
     unreached = state is None and type(error.orig).__module__.startswith("psycopg")
     refused = (state or "").startswith(("08", "53", "57", "25006", "40", "58"))
     if error.connection_invalidated or unreached or refused:
-        return StoreUnavailable(
+        return errors.StoreUnavailable(
             "the database does not answer now",
             field="database_url",
             remedy="Look whether PostgreSQL runs and can write; the service goes on by itself",

@@ -13,28 +13,26 @@ from collections.abc import Iterable, Sequence
 
 from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 
-from scaling_service.service.store import parts
+from scaling_service.service.store import parts, tables
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.errors import StoreFull, report_needed
 from scaling_service.service.store.jobs import report_no_job
 from scaling_service.service.store.subjects import report_no_subject
-from scaling_service.service.store.tables import (
-    REFERENCES,
-    job_files,
-    job_inputs,
-    job_subjects,
-    jobs,
-    subject_files,
-    subjects,
-)
 
 _AT_ONCE = 200  # jobs deleted in one transaction. Chosen: others wait for some ms only.
 _DAY_S = 86_400
 _PATIENCE_S = 2.0
 """How long readers of the log are waited for. Chosen: every reading transaction is far shorter."""
 
-_TABLES = ("jobs", "job_subjects", "job_parts", "subjects", "blobs", *(table.name for table in REFERENCES))
+_TABLES = (
+    "jobs",
+    "job_subjects",
+    "job_parts",
+    "subjects",
+    "blobs",
+    *(table.name for table in tables.REFERENCES),
+)
 
 
 def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
@@ -43,7 +41,11 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
     NotFound where this owner has no such job, InUse where it is a part of one that is not over.
     """
     with database.write() as connection:
-        mine = select(jobs.c.id).where(jobs.c.id == job, jobs.c.owner == owner).with_for_update()
+        mine = (
+            select(tables.jobs.c.id)
+            .where(tables.jobs.c.id == job, tables.jobs.c.owner == owner)
+            .with_for_update()
+        )
         found = list(connection.scalars(mine))
         if not found:
             raise report_no_job(job)
@@ -69,11 +71,15 @@ def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) 
 
 
 def _delete_jobs_singly(database: Database, blobs: Blobs, owner: str, identity: str) -> None:
-    resting = (job_subjects.c.owner == owner) & (job_subjects.c.subject == identity)
+    resting = (tables.job_subjects.c.owner == owner) & (tables.job_subjects.c.subject == identity)
     with database.read() as connection:
         # Wholes before their parts, which go with them.
-        wanted = select(jobs.c.id).join(job_subjects, job_subjects.c.job == jobs.c.id).where(resting)
-        found = list(connection.scalars(wanted.order_by(jobs.c.part, jobs.c.id)))
+        wanted = (
+            select(tables.jobs.c.id)
+            .join(tables.job_subjects, tables.job_subjects.c.job == tables.jobs.c.id)
+            .where(resting)
+        )
+        found = list(connection.scalars(wanted.order_by(tables.jobs.c.part, tables.jobs.c.id)))
     for job in found:
         with database.write() as connection:
             gone, digests = _delete_jobs(connection, [job])
@@ -86,10 +92,17 @@ def expire(database: Database, blobs: Blobs, days: float) -> tuple[int, int]:
     A subject on whose data a kept job rests stays, and so does what a kept job is made of.
     """
     before = NowUs() - round(days * _DAY_S * US_PER_S)
-    over = jobs.c.state.in_(parts.OVER)
-    old_jobs = select(jobs.c.id).where(over, jobs.c.finished_us < before, jobs.c.part == 0)
-    used = exists().where(job_subjects.c.owner == subjects.c.owner, job_subjects.c.subject == subjects.c.id)
-    old_subjects = select(subjects.c.owner, subjects.c.id).where(subjects.c.updated_us < before, ~used)
+    over = tables.jobs.c.state.in_(parts.OVER)
+    old_jobs = select(tables.jobs.c.id).where(
+        over, tables.jobs.c.finished_us < before, tables.jobs.c.part == 0
+    )
+    used = exists().where(
+        tables.job_subjects.c.owner == tables.subjects.c.owner,
+        tables.job_subjects.c.subject == tables.subjects.c.id,
+    )
+    old_subjects = select(tables.subjects.c.owner, tables.subjects.c.id).where(
+        tables.subjects.c.updated_us < before, ~used
+    )
     gone_jobs, found = 0, [""]
     while found:
         with database.write() as connection:
@@ -133,15 +146,17 @@ def remove_traces(database: Database) -> bool:
 
 def _delete_subject(connection: Connection, owner: str, identity: str) -> tuple[list[str], list[str]]:
     """The jobs that went with it, and the contents that nothing of it refers to any more."""
-    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
-    if connection.scalar(select(subjects.c.id).where(mine).with_for_update()) is None:
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
+    if connection.scalar(select(tables.subjects.c.id).where(mine).with_for_update()) is None:
         raise report_no_subject(identity)
-    resting = (job_subjects.c.owner == owner) & (job_subjects.c.subject == identity)
-    found = list(connection.scalars(select(job_subjects.c.job).where(resting)))
+    resting = (tables.job_subjects.c.owner == owner) & (tables.job_subjects.c.subject == identity)
+    found = list(connection.scalars(select(tables.job_subjects.c.job).where(resting)))
     gone, digests = _delete_jobs(connection, found)
-    held: ColumnElement[bool] = (subject_files.c.owner == owner) & (subject_files.c.subject == identity)
-    digests += connection.scalars(select(subject_files.c.sha256).where(held))
-    connection.execute(delete(subjects).where(mine))
+    held: ColumnElement[bool] = (tables.subject_files.c.owner == owner) & (
+        tables.subject_files.c.subject == identity
+    )
+    digests += connection.scalars(select(tables.subject_files.c.sha256).where(held))
+    connection.execute(delete(tables.subjects).where(mine))
     return gone, digests
 
 
@@ -153,9 +168,11 @@ def _delete_jobs(connection: Connection, found: Sequence[str]) -> tuple[list[str
         for k in range(0, len(found), _AT_ONCE):
             some = found[k : k + _AT_ONCE]
             made_of += parts.of(connection, some)
-            referred = (select(t.c.sha256).where(t.c.job.in_(some)) for t in (job_inputs, job_files))
+            referred = (
+                select(t.c.sha256).where(t.c.job.in_(some)) for t in (tables.job_inputs, tables.job_files)
+            )
             digests += connection.scalars(union(*referred))
-            connection.execute(delete(jobs).where(jobs.c.id.in_(some)))
+            connection.execute(delete(tables.jobs).where(tables.jobs.c.id.in_(some)))
         found = parts.list_unneeded(connection, made_of)
         gone += found
     return gone, digests

@@ -10,6 +10,16 @@ from pathlib import Path
 
 from scaling_service.core.errors import InputError
 
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)  # the disk or the user's share of it is full
+
+NO_ACCESS = (
+    *(errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM),
+    *(errno.EIO, errno.ESTALE, errno.ENXIO, errno.EMFILE),
+)
+"""The disk cannot be written to, or does not answer."""
+
+_SQLITE_NO_FILE = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
+
 
 class StoreUnavailable(InputError):
     """The database or the data directory does not answer now; nothing was changed. Try again later."""
@@ -37,17 +47,6 @@ class TooLarge(InputError):
 
 class StoreTooNew(InputError):
     """The tables were made by a later version of the program."""
-
-
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT)  # the disk or the user's share of it is full
-
-NO_ACCESS = (
-    *(errno.EROFS, errno.ENOENT, errno.ENOTDIR, errno.EACCES, errno.EPERM),
-    *(errno.EIO, errno.ESTALE, errno.ENXIO, errno.EMFILE),
-)
-"""The disk cannot be written to, or does not answer."""
-
-_SQLITE_NO_FILE = ("SQLITE_BUSY", "SQLITE_LOCKED", "SQLITE_IOERR", "SQLITE_READONLY", "SQLITE_CANTOPEN")
 
 
 @contextmanager

@@ -9,26 +9,20 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, Select, Table, bindparam, func, insert, or_, select, update
 
 from scaling_service.documents.jobs import State
+from scaling_service.service.store import tables
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.tables import (
-    FileRow,
-    JobRow,
-    Page,
-    job_files,
-    job_inputs,
-    job_subjects,
-    jobs,
-    make_job_row,
-    owners,
-    read_page,
-)
 
-SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)  # columns of a job that are small
+SHOWN = tuple(
+    tables.jobs.c[name] for name in tables.JobRow.__dataclass_fields__
+)  # columns of a job that are small
 
-_ONE = select(*SHOWN).where(jobs.c.id == bindparam("job"), jobs.c.owner == bindparam("owner"))
+_ONE = select(*SHOWN).where(tables.jobs.c.id == bindparam("job"), tables.jobs.c.owner == bindparam("owner"))
 """Made once: whoever follows a job asks again and again."""
+
+_LEASED = tables.jobs.c.state.in_([state.value for state in State if state.is_leased])
+_QUEUED = tables.jobs.c.state == State.QUEUED.value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +35,7 @@ class NewJob:
     code_version: str
     specification: str  # canonical JSON
     subjects: tuple[str, ...]  # whose data it rests on
-    inputs: tuple[FileRow, ...]  # path in the folder of inputs, and content
+    inputs: tuple[tables.FileRow, ...]  # path in the folder of inputs, and content
     parts: tuple[NewJob, ...] = ()  # what it is made of
 
 
@@ -50,7 +44,7 @@ def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) 
     ensure_owner(connection, job.owner)
     now = connection.scalar(select(NowUs()))
     connection.execute(
-        insert(jobs).values(
+        insert(tables.jobs).values(
             id=job.id,
             owner=job.owner,
             kind=job.kind,
@@ -64,39 +58,41 @@ def add(connection: Connection, job: NewJob, state: str, *, part: bool = False) 
     )
     if job.subjects:
         named = [{"job": job.id, "subject": s, "owner": job.owner, "created_us": now} for s in job.subjects]
-        connection.execute(insert(job_subjects), named)
-    _add_files(connection, job_inputs, job.id, job.inputs)
+        connection.execute(insert(tables.job_subjects), named)
+    _add_files(connection, tables.job_inputs, job.id, job.inputs)
 
 
-def add_files(connection: Connection, job: str, files: Iterable[FileRow]) -> None:
+def add_files(connection: Connection, job: str, files: Iterable[tables.FileRow]) -> None:
     """Say what a job made."""
-    _add_files(connection, job_files, job, files)
+    _add_files(connection, tables.job_files, job, files)
 
 
-def find(connection: Connection, job: str) -> JobRow | None:
+def find(connection: Connection, job: str) -> tables.JobRow | None:
     """A job as this transaction sees it; None if there is none."""
-    return find_first(connection, select(*SHOWN).where(jobs.c.id == job))
+    return find_first(connection, select(*SHOWN).where(tables.jobs.c.id == job))
 
 
-def lock(connection: Connection, job: str, owner: str | None = None) -> JobRow | None:
+def lock(connection: Connection, job: str, owner: str | None = None) -> tables.JobRow | None:
     """A job that nobody else can change before this write transaction ends; None if there is none."""
-    statement = select(*SHOWN).where(jobs.c.id == job).with_for_update()
-    return find_first(connection, statement if owner is None else statement.where(jobs.c.owner == owner))
+    statement = select(*SHOWN).where(tables.jobs.c.id == job).with_for_update()
+    return find_first(
+        connection, statement if owner is None else statement.where(tables.jobs.c.owner == owner)
+    )
 
 
-def find_first(connection: Connection, statement: Select[Any], **values: str) -> JobRow | None:
+def find_first(connection: Connection, statement: Select[Any], **values: str) -> tables.JobRow | None:
     """The one job that a statement finds, if any; ``values``: of its parameters."""
     found = connection.execute(statement, values).mappings().one_or_none()
-    return None if found is None else make_job_row(found)
+    return None if found is None else tables.make_job_row(found)
 
 
 def change(connection: Connection, job: str, values: Mapping[str, Any]) -> None:
     """Write columns of a job that is locked; its revision grows."""
-    written = {"updated_us": NowUs()} | dict(values) | {"revision": jobs.c.revision + 1}
-    connection.execute(update(jobs).where(jobs.c.id == job).values(written))
+    written = {"updated_us": NowUs()} | dict(values) | {"revision": tables.jobs.c.revision + 1}
+    connection.execute(update(tables.jobs).where(tables.jobs.c.id == job).values(written))
 
 
-def get(database: Database, owner: str, job: str) -> JobRow:
+def get(database: Database, owner: str, job: str) -> tables.JobRow:
     """One job; NotFound where this owner has none of that name."""
     with database.read() as connection:
         found = find_first(connection, _ONE, job=job, owner=owner)
@@ -107,23 +103,25 @@ def get(database: Database, owner: str, job: str) -> JobRow:
 
 def read_documents(database: Database, owner: str, job: str) -> tuple[str, str | None, str | None]:
     """A job's specification, result and provenance as JSON texts; NotFound as in :func:`get`."""
-    wanted = select(jobs.c.specification, jobs.c.result, jobs.c.provenance)
+    wanted = select(tables.jobs.c.specification, tables.jobs.c.result, tables.jobs.c.provenance)
     with database.read() as connection:
-        found = connection.execute(wanted.where(jobs.c.id == job, jobs.c.owner == owner)).one_or_none()
+        found = connection.execute(
+            wanted.where(tables.jobs.c.id == job, tables.jobs.c.owner == owner)
+        ).one_or_none()
     if found is None:
         raise report_no_job(job)
     return found.specification, found.result, found.provenance
 
 
-def list_files(database: Database, owner: str, job: str) -> list[FileRow]:
+def list_files(database: Database, owner: str, job: str) -> list[tables.FileRow]:
     """What a job made, by path; NotFound as in :func:`get`."""
     get(database, owner, job)
-    return _list_files_of(database, job_files, job)
+    return _list_files_of(database, tables.job_files, job)
 
 
-def list_inputs(database: Database, job: str) -> list[FileRow]:
+def list_inputs(database: Database, job: str) -> list[tables.FileRow]:
     """What a job was asked to work on, by path."""
-    return _list_files_of(database, job_inputs, job)
+    return _list_files_of(database, tables.job_inputs, job)
 
 
 def report_no_job(job: str) -> NotFound:
@@ -140,53 +138,53 @@ def list_page(
     subject: str | None = None,
     cursor: str | None = None,
     limit: int = 50,
-) -> Page[JobRow]:
+) -> tables.Page[tables.JobRow]:
     """An owner's jobs, newest first, of one state, kind or subject where given."""
     if subject is None:
-        order = (jobs.c.created_us, jobs.c.id)
-        statement = select(*SHOWN).where(jobs.c.owner == owner)
+        order = (tables.jobs.c.created_us, tables.jobs.c.id)
+        statement = select(*SHOWN).where(tables.jobs.c.owner == owner)
     else:
-        order = (job_subjects.c.created_us, job_subjects.c.job)
-        statement = select(*SHOWN).join(job_subjects, job_subjects.c.job == jobs.c.id)
-        statement = statement.where(job_subjects.c.owner == owner, job_subjects.c.subject == subject)
+        order = (tables.job_subjects.c.created_us, tables.job_subjects.c.job)
+        statement = select(*SHOWN).join(tables.job_subjects, tables.job_subjects.c.job == tables.jobs.c.id)
+        statement = statement.where(
+            tables.job_subjects.c.owner == owner, tables.job_subjects.c.subject == subject
+        )
     if state is not None:
-        statement = statement.where(jobs.c.state == state.value)
+        statement = statement.where(tables.jobs.c.state == state.value)
     if kind is not None:
-        statement = statement.where(jobs.c.kind == kind)
+        statement = statement.where(tables.jobs.c.kind == kind)
     with database.read() as connection:
-        return read_page(connection, statement, order, cursor, limit, make_job_row)
+        return tables.read_page(connection, statement, order, cursor, limit, tables.make_job_row)
 
 
 def count_by_state(database: Database) -> dict[State, int]:
     """Jobs of all owners by state, for monitoring."""
     with database.read() as connection:
-        rows = connection.execute(select(jobs.c.state, func.count()).group_by(jobs.c.state)).all()
+        rows = connection.execute(
+            select(tables.jobs.c.state, func.count()).group_by(tables.jobs.c.state)
+        ).all()
     return dict.fromkeys(State, 0) | {State(state): number for state, number in rows}
 
 
-def _list_files_of(database: Database, table: Table, job: str) -> list[FileRow]:
+def _list_files_of(database: Database, table: Table, job: str) -> list[tables.FileRow]:
     wanted = select(table.c.path, table.c.sha256, table.c.size).where(table.c.job == job)
     with database.read() as connection:
-        return [FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]
+        return [tables.FileRow(*row) for row in connection.execute(wanted.order_by(table.c.path))]
 
 
-def _add_files(connection: Connection, table: Table, job: str, files: Iterable[FileRow]) -> None:
+def _add_files(connection: Connection, table: Table, job: str, files: Iterable[tables.FileRow]) -> None:
     rows = [{"job": job, "path": f.name, "sha256": f.sha256, "size": f.size} for f in files]
     if rows:
         connection.execute(insert(table), rows)
 
 
-_LEASED = jobs.c.state.in_([state.value for state in State if state.is_leased])
-_QUEUED = jobs.c.state == State.QUEUED.value
-
-
 def _is_queued(kinds: Collection[str] | None) -> ColumnElement[bool]:
-    return _QUEUED if kinds is None else _QUEUED & jobs.c.kind.in_(kinds)
+    return _QUEUED if kinds is None else _QUEUED & tables.jobs.c.kind.in_(kinds)
 
 
 def lock_next(
     connection: Connection, kinds: Collection[str] | None = None, without: Collection[str] = ()
-) -> JobRow | None:
+) -> tables.JobRow | None:
     """The next job, locked, of any kind or of some; None where nothing waits. ``without``: these owners.
 
     Owners take turns: first who has the fewest jobs running, then who was served longest ago. Among an
@@ -194,30 +192,40 @@ def lock_next(
     the oldest: one that kills its workers does not hold up the others, nor does a batch.
     """
     # Owners with a queued job, the next to be served first.
-    mine = jobs.c.owner == owners.c.name
+    mine = tables.jobs.c.owner == tables.owners.c.name
     # LIMIT keeps it a look at an index for each owner; PostgreSQL makes EXISTS a scan of all waiting jobs.
-    waits = select(jobs.c.id).where(mine, _is_queued(kinds)).limit(1).correlate(owners).scalar_subquery()
-    running = select(func.count()).where(mine, _LEASED).correlate(owners).scalar_subquery()
-    wanted = select(owners.c.name).where(waits.is_not(None))
-    waiting = wanted.order_by(running, owners.c.served_us, owners.c.name).where(owners.c.name.not_in(without))
+    waits = (
+        select(tables.jobs.c.id)
+        .where(mine, _is_queued(kinds))
+        .limit(1)
+        .correlate(tables.owners)
+        .scalar_subquery()
+    )
+    running = select(func.count()).where(mine, _LEASED).correlate(tables.owners).scalar_subquery()
+    wanted = select(tables.owners.c.name).where(waits.is_not(None))
+    waiting = wanted.order_by(running, tables.owners.c.served_us, tables.owners.c.name).where(
+        tables.owners.c.name.not_in(without)
+    )
     for owner in connection.scalars(waiting).all():
         oldest = (
             select(*SHOWN)
-            .where(jobs.c.owner == owner, _is_queued(kinds))
-            .order_by(jobs.c.losses, jobs.c.part, jobs.c.created_us, jobs.c.id)
+            .where(tables.jobs.c.owner == owner, _is_queued(kinds))
+            .order_by(tables.jobs.c.losses, tables.jobs.c.part, tables.jobs.c.created_us, tables.jobs.c.id)
             .limit(1)
             .with_for_update(skip_locked=True)
         )
         found = find_first(connection, oldest)
         if found is not None:
-            connection.execute(update(owners).where(owners.c.name == owner).values(served_us=NowUs()))
+            connection.execute(
+                update(tables.owners).where(tables.owners.c.name == owner).values(served_us=NowUs())
+            )
             return found
     return None
 
 
 def has_queued_at_least(connection: Connection, owner: str, number: int) -> bool:
     """Whether an owner has that many jobs queued or more."""
-    some = select(jobs.c.id).where(jobs.c.owner == owner, _QUEUED).limit(number)
+    some = select(tables.jobs.c.id).where(tables.jobs.c.owner == owner, _QUEUED).limit(number)
     return (connection.scalar(select(func.count()).select_from(some.subquery())) or 0) >= number
 
 
@@ -225,7 +233,7 @@ def has_queued(
     database: Database, kinds: Collection[str] | None = None, without: Collection[str] = ()
 ) -> bool:
     """Whether a job waits, of any kind or of some, of any owner but these."""
-    some = select(jobs.c.id).where(_is_queued(kinds), jobs.c.owner.not_in(without)).limit(1)
+    some = select(tables.jobs.c.id).where(_is_queued(kinds), tables.jobs.c.owner.not_in(without)).limit(1)
     with database.read() as connection:
         return connection.scalar(some) is not None
 
@@ -235,58 +243,64 @@ def compute_lease_end(seconds: float) -> Any:
     return NowUs() + round(seconds * US_PER_S)
 
 
-def lock_lost(connection: Connection, dead: Iterable[str]) -> list[JobRow]:
+def lock_lost(connection: Connection, dead: Iterable[str]) -> list[tables.JobRow]:
     """Jobs, locked, that dead workers hold, or workers that did not renew their lease in time."""
-    gone = or_(jobs.c.worker.in_(list(dead)), jobs.c.lease_until_us < NowUs())
-    wanted = select(*SHOWN).where(_LEASED, gone).order_by(jobs.c.id).with_for_update()
-    return [make_job_row(row) for row in connection.execute(wanted).mappings()]
+    gone = or_(tables.jobs.c.worker.in_(list(dead)), tables.jobs.c.lease_until_us < NowUs())
+    wanted = select(*SHOWN).where(_LEASED, gone).order_by(tables.jobs.c.id).with_for_update()
+    return [tables.make_job_row(row) for row in connection.execute(wanted).mappings()]
 
 
-def list_held(database: Database, worker: str) -> dict[str, JobRow]:
+def list_held(database: Database, worker: str) -> dict[str, tables.JobRow]:
     """The jobs that a worker holds."""
     with database.read() as connection:
-        rows = connection.execute(select(*SHOWN).where(jobs.c.worker == worker, _LEASED)).mappings()
-        return {row.id: row for row in map(make_job_row, rows)}
+        rows = connection.execute(select(*SHOWN).where(tables.jobs.c.worker == worker, _LEASED)).mappings()
+        return {row.id: row for row in map(tables.make_job_row, rows)}
 
 
 def list_holders(database: Database) -> list[str]:
     """All workers that hold jobs."""
     with database.read() as connection:
-        found = connection.scalars(select(jobs.c.worker).where(_LEASED).distinct())
+        found = connection.scalars(select(tables.jobs.c.worker).where(_LEASED).distinct())
         return [worker for worker in found if worker is not None]
 
 
 def list_running_attempts(database: Database) -> set[tuple[str, int]]:
     """Every job and attempt that some worker holds."""
     with database.read() as connection:
-        rows = connection.execute(select(jobs.c.id, jobs.c.attempt).where(_LEASED))
+        rows = connection.execute(select(tables.jobs.c.id, tables.jobs.c.attempt).where(_LEASED))
         return {(row.id, row.attempt) for row in rows}
 
 
 def renew(database: Database, worker: str, seconds: float) -> None:
     """Hold all of a worker's jobs for longer; those that it lost meanwhile stay lost."""
-    held = update(jobs).where(jobs.c.worker == worker, _LEASED)
+    held = update(tables.jobs).where(tables.jobs.c.worker == worker, _LEASED)
     with database.write() as connection:
         connection.execute(held.values(lease_until_us=compute_lease_end(seconds)))
 
 
 def explain_wait(database: Database, why: str) -> None:
     """Have all queued jobs say what they wait for."""
-    queued = update(jobs).where(jobs.c.state == State.QUEUED.value, jobs.c.progress_what != why)
+    queued = update(tables.jobs).where(
+        tables.jobs.c.state == State.QUEUED.value, tables.jobs.c.progress_what != why
+    )
     with database.write() as connection:
-        connection.execute(queued.values(progress_what=why, updated_us=NowUs(), revision=jobs.c.revision + 1))
+        connection.execute(
+            queued.values(progress_what=why, updated_us=NowUs(), revision=tables.jobs.c.revision + 1)
+        )
 
 
 def report(database: Database, worker: str, progress: Iterable[tuple[str, int, float, str]]) -> None:
     """Write progress: job, attempt, share of the whole (0 to 1), what is being done."""
-    running = update(jobs).where(jobs.c.worker == worker, jobs.c.state == State.RUNNING.value)
+    running = update(tables.jobs).where(
+        tables.jobs.c.worker == worker, tables.jobs.c.state == State.RUNNING.value
+    )
     with database.write() as connection:
         for job, attempt, share, what in progress:
             connection.execute(
-                running.where(jobs.c.id == job, jobs.c.attempt == attempt).values(
+                running.where(tables.jobs.c.id == job, tables.jobs.c.attempt == attempt).values(
                     progress_share=share,
                     progress_what=what[:200],
                     updated_us=NowUs(),
-                    revision=jobs.c.revision + 1,
+                    revision=tables.jobs.c.revision + 1,
                 )
             )

@@ -9,18 +9,18 @@ import secrets
 from sqlalchemy import Connection, delete, insert, select, update
 
 from scaling_service.core.errors import InputError
+from scaling_service.service.store import tables
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
-from scaling_service.service.store.tables import KeyRow, api_keys, links, owners
 
 PREFIX = "scs"  # starts every key, so that a key found in a text is known for one
 
-_SHOWN = tuple(api_keys.c[name] for name in KeyRow.__dataclass_fields__)
-_ANY_VALID = select(api_keys.c.id).where(api_keys.c.revoked_us.is_(None)).limit(1)
+_SHOWN = tuple(tables.api_keys.c[name] for name in tables.KeyRow.__dataclass_fields__)
+_ANY_VALID = select(tables.api_keys.c.id).where(tables.api_keys.c.revoked_us.is_(None)).limit(1)
 _LONGEST = 200
 
 
-def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str]:
+def create(database: Database, owner: str, label: str = "") -> tuple[tables.KeyRow, str]:
     """Make a key of an owner, and its secret; several keys of one owner see the same things.
 
     The secret is to be shown once; only its SHA-256 is kept. (Its 256 random bits need no slow hash.)
@@ -35,9 +35,9 @@ def create(database: Database, owner: str, label: str = "") -> tuple[KeyRow, str
     with database.write() as connection:
         ensure_owner(connection, owner)
         made = {"id": identity, "owner": owner, "label": label, "secret_sha256": _digest(token)}
-        connection.execute(insert(api_keys).values(made | {"created_us": NowUs()}))
-        row = connection.execute(select(*_SHOWN).where(api_keys.c.id == identity)).mappings().one()
-    return KeyRow(**row), token
+        connection.execute(insert(tables.api_keys).values(made | {"created_us": NowUs()}))
+        row = connection.execute(select(*_SHOWN).where(tables.api_keys.c.id == identity)).mappings().one()
+    return tables.KeyRow(**row), token
 
 
 def find_owner(database: Database, token: str) -> str | None:
@@ -45,8 +45,8 @@ def find_owner(database: Database, token: str) -> str | None:
     parts = token.split("_", 2)
     if len(parts) != 3 or parts[0] != PREFIX or not (token.isascii() and token.isprintable()):
         return None
-    wanted = select(api_keys.c.owner, api_keys.c.secret_sha256).where(
-        api_keys.c.id == parts[1], api_keys.c.revoked_us.is_(None)
+    wanted = select(tables.api_keys.c.owner, tables.api_keys.c.secret_sha256).where(
+        tables.api_keys.c.id == parts[1], tables.api_keys.c.revoked_us.is_(None)
     )
     with database.read() as connection:
         found = connection.execute(wanted).one_or_none()
@@ -55,11 +55,13 @@ def find_owner(database: Database, token: str) -> str | None:
     return str(found.owner)
 
 
-def list_all(database: Database) -> list[KeyRow]:
+def list_all(database: Database) -> list[tables.KeyRow]:
     """All keys, revoked ones too, oldest first."""
     with database.read() as connection:
-        rows = connection.execute(select(*_SHOWN).order_by(api_keys.c.created_us, api_keys.c.id)).mappings()
-        return [KeyRow(**row) for row in rows]
+        rows = connection.execute(
+            select(*_SHOWN).order_by(tables.api_keys.c.created_us, tables.api_keys.c.id)
+        ).mappings()
+        return [tables.KeyRow(**row) for row in rows]
 
 
 def has_valid(database: Database) -> bool:
@@ -70,18 +72,18 @@ def has_valid(database: Database) -> bool:
 
 def revoke(database: Database, identity: str) -> None:
     """Let a key open nothing any more, nor its owner's links; NotFound where no such key is valid."""
-    valid = (api_keys.c.id == identity) & api_keys.c.revoked_us.is_(None)
+    valid = (tables.api_keys.c.id == identity) & tables.api_keys.c.revoked_us.is_(None)
     with database.write() as connection:
-        done = connection.execute(update(api_keys).where(valid).values(revoked_us=NowUs()))
-        of_key = select(api_keys.c.owner).where(api_keys.c.id == identity)
-        connection.execute(delete(links).where(links.c.owner.in_(of_key)))
+        done = connection.execute(update(tables.api_keys).where(valid).values(revoked_us=NowUs()))
+        of_key = select(tables.api_keys.c.owner).where(tables.api_keys.c.id == identity)
+        connection.execute(delete(tables.links).where(tables.links.c.owner.in_(of_key)))
     if done.rowcount == 0:
         raise NotFound(f"there is no valid key '{identity}'", field="key", remedy="List the keys")
 
 
 def ensure_owner(connection: Connection, owner: str) -> None:
     """Make the owner's row if it is not there."""
-    made = insert_for(connection)(owners).values(name=owner, served_us=0)
+    made = insert_for(connection)(tables.owners).values(name=owner, served_us=0)
     connection.execute(made.on_conflict_do_nothing())
 
 

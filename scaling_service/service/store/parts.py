@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, exists, func, insert, literal, select
 
 from scaling_service.documents.jobs import State
+from scaling_service.service.store import tables
 from scaling_service.service.store.database import Database, insert_for
-from scaling_service.service.store.tables import FileRow, job_files, job_parts, jobs
 
 OVER = tuple(state.value for state in State if state.is_over)
 _SETTLED = [state for state in State if not state.is_over and state is not State.WAITING]
@@ -29,12 +29,12 @@ class PartRow:
 def link(connection: Connection, whole: str, parts: Sequence[str]) -> None:
     """Say what a job is made of; what is said already stays."""
     rows = [{"whole": whole, "part": part, "position": k} for k, part in enumerate(parts)]
-    connection.execute(insert_for(connection)(job_parts).on_conflict_do_nothing(), rows)
+    connection.execute(insert_for(connection)(tables.job_parts).on_conflict_do_nothing(), rows)
 
 
 def of(connection: Connection, wholes: Iterable[str]) -> list[str]:
     """What some jobs are made of, sorted by name: whoever locks them does so in this order, wholes after."""
-    wanted = select(job_parts.c.part).where(job_parts.c.whole.in_(list(wholes))).distinct()
+    wanted = select(tables.job_parts.c.part).where(tables.job_parts.c.whole.in_(list(wholes))).distinct()
     return sorted(connection.scalars(wanted))
 
 
@@ -54,18 +54,18 @@ def is_counted_on(connection: Connection, part: str) -> bool:
 
 
 def _list_wholes(connection: Connection, part: str, states: Iterable[State]) -> list[str]:
-    wanted = select(job_parts.c.whole).join(jobs, jobs.c.id == job_parts.c.whole)
-    chosen = jobs.c.state.in_([state.value for state in states])
-    return sorted(connection.scalars(wanted.where(job_parts.c.part == part, chosen)))
+    wanted = select(tables.job_parts.c.whole).join(tables.jobs, tables.jobs.c.id == tables.job_parts.c.whole)
+    chosen = tables.jobs.c.state.in_([state.value for state in states])
+    return sorted(connection.scalars(wanted.where(tables.job_parts.c.part == part, chosen)))
 
 
 def count_ended(connection: Connection, whole: str) -> tuple[int, int]:
     """How many of a job's parts are over, and how many there are."""
     wanted = (
-        select(jobs.c.state, func.count().label("number"))
-        .join(job_parts, job_parts.c.part == jobs.c.id)
-        .where(job_parts.c.whole == whole)
-        .group_by(jobs.c.state)
+        select(tables.jobs.c.state, func.count().label("number"))
+        .join(tables.job_parts, tables.job_parts.c.part == tables.jobs.c.id)
+        .where(tables.job_parts.c.whole == whole)
+        .group_by(tables.jobs.c.state)
     )
     counts: dict[str, int] = {row.state: row.number for row in connection.execute(wanted)}
     return sum(counts.get(state, 0) for state in OVER), sum(counts.values())
@@ -73,40 +73,42 @@ def count_ended(connection: Connection, whole: str) -> tuple[int, int]:
 
 def list_unneeded(connection: Connection, parts: Iterable[str]) -> list[str]:
     """Those that no job is made of any more."""
-    left = jobs.c.id.in_(list(parts)) & ~exists().where(job_parts.c.part == jobs.c.id)
-    return list(connection.scalars(select(jobs.c.id).where(left)))
+    left = tables.jobs.c.id.in_(list(parts)) & ~exists().where(tables.job_parts.c.part == tables.jobs.c.id)
+    return list(connection.scalars(select(tables.jobs.c.id).where(left)))
 
 
 def list_ends(database: Database, whole: str) -> list[PartRow]:
     """How a job's parts ended, in their order."""
     wanted = (
-        select(jobs.c.state, jobs.c.specification, jobs.c.result, jobs.c.failure)
-        .join(job_parts, job_parts.c.part == jobs.c.id)
-        .where(job_parts.c.whole == whole)
-        .order_by(job_parts.c.position)
+        select(tables.jobs.c.state, tables.jobs.c.specification, tables.jobs.c.result, tables.jobs.c.failure)
+        .join(tables.job_parts, tables.job_parts.c.part == tables.jobs.c.id)
+        .where(tables.job_parts.c.whole == whole)
+        .order_by(tables.job_parts.c.position)
     )
     with database.read() as connection:
         return [PartRow(State(state), *rest) for state, *rest in connection.execute(wanted)]
 
 
-def list_files(database: Database, whole: str, name: str) -> list[FileRow]:
+def list_files(database: Database, whole: str, name: str) -> list[tables.FileRow]:
     """The files of that name, in whichever folder, which a job's parts made."""
     wanted = (
-        select(job_files.c.path, job_files.c.sha256, job_files.c.size)
-        .join(job_parts, job_parts.c.part == job_files.c.job)
-        .where(job_parts.c.whole == whole, job_files.c.path.endswith(f"/{name}", autoescape=True))
-        .order_by(job_files.c.path)
+        select(tables.job_files.c.path, tables.job_files.c.sha256, tables.job_files.c.size)
+        .join(tables.job_parts, tables.job_parts.c.part == tables.job_files.c.job)
+        .where(
+            tables.job_parts.c.whole == whole, tables.job_files.c.path.endswith(f"/{name}", autoescape=True)
+        )
+        .order_by(tables.job_files.c.path)
     )
     with database.read() as connection:
-        return [FileRow(*row) for row in connection.execute(wanted)]
+        return [tables.FileRow(*row) for row in connection.execute(wanted)]
 
 
 def take_files(connection: Connection, whole: str) -> None:
     """Let a job refer to all that its parts made, besides what it made itself."""
     made = (
-        select(literal(whole), job_files.c.path, job_files.c.sha256, job_files.c.size)
-        .join(job_parts, job_parts.c.part == job_files.c.job)
-        .where(job_parts.c.whole == whole)
-        .order_by(job_files.c.sha256)  # as everybody who needs several contents
+        select(literal(whole), tables.job_files.c.path, tables.job_files.c.sha256, tables.job_files.c.size)
+        .join(tables.job_parts, tables.job_parts.c.part == tables.job_files.c.job)
+        .where(tables.job_parts.c.whole == whole)
+        .order_by(tables.job_files.c.sha256)  # as everybody who needs several contents
     )
-    connection.execute(insert(job_files).from_select(["job", "path", "sha256", "size"], made))
+    connection.execute(insert(tables.job_files).from_select(["job", "path", "sha256", "size"], made))

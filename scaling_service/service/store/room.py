@@ -13,8 +13,8 @@ from pathlib import Path
 from sqlalchemy import func, select, union
 
 from scaling_service.core.errors import InputError
+from scaling_service.service.store import tables
 from scaling_service.service.store.database import Database
-from scaling_service.service.store.tables import job_files, job_inputs, jobs, subject_files
 
 SPARE_BYTES = 8 << 20
 """Kept back. Chosen: SQLite's log takes a copy of what is deleted, and a job's rows are a megabyte or so."""
@@ -99,10 +99,14 @@ class Quotas:
 
 def measure_taken(database: Database, owner: str) -> int:
     """Bytes of all that an owner uploaded and that was made of it, each content once."""
-    uploaded = select(subject_files.c.sha256, subject_files.c.size).where(subject_files.c.owner == owner)
+    uploaded = select(tables.subject_files.c.sha256, tables.subject_files.c.size).where(
+        tables.subject_files.c.owner == owner
+    )
     of_jobs = (
-        select(table.c.sha256, table.c.size).join(jobs, jobs.c.id == table.c.job).where(jobs.c.owner == owner)
-        for table in (job_inputs, job_files)
+        select(table.c.sha256, table.c.size)
+        .join(tables.jobs, tables.jobs.c.id == table.c.job)
+        .where(tables.jobs.c.owner == owner)
+        for table in (tables.job_inputs, tables.job_files)
     )
     every = union(uploaded, *of_jobs).subquery()
     with database.read() as connection:

@@ -18,15 +18,16 @@ from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import URL, Connection, text
 
-from scaling_service.service.store import deletion, jobs
+from scaling_service.service.store import deletion, errors, jobs
 from scaling_service.service.store.blobs import Blobs, Incoming, collect_garbage
 from scaling_service.service.store.database import Database, SqliteFile
-from scaling_service.service.store.errors import StoreTooNew, disk_errors, report_full
 from scaling_service.service.store.room import Spare
 from scaling_service.service.store.tables import metadata
 
 LOCK_NUMBER = 0x5CA1_1A6
 """Chosen: any number that other programs on the same PostgreSQL do not use for an advisory lock."""
+
+SQLITE_NAME = "store.sqlite"
 
 
 def upgrade(database: Database, folder: Path) -> None:
@@ -45,7 +46,7 @@ def upgrade(database: Database, folder: Path) -> None:
             try:
                 ScriptDirectory.from_config(config).get_revision(there)
             except CommandError:
-                raise StoreTooNew(
+                raise errors.StoreTooNew(
                     f"the tables are of a later version of the program ({there})",
                     field="database_url",
                     remedy="Install that version, or give another data directory or database",
@@ -67,12 +68,9 @@ def _alone(database: Database, folder: Path) -> Iterator[None]:
         with database.session_lock(LOCK_NUMBER):
             yield
         return
-    with disk_errors(folder), (folder / "migrate.lock").open("a") as lock:
+    with errors.disk_errors(folder), (folder / "migrate.lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
-
-
-SQLITE_NAME = "store.sqlite"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +86,7 @@ class Store:
         blobs = Blobs(folder.absolute())
         here = blobs.folder / SQLITE_NAME
         if database_url is None:
-            with disk_errors(blobs.folder):
+            with errors.disk_errors(blobs.folder):
                 SqliteFile(here).make()
         database = Database(database_url or URL.create("sqlite", database=str(here)))
         try:
@@ -119,7 +117,7 @@ class Store:
 
     def tidy(self) -> None:
         """Remove what nobody refers to: contents, dead uploads, folders of attempts that are over."""
-        with disk_errors(self.blobs.folder):
+        with errors.disk_errors(self.blobs.folder):
             self.blobs.remove_dead_uploads()
             found = list(self.blobs.work.iterdir())
         alive = {f"{job}.{attempt}" for job, attempt in jobs.list_running_attempts(self.database)}
@@ -134,16 +132,16 @@ class Store:
         """Raise StoreUnavailable where rows cannot be read now, or files not be written."""
         with self.read() as connection:
             connection.execute(text("SELECT 1"))
-        with disk_errors(self.blobs.folder), TemporaryFile(dir=self.blobs.uploads) as probe:
+        with errors.disk_errors(self.blobs.folder), TemporaryFile(dir=self.blobs.uploads) as probe:
             probe.write(b"probe")
             probe.flush()
             os.fsync(probe.fileno())
 
     def require_room(self, least: int) -> None:
         """Raise StoreFull where fewer bytes are free on the disk."""
-        with disk_errors(self.blobs.folder):
+        with errors.disk_errors(self.blobs.folder):
             if shutil.disk_usage(self.blobs.folder).free < least:
-                raise report_full(self.blobs.folder)
+                raise errors.report_full(self.blobs.folder)
 
     def close(self) -> None:
         """Give all connections back."""

@@ -7,42 +7,33 @@ from collections.abc import Iterable
 from sqlalchemy import ColumnElement, Connection, and_, delete, func, insert, select, update
 
 from scaling_service.core.errors import InputError
+from scaling_service.service.store import tables
 from scaling_service.service.store.blobs import Blobs, Content, keep, remove_unreferenced
 from scaling_service.service.store.database import Database, NowUs, insert_for
 from scaling_service.service.store.errors import NotFound
 from scaling_service.service.store.keys import ensure_owner
-from scaling_service.service.store.tables import (
-    FileRow,
-    MarkerMapRow,
-    Page,
-    SubjectRow,
-    marker_maps,
-    read_page,
-    subject_files,
-    subjects,
-)
 
-_SHOWN = tuple(subjects.c[name] for name in SubjectRow.__dataclass_fields__)
+_SHOWN = tuple(tables.subjects.c[name] for name in tables.SubjectRow.__dataclass_fields__)
 
 
 def put(
     database: Database, owner: str, identity: str, document: str, *, most: int | None = None
-) -> tuple[SubjectRow, bool]:
+) -> tuple[tables.SubjectRow, bool]:
     """Keep a subject's document, and whether its name is new; files that were uploaded before stay.
 
     InputError is raised where it is new, and the owner has ``most`` already.
     """
-    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.write() as connection:
         ensure_owner(connection, owner)
         changed = connection.execute(
-            update(subjects)
+            update(tables.subjects)
             .where(mine)
-            .values(document=document, updated_us=NowUs(), revision=subjects.c.revision + 1)
+            .values(document=document, updated_us=NowUs(), revision=tables.subjects.c.revision + 1)
         )
         new = changed.rowcount == 0
         if new:
-            own = select(func.count()).select_from(subjects).where(subjects.c.owner == owner)
+            own = select(func.count()).select_from(tables.subjects).where(tables.subjects.c.owner == owner)
             if most is not None and (connection.scalar(own) or 0) >= most:
                 raise InputError(
                     f"there are {most:,} subjects, which is the most",
@@ -50,21 +41,21 @@ def put(
                     remedy="Delete subjects that are not needed",
                 )
             connection.execute(
-                insert(subjects).values(
+                insert(tables.subjects).values(
                     owner=owner, id=identity, document=document, created_us=NowUs(), updated_us=NowUs()
                 )
             )
-        return SubjectRow(**connection.execute(select(*_SHOWN).where(mine)).mappings().one()), new
+        return tables.SubjectRow(**connection.execute(select(*_SHOWN).where(mine)).mappings().one()), new
 
 
-def get(database: Database, owner: str, identity: str) -> SubjectRow:
+def get(database: Database, owner: str, identity: str) -> tables.SubjectRow:
     """One subject; NotFound where this owner has none of that name."""
-    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
     with database.read() as connection:
         found = connection.execute(select(*_SHOWN).where(mine)).mappings().one_or_none()
     if found is None:
         raise report_no_subject(identity)
-    return SubjectRow(**found)
+    return tables.SubjectRow(**found)
 
 
 def read_document(database: Database, owner: str, identity: str) -> str:
@@ -75,19 +66,21 @@ def read_document(database: Database, owner: str, identity: str) -> str:
 
 def read_document_in(connection: Connection, owner: str, identity: str) -> str:
     """:func:`read_document` within a transaction."""
-    mine = (subjects.c.owner == owner) & (subjects.c.id == identity)
-    found = connection.scalar(select(subjects.c.document).where(mine))
+    mine = (tables.subjects.c.owner == owner) & (tables.subjects.c.id == identity)
+    found = connection.scalar(select(tables.subjects.c.document).where(mine))
     if found is None:
         raise report_no_subject(identity)
     return str(found)
 
 
-def list_page(database: Database, owner: str, cursor: str | None = None, limit: int = 50) -> Page[SubjectRow]:
+def list_page(
+    database: Database, owner: str, cursor: str | None = None, limit: int = 50
+) -> tables.Page[tables.SubjectRow]:
     """An owner's subjects, newest first."""
-    mine = select(*_SHOWN).where(subjects.c.owner == owner)
-    order = (subjects.c.created_us, subjects.c.id)
+    mine = select(*_SHOWN).where(tables.subjects.c.owner == owner)
+    order = (tables.subjects.c.created_us, tables.subjects.c.id)
     with database.read() as connection:
-        return read_page(connection, mine, order, cursor, limit, lambda row: SubjectRow(**row))
+        return tables.read_page(connection, mine, order, cursor, limit, lambda row: tables.SubjectRow(**row))
 
 
 def report_no_subject(identity: str) -> NotFound:
@@ -97,16 +90,20 @@ def report_no_subject(identity: str) -> NotFound:
 
 def attach(
     database: Database, blobs: Blobs, owner: str, identity: str, name: str, content: Content, *, most: int
-) -> FileRow:
+) -> tables.FileRow:
     """Keep an upload as a subject's file, of which it may have ``most``; one of the same name is replaced."""
-    row = FileRow(name, content.sha256, content.size)
+    row = tables.FileRow(name, content.sha256, content.size)
     mine = _select_files(owner, identity)
     with database.write() as connection:
         _touch(connection, owner, identity)
         replaced = connection.scalars(
-            delete(subject_files).where(mine, subject_files.c.name == name).returning(subject_files.c.sha256)
+            delete(tables.subject_files)
+            .where(mine, tables.subject_files.c.name == name)
+            .returning(tables.subject_files.c.sha256)
         ).all()
-        if (connection.scalar(select(func.count()).select_from(subject_files).where(mine)) or 0) >= most:
+        if (
+            connection.scalar(select(func.count()).select_from(tables.subject_files).where(mine)) or 0
+        ) >= most:
             raise InputError(
                 f"subject '{identity}' has {most} files already, which is the most",
                 field="name",
@@ -114,7 +111,7 @@ def attach(
             )
         keep(connection, blobs, [content])
         connection.execute(
-            insert(subject_files).values(
+            insert(tables.subject_files).values(
                 owner=owner, subject=identity, name=name, sha256=row.sha256, size=row.size, updated_us=NowUs()
             )
         )
@@ -128,9 +125,9 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
     with database.write() as connection:
         for name in names:
             found = connection.scalar(
-                delete(subject_files)
-                .where(_select_files(owner, identity), subject_files.c.name == name)
-                .returning(subject_files.c.sha256)
+                delete(tables.subject_files)
+                .where(_select_files(owner, identity), tables.subject_files.c.name == name)
+                .returning(tables.subject_files.c.sha256)
             )
             if found is None:
                 raise NotFound(f"subject '{identity}' has no file '{name}'", field="name")
@@ -139,44 +136,46 @@ def detach(database: Database, blobs: Blobs, owner: str, identity: str, names: I
     remove_unreferenced(database, blobs, gone)
 
 
-def list_files(database: Database, owner: str, identity: str) -> list[FileRow]:
+def list_files(database: Database, owner: str, identity: str) -> list[tables.FileRow]:
     """A subject's files, by name; NotFound where this owner has no such subject."""
     get(database, owner, identity)
     with database.read() as connection:
         return list_files_in(connection, owner, identity)
 
 
-def list_files_in(connection: Connection, owner: str, identity: str) -> list[FileRow]:
+def list_files_in(connection: Connection, owner: str, identity: str) -> list[tables.FileRow]:
     """:func:`list_files` within a transaction."""
     rows = connection.execute(
-        select(subject_files.c.name, subject_files.c.sha256, subject_files.c.size)
+        select(tables.subject_files.c.name, tables.subject_files.c.sha256, tables.subject_files.c.size)
         .where(_select_files(owner, identity))
-        .order_by(subject_files.c.name)
+        .order_by(tables.subject_files.c.name)
     )
-    return [FileRow(*row) for row in rows]
+    return [tables.FileRow(*row) for row in rows]
 
 
 def _select_files(owner: str, identity: str) -> ColumnElement[bool]:
-    return and_(subject_files.c.owner == owner, subject_files.c.subject == identity)
+    return and_(tables.subject_files.c.owner == owner, tables.subject_files.c.subject == identity)
 
 
 def _touch(connection: Connection, owner: str, identity: str) -> None:
     """Lock the subject's row and note the change."""
     done = connection.execute(
-        update(subjects)
-        .where(subjects.c.owner == owner, subjects.c.id == identity)
-        .values(updated_us=NowUs(), revision=subjects.c.revision + 1)
+        update(tables.subjects)
+        .where(tables.subjects.c.owner == owner, tables.subjects.c.id == identity)
+        .values(updated_us=NowUs(), revision=tables.subjects.c.revision + 1)
     )
     if done.rowcount == 0:
         raise report_no_subject(identity)
 
 
-def read_marker_map(database: Database, owner: str) -> MarkerMapRow | None:
+def read_marker_map(database: Database, owner: str) -> tables.MarkerMapRow | None:
     """Which label is which marker in an owner's laboratory; None where that was never said."""
-    wanted = select(marker_maps.c.document, marker_maps.c.updated_us).where(marker_maps.c.owner == owner)
+    wanted = select(tables.marker_maps.c.document, tables.marker_maps.c.updated_us).where(
+        tables.marker_maps.c.owner == owner
+    )
     with database.read() as connection:
         found = connection.execute(wanted).one_or_none()
-    return None if found is None else MarkerMapRow(*found)
+    return None if found is None else tables.MarkerMapRow(*found)
 
 
 def put_marker_map(database: Database, owner: str, document: str) -> None:
@@ -184,5 +183,5 @@ def put_marker_map(database: Database, owner: str, document: str) -> None:
     kept = {"document": document, "updated_us": NowUs()}
     with database.write() as connection:
         ensure_owner(connection, owner)
-        made = insert_for(connection)(marker_maps).values({"owner": owner} | kept)
-        connection.execute(made.on_conflict_do_update(index_elements=[marker_maps.c.owner], set_=kept))
+        made = insert_for(connection)(tables.marker_maps).values({"owner": owner} | kept)
+        connection.execute(made.on_conflict_do_update(index_elements=[tables.marker_maps.c.owner], set_=kept))

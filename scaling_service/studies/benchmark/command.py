@@ -9,8 +9,7 @@ import typer
 from rich.markup import escape
 
 from scaling_service.capabilities.cohort.command import Interrupted
-from scaling_service.capabilities.shared.flags import Out, Tables, make_folder_parser
-from scaling_service.capabilities.shared.screen import list_files, make_console, print_table, running
+from scaling_service.capabilities.shared import flags, screen
 
 _Data = Annotated[
     Path,
@@ -19,7 +18,7 @@ _Data = Annotated[
         metavar="DIR",
         envvar="SCALING_SERVICE_DATA",
         help="Folder of public recordings, each in a folder called as `datasets list` has it.",
-        parser=make_folder_parser("--data"),
+        parser=flags.make_folder_parser("--data"),
         show_default=False,
     ),
 ]
@@ -52,13 +51,13 @@ _Workers = Annotated[
 
 
 def benchmark(
-    out: Out,
+    out: flags.Out,
     data: _Data = Path("data"),
     tasks: _Tasks = "",
     entry: _Entries = None,
     seed: _Seed = 0,
     keep_answers: _Keep = False,
-    tables: Tables = "",
+    tables: flags.Tables = "",
     workers: _Workers = None,
 ) -> None:
     """Ask what is known to be true, of this program, of OpenSim's tools, and of any other program.
@@ -75,7 +74,7 @@ def benchmark(
     from scaling_service.studies.benchmark.run import run_benchmark
 
     write_tables = make_table_writer(tables, out)
-    with running(out) as report:
+    with screen.running(out) as report:
         try:
             document = run_benchmark(
                 data,
@@ -92,10 +91,10 @@ def benchmark(
                 f"interrupted; what is answered is kept under {out}: go on with --keep-answers"
             ) from None
     write_tables(tabulate_figures(document), document)
-    console = make_console()
+    console = screen.make_console()
     for table in make_tables(document):
-        print_table(console, table)
+        screen.print_table(console, table)
     for name, lack in document.left_out.items():
         console.print(f"[yellow]left out[/yellow]  {name}: {escape(lack)}", highlight=False, soft_wrap=True)
     console.print(f"{document.wall_s:.0f} s", highlight=False)
-    list_files(console, out, [DOCUMENT, "cases/", "entries/"])
+    screen.list_files(console, out, [DOCUMENT, "cases/", "entries/"])

@@ -36,6 +36,15 @@ AXIS_SD = np.radians(2.0)  # Puchaud 2019: 1.8 and 2.1 deg
 PALPATION = {"ASIS": 0.006, "PSIS": 0.006, "LFE": 0.005, "MFE": 0.005, "FH": 0.005, "LM": 0.003, "MM": 0.003}
 """Of each axis; Della Croce 2005, trained examiners."""
 
+SHIFT = {"femur": 0.006, "tibia": 0.004, "pelvis": 0.005}  # of a cluster, SD along each axis over a movement
+TURN = {"femur": np.radians(4), "tibia": np.radians(3), "pelvis": np.radians(3)}
+SINGLE = {"femur": 0.004, "tibia": 0.003, "pelvis": 0.004}  # of one marker beside its cluster
+"""Sizes of skin's movement: D'Isidoro 2020, Barre 2013, Camomilla 2017 (thigh 18 mm and 10 deg at most, shank
+17 and 7, deformation 4 to 16); an SD is about a third of the most."""
+LOOSE = 0.5  # of these, what wanders instead of following the joints
+REACH = {"hip_flexion": 0.45, "hip_adduction": 0.20, "hip_rotation": 0.20, "knee_angle": 0.5}
+"""SD of an angle over a movement, rad."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class World:
@@ -159,16 +168,6 @@ def draw_person(seed: int, world: World = World()) -> Person:
         segments={n: segment for n, (segment, _) in places.items()},
         skin=laws,
     )
-
-
-SHIFT = {"femur": 0.006, "tibia": 0.004, "pelvis": 0.005}  # of a cluster, SD along each axis over a movement
-TURN = {"femur": np.radians(4), "tibia": np.radians(3), "pelvis": np.radians(3)}
-SINGLE = {"femur": 0.004, "tibia": 0.003, "pelvis": 0.004}  # of one marker beside its cluster
-"""Sizes of skin's movement: D'Isidoro 2020, Barre 2013, Camomilla 2017 (thigh 18 mm and 10 deg at most, shank
-17 and 7, deformation 4 to 16); an SD is about a third of the most."""
-LOOSE = 0.5  # of these, what wanders instead of following the joints
-REACH = {"hip_flexion": 0.45, "hip_adduction": 0.20, "hip_rotation": 0.20, "knee_angle": 0.5}
-"""SD of an angle over a movement, rad."""
 
 
 def _drivers(segment: str) -> list[str]:

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.core import progress
 from scaling_service.core.errors import DependencyMissing, InputError
-from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.writing import code_version, write_json
 from scaling_service.studies.benchmark.document import (
@@ -71,7 +71,7 @@ def run_benchmark(
     seed: int = 0,
     keep_answers: bool = False,
     workers: int = 2,
-    report: Progress = show_nothing,
+    report: progress.Progress = progress.show_nothing,
 ) -> BenchmarkDocument:
     """Run tasks and write ``cases``, ``entries`` and ``benchmark.json`` under a folder.
 
@@ -103,7 +103,7 @@ def run_benchmark(
     left_out = {task.name: lack for task in chosen if (lack := _find_lack(task, data))}
     ready = [task for task in chosen if task.name not in left_out]
     done = [
-        _run_task(task, place, seed, workers, report_part(report, k / len(ready), 1.0 / len(ready)))
+        _run_task(task, place, seed, workers, progress.report_part(report, k / len(ready), 1.0 / len(ready)))
         for k, task in enumerate(ready)
     ]
     places = {
@@ -138,7 +138,7 @@ def _find_lack(task: Task, data: Path) -> str:
     return f"{', '.join(absent)} not in {data}" if absent else ""
 
 
-def _run_task(task: Task, place: Place, seed: int, workers: int, report: Progress) -> TaskPart:
+def _run_task(task: Task, place: Place, seed: int, workers: int, report: progress.Progress) -> TaskPart:
     """Answers first, for some judges hold one against OpenSim's; then the judging."""
     start = time.monotonic()
     report(f"{task.name}: making the cases", 0.0)
@@ -243,8 +243,14 @@ def _run_program(written: Path, words: Sequence[object]) -> Path:
     out = Path(tempfile.mkdtemp(dir=written)) / "out"
     command = [sys.executable, "-m", "scaling_service", *map(str, words), "--out", str(out)]
     try:
+        # The environment of a case: one thread a library, for cases run beside each other.
         done = subprocess.run(
-            command, capture_output=True, text=True, check=False, timeout=TIME_LIMIT_S, env=_environment()
+            command,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=TIME_LIMIT_S,
+            env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
         )
     except subprocess.TimeoutExpired:
         raise ProgramFailed(f"no answer within {TIME_LIMIT_S:g} s") from None
@@ -252,8 +258,3 @@ def _run_program(written: Path, words: Sequence[object]) -> Path:
         lines = done.stderr.strip().splitlines() or [f"exit {done.returncode}"]
         raise ProgramFailed(lines[-1])
     return out
-
-
-def _environment() -> dict[str, str]:
-    """The environment of a case: one thread a library, for cases run beside each other."""
-    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

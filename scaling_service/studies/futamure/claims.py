@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from scaling_service.core.arrays import Array
-from scaling_service.studies.claims import Answer, Claim, claim
+from scaling_service.studies import claims
 from scaling_service.studies.futamure.document import FutamureDocument, WayEntry
 
 LEVEL = 0.05
@@ -22,10 +22,10 @@ WITHIN = 1.2
 """Held out over fitted that counts as alike (chosen: 20 %)."""
 
 
-CLAIMS: list[Claim[FutamureDocument]] = []
+CLAIMS: list[claims.Claim[FutamureDocument]] = []
 """In the order of the paper's results, then what only truth tells."""
 
-_claim = partial(claim, CLAIMS)
+_claim = partial(claims.claim, CLAIMS)
 
 
 def assess_less(first: Array, second: Array) -> float:
@@ -55,13 +55,13 @@ def _describe_errors(values: Array | list[float], digits: int = 1) -> str:
 
 
 @_claim("table 2", "The ground wrench is tracked within 3 N, 4 N and 3 N m", "3, 4, 3 (SD 0)")
-def _as_low(study: FutamureDocument) -> Answer:
+def _as_low(study: FutamureDocument) -> claims.Answer:
     mean = _list_wrenches(study, "consistent").mean(axis=0)
-    return Answer(bool((mean <= PAPER["consistent"]).all()), f"{_describe_errors(mean)} N, N, N m")
+    return claims.Answer(bool((mean <= PAPER["consistent"]).all()), f"{_describe_errors(mean)} N, N, N m")
 
 
 @_claim("V", "The classical method misses it by two to five times as much", "7, 8, 8 (SD 2, 2, 3)")
-def _lower(study: FutamureDocument) -> Answer:
+def _lower(study: FutamureDocument) -> claims.Answer:
     classical, ours = _list_wrenches(study, "classical"), _list_wrenches(study, "consistent")
     ratio = classical.mean(axis=0) / ours.mean(axis=0)
     p = [assess_less(ours[:, k], classical[:, k]) for k in range(3)]
@@ -72,14 +72,14 @@ def _lower(study: FutamureDocument) -> Answer:
     return _compare_tested(figures, p, bool((ratio >= 2.0).all()))
 
 
-def _compare_tested(figures: str, p: Sequence[float], holds: bool = True) -> Answer:
+def _compare_tested(figures: str, p: Sequence[float], holds: bool = True) -> claims.Answer:
     if np.isnan(p).any():
-        return Answer(None, f"{figures} (too few persons for a test)")
-    return Answer(holds and max(p) < LEVEL, figures)
+        return claims.Answer(None, f"{figures} (too few persons for a test)")
+    return claims.Answer(holds and max(p) < LEVEL, figures)
 
 
 @_claim("V", "The classical method follows the markers better", "4-7 against 14-17 mm")
-def _markers(study: FutamureDocument) -> Answer:
+def _markers(study: FutamureDocument) -> claims.Answer:
     classical, ours = (
         np.array([found.marker_rms_mm for found in _list_recordings(study, way)])
         for way in ("classical", "consistent")
@@ -91,25 +91,25 @@ def _markers(study: FutamureDocument) -> Answer:
 
 
 @_claim("IV", "The knee's and thigh's markers are missed most", "17.2 ± 9.8 mm")
-def _knee(study: FutamureDocument) -> Answer:
+def _knee(study: FutamureDocument) -> claims.Answer:
     names = list(study.persons[0].marker_rms_mm)
     mean = np.mean([[person.marker_rms_mm[name][1] for name in names] for person in study.persons], axis=0)
     order = np.argsort(-mean)[:3]
     figures = ", ".join(f"{names[k]} {mean[k]:.1f} mm" for k in order)
-    return Answer(names[int(order[0])] in ("KNE", "THI"), figures)
+    return claims.Answer(names[int(order[0])] in ("KNE", "THI"), figures)
 
 
 @_claim("III", "Two loops suffice", "two")
-def _loops(study: FutamureDocument) -> Answer:
+def _loops(study: FutamureDocument) -> claims.Answer:
     loops, settled = ([getattr(p, name) for p in study.persons] for name in ("loops", "converged"))
-    return Answer(
+    return claims.Answer(
         all(settled) and max(loops) <= 2,
         f"{min(loops)} to {max(loops)} loops; settled in {sum(settled)} of {len(settled)}",
     )
 
 
 @_claim("abstract", "Joint angles are nearer the truth than the classical ones", "no truth was known")
-def _angles(study: FutamureDocument) -> Answer:
+def _angles(study: FutamureDocument) -> claims.Answer:
     classical, ours = (_average_angle_errors(study, way) for way in ("classical", "consistent"))
     held = [_average_angle_errors(study, way, held_out=True) for way in ("classical", "consistent")]
     p = [assess_less(ours, classical), assess_less(held[1], held[0])]
@@ -122,7 +122,7 @@ def _angles(study: FutamureDocument) -> Answer:
 
 
 @_claim("abstract", "Inertial parameters are nearer the truth than the table's", "no truth was known")
-def _inertia(study: FutamureDocument) -> Answer:
+def _inertia(study: FutamureDocument) -> claims.Answer:
     before, after = np.moveaxis(np.array([p.inertia_distance for p in study.persons]), 1, 0)
     whole = [np.sqrt((x**2).mean(axis=1)) for x in (before, after)]
     p = assess_less(whole[1], whole[0])
@@ -136,17 +136,17 @@ def _inertia(study: FutamureDocument) -> Answer:
 
 
 @_claim("beyond", "A held-out recording is followed as well as the fitted one", "not asked")
-def _held_out(study: FutamureDocument) -> Answer:
+def _held_out(study: FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "consistent", held_out=h).mean(axis=0) for h in (False, True))
     ratio = held / fitted
-    return Answer(
+    return claims.Answer(
         bool((ratio <= WITHIN).all()),
         f"held out {_describe_errors(held)}, {_describe_errors(ratio, 2)} of fitted",
     )
 
 
 @_claim("beyond", "From its markers alone it is predicted better than with the table", "not asked")
-def _predicted(study: FutamureDocument) -> Answer:
+def _predicted(study: FutamureDocument) -> claims.Answer:
     fitted, held = (_list_wrenches(study, "predicted", held_out=h) for h in (False, True))
     classical = _list_wrenches(study, "classical", held_out=True)
     p = [assess_less(held[:, k], classical[:, k]) for k in range(3)]
@@ -159,6 +159,8 @@ def _predicted(study: FutamureDocument) -> Answer:
 
 
 @_claim("beyond", "A person takes at most 20 s", "not told")
-def _quick(study: FutamureDocument) -> Answer:
+def _quick(study: FutamureDocument) -> claims.Answer:
     slowest = max(person.seconds for person in study.persons)
-    return Answer(slowest <= 20.0, f"at most {slowest:.1f} s for 13 s at 100 Hz and a held-out recording")
+    return claims.Answer(
+        slowest <= 20.0, f"at most {slowest:.1f} s for 13 s at 100 Hz and a held-out recording"
+    )

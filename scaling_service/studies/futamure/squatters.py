@@ -11,12 +11,12 @@ from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
+from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Inertias
@@ -160,14 +160,14 @@ def _measure_reach(generic: BodyModel, name: str) -> float:
 
 
 def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
-    rng, mean = stream(seed, "squatter", "inertia"), gather_inertias(model)
+    rng, mean = stream(seed, "squatter", "inertia"), inertia.gather_inertias(model)
     count = len(mean.mass)
     heavy = mean.mass * (1.0 + MASS_SD * rng.normal(size=count))
     heavy *= mass / heavy.sum()
     gyration = np.sqrt(mean.tensor[:, 2, 2] / mean.mass)
     com = mean.com + COM_SD * gyration[:, None] * rng.normal(size=(count, 3)) * np.array([1.0, 1.0, 0.0])
     growth = (heavy / mean.mass) * (1.0 + RADIUS_SD * rng.normal(size=count)) ** 2
-    return with_inertias(model, Inertias(heavy, com, mean.tensor * growth[:, None, None]))
+    return inertia.with_inertias(model, Inertias(heavy, com, mean.tensor * growth[:, None, None]))
 
 
 def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
@@ -203,7 +203,9 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
     q = _in_balance(model, np.radians(degrees), over)
     qdot, qddot = differentiate_spline(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
-    wrench = compute_root_wrench(compile_mechanism(model), truth.rates, list_parameter_values(model))[0].T
+    wrench = compute_root_wrench(inertia.compile_mechanism(model), truth.rates, list_parameter_values(model))[
+        0
+    ].T
     return Squats(
         name=name,
         truth=truth,
@@ -221,8 +223,8 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
 
 def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
     """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
-    tree, p = compile_mechanism(model).tree, list_parameter_values(model)
-    masses = gather_inertias(model).mass / gather_inertias(model).mass.sum()
+    tree, p = inertia.compile_mechanism(model).tree, list_parameter_values(model)
+    masses = inertia.gather_inertias(model).mass / inertia.gather_inertias(model).mass.sum()
 
     def ahead(turn: Array) -> Array:
         at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])

@@ -9,14 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.consistent import planar
 from scaling_service.capabilities.consistent.estimate import ConsistentResult, estimate_consistent
-from scaling_service.capabilities.consistent.planar import (
-    SagittalPlane,
-    find_sagittal_plane,
-    in_plane,
-    project_loads,
-    scale_squat,
-)
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.consistent.run import read
@@ -37,7 +31,8 @@ from scaling_service.model.inertia import gather_inertias
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
-from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
+from scaling_service.studies import claims
+from scaling_service.studies.futamure import squatters
 from scaling_service.studies.futamure.claims import CLAIMS
 from scaling_service.studies.futamure.document import (
     FutamureDocument,
@@ -45,16 +40,6 @@ from scaling_service.studies.futamure.document import (
     RecordingEntry,
     SquatterEntry,
     WayEntry,
-)
-from scaling_service.studies.futamure.squatters import (
-    COM_SD,
-    MASS_SD,
-    RADIUS_SD,
-    RATE_HZ,
-    SUBJECTS,
-    Squats,
-    VirtualSquatter,
-    make_virtual_squatter,
 )
 
 SOURCE = (
@@ -100,8 +85,8 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
 
     ``faults``: see :func:`make_virtual_squatter`.
     """
-    person = make_virtual_squatter(seed, faults=faults)
-    plane = find_sagittal_plane(person.fitted.trial)
+    person = squatters.make_virtual_squatter(seed, faults=faults)
+    plane = planar.find_sagittal_plane(person.fitted.trial)
     model = start_model(person, plane)
     fitted, held_out = (make_recording(model, squats, plane) for squats in (person.fitted, person.held_out))
     clock = time.perf_counter()
@@ -146,21 +131,23 @@ def describe_recording(found: ConsistentResult, k: int, truth: Array | None = No
     return RecordingEntry(**ways)
 
 
-def start_model(person: VirtualSquatter, plane: SagittalPlane) -> BodyModel:
+def start_model(person: squatters.VirtualSquatter, plane: planar.SagittalPlane) -> BodyModel:
     """What a laboratory would start from: it knows the recording, the stature and what the plate bears."""
-    sized = scale_squat(load_builtin(SQUAT), in_plane(person.fitted.trial, plane))
+    sized = planar.scale_squat(load_builtin(SQUAT), planar.in_plane(person.fitted.trial, plane))
     borne = float(person.fitted.loads.total[:, 1].mean() / -GRAVITY[1])
     return apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
 
 
-def make_recording(model: BodyModel, squats: Squats, plane: SagittalPlane) -> ConsistentRecording:
+def make_recording(
+    model: BodyModel, squats: squatters.Squats, plane: planar.SagittalPlane
+) -> ConsistentRecording:
     """Markers and filtered forces in the plane, and what inverse kinematics makes of the markers."""
-    trial = in_plane(squats.trial, plane)
+    trial = planar.in_plane(squats.trial, plane)
     count = len(trial.times)
     return ConsistentRecording(
         trial=trial,
         motion=inverse_kinematics(model, trial),
-        loads=_filter_loads(project_loads(squats.loads, plane)),
+        loads=_filter_loads(planar.project_loads(squats.loads, plane)),
         supported=np.ones(count, dtype=bool),
         about=np.zeros((count, 3)),
         components=SAGITTAL,
@@ -171,7 +158,7 @@ def _filter_loads(loads: SegmentLoads) -> SegmentLoads:
     def smooth(values: Array) -> Array:
         flat = values.reshape(len(values), -1)
         return filter_butterworth(
-            flat, rate_hz=RATE_HZ, cutoff_hz=DYNAMICS_CUTOFF_HZ, order=ORDER
+            flat, rate_hz=squatters.RATE_HZ, cutoff_hz=DYNAMICS_CUTOFF_HZ, order=ORDER
         ).values.reshape(values.shape)
 
     return replace(loads, force=smooth(loads.force), moment=smooth(loads.moment))
@@ -183,9 +170,9 @@ def compute_inertia_distance(model: BodyModel, truth: BodyModel) -> Array:
     moving = slice(1, None)
     gyration = np.sqrt(true.tensor[:, 2, 2] / true.mass)
     parts = (
-        (ours.mass / true.mass - 1.0) / MASS_SD,
-        (ours.com - true.com)[:, :2] / (COM_SD * gyration[:, None]),
-        (ours.tensor[:, 2, 2] / true.tensor[:, 2, 2] - 1.0) / (2.0 * RADIUS_SD),
+        (ours.mass / true.mass - 1.0) / squatters.MASS_SD,
+        (ours.com - true.com)[:, :2] / (squatters.COM_SD * gyration[:, None]),
+        (ours.tensor[:, 2, 2] / true.tensor[:, 2, 2] - 1.0) / (2.0 * squatters.RADIUS_SD),
     )
     return np.array([np.sqrt(np.mean(part[moving] ** 2)) for part in parts])
 
@@ -206,7 +193,7 @@ def reproduce_futamure(
     subjects: int | None = None,
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
-    finished: PersonDone | None = None,
+    finished: claims.PersonDone | None = None,
 ) -> FutamureDocument:
     """Explain squats of virtual persons in both ways, and ask what the paper claims.
 
@@ -214,19 +201,21 @@ def reproduce_futamure(
     beside; .osim models are taken as they are. Results do not depend on ``worker_count``. InputError: no
     subject is asked for, or a real one cannot be used.
     """
-    clock, count = time.perf_counter(), SUBJECTS if subjects is None else subjects
+    clock, count = time.perf_counter(), squatters.SUBJECTS if subjects is None else subjects
     real = [_study_real(Path(file)) for file in recordings]
     document = FutamureDocument(
         source=SOURCE,
         code_version=code_version(),
         settings=asdict(ConsistentSettings()),
         seed=seed,
-        persons=study_persons(study_squatter, seed, count, worker_count=worker_count, finished=finished),
+        persons=claims.study_persons(
+            study_squatter, seed, count, worker_count=worker_count, finished=finished
+        ),
         recordings=real,
         notes=list(DIFFERENCES),
         wall_s=round(time.perf_counter() - clock, 3),
     )
-    return answer_claims(document, CLAIMS)
+    return claims.answer_claims(document, CLAIMS)
 
 
 def _study_real(file: Path) -> RealEntry:

@@ -28,25 +28,21 @@ def summarise(document: FutamureDocument) -> Summary:
 
 def make_tables(document: FutamureDocument) -> Iterator[Table]:
     """What the paper's table 2 has, of virtual persons and of real recordings."""
-    yield _tabulate_persons(document.persons)
-    if document.recordings:
-        yield _tabulate_real(document)
-
-
-def _tabulate_persons(persons: Sequence[SquatterEntry]) -> Table:
     rows = [
-        Row(f"{way}, {said}", _format_cells([getattr(getattr(p, part), way) for p in persons]))
+        Row(f"{way}, {said}", _format_cells([getattr(getattr(p, part), way) for p in document.persons]))
         for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
         for way in WAYS
     ]
     rows += [Row(f"{way}, paper", [*(f"{v:.0f}" for v in six), "–", "–"]) for way, six in PAPER.items()]
-    return Table(
+    yield Table(
         caption="RMS errors, mean ± SD over persons",
         columns=_COLUMNS,
         rows=rows,
         note="Predicted: the classical two steps with the model found, so that forces of the recording "
         "played no part.",
     )
+    if document.recordings:
+        yield _tabulate_real(document)
 
 
 def _tabulate_real(document: FutamureDocument) -> Table:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
-from scaling_service.studies.claims import Answer, Claim, claim
+from scaling_service.studies import claims
 from scaling_service.studies.muller2017.document import Muller2017Document
 
 NOMINAL = 0.95
@@ -42,10 +42,10 @@ ROUGH = 0.10
 scatter by about 3 %)."""
 
 
-CLAIMS: list[Claim[Muller2017Document]] = []
+CLAIMS: list[claims.Claim[Muller2017Document]] = []
 """In the order of the paper's results, then what only truth tells."""
 
-_claim = partial(claim, CLAIMS)
+_claim = partial(claims.claim, CLAIMS)
 
 
 def _of(study: Muller2017Document, name: str) -> Array:
@@ -69,24 +69,26 @@ def _assess_positive(difference: Array) -> float:
 
 
 @_claim("3.1", "Uncertainty grows linearly with the added reconstruction error", "R2 0.963 to 0.999")
-def _linear(study: Muller2017Document) -> Answer:
+def _linear(study: Muller2017Document) -> claims.Answer:
     r2, centred = _of(study, "r2"), _of(study, "r2_centred")
     said = f"R2 {r2.min():.3f} to {r2.max():.3f}; about the mean {centred.min():.3f} to {centred.max():.3f}"
-    return Answer(bool(r2.min() >= LEAST_R2), said)
+    return claims.Answer(bool(r2.min() >= LEAST_R2), said)
 
 
 @_claim("figure 8", "Slopes are consistent between persons", "boxes about a third wide")
-def _consistent(study: Muller2017Document) -> Answer:
+def _consistent(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     if len(slopes) < 3:
-        return Answer(None, "too few persons")
+        return claims.Answer(None, "too few persons")
     spread = slopes.std(axis=0, ddof=1) / slopes.mean(axis=0)
     means = _by_component(slopes.mean(axis=0), 3)
-    return Answer(bool(spread.max() <= ALIKE), f"SD over mean at most {spread.max():.2f}; per cm: {means}")
+    return claims.Answer(
+        bool(spread.max() <= ALIKE), f"SD over mean at most {spread.max():.2f}; per cm: {means}"
+    )
 
 
 @_claim("figure 8", "Vertical force and moment are least uncertain", "stated in words")
-def _least_vertical(study: Muller2017Document) -> Answer:
+def _least_vertical(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm")
     smaller = [
         slopes[:, list(flat)].min(axis=1) - slopes[:, up]
@@ -95,7 +97,7 @@ def _least_vertical(study: Muller2017Document) -> Answer:
     p = [_assess_positive(difference) for difference in smaller]
     counts = [int((difference > 0).sum()) for difference in smaller]
     said = f"force in {counts[0]} of {len(slopes)} (p = {p[0]:.3g}), moment in {counts[1]} (p = {p[1]:.3g})"
-    return Answer(_is_significant(max(p), study), said)
+    return claims.Answer(_is_significant(max(p), study), said)
 
 
 def _is_significant(p: float, study: Muller2017Document) -> bool | None:
@@ -104,22 +106,22 @@ def _is_significant(p: float, study: Muller2017Document) -> bool | None:
 
 
 @_claim("3.1", "Both horizontal directions are alike", "same order of magnitude")
-def _horizontals_alike(study: Muller2017Document) -> Answer:
+def _horizontals_alike(study: Muller2017Document) -> claims.Answer:
     slopes = _of(study, "slopes_per_cm").mean(axis=0)
     ratios = [slopes[a] / slopes[b] for a, b in HORIZONTAL]
     holds = all(0.1 < ratio < 10.0 for ratio in ratios)
-    return Answer(holds, f"fx over fz {ratios[0]:.2f}, mx over mz {ratios[1]:.2f}")
+    return claims.Answer(holds, f"fx over fz {ratios[0]:.2f}, mx over mz {ratios[1]:.2f}")
 
 
 @_claim("3.2", "The plates' noise is negligible", "5 orders of magnitude lower, about 1e-6")
-def _plates_negligible(study: Muller2017Document) -> Answer:
+def _plates_negligible(study: Muller2017Document) -> claims.Answer:
     orders = np.log10(_of(study, "kinematic") / _of(study, "plate"))
     said = f"{orders.min():.1f} to {orders.max():.1f} orders; plates {_of(study, 'plate').max():.1e} at most"
-    return Answer(bool(orders.min() >= ORDERS), said)
+    return claims.Answer(bool(orders.min() >= ORDERS), said)
 
 
 @_claim("3.3, H1", "A table's inertia is acceptable", "forces 2 ± 0.6 %, moments 1.3 ± 0.7 %")
-def _table_acceptable(study: Muller2017Document) -> Answer:
+def _table_acceptable(study: Muller2017Document) -> claims.Answer:
     dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
     holds = bool((force <= 100 * SMALL_FORCE).all() and (moment <= 100 * SMALL_MOMENT).all())
@@ -127,7 +129,7 @@ def _table_acceptable(study: Muller2017Document) -> Answer:
         f"forces {force.mean():.2f} ± {force.std(ddof=min(1, len(force) - 1)):.2f} %, moments "
         f"{moment.mean():.2f} ± {moment.std(ddof=min(1, len(moment) - 1)):.2f} %"
     )
-    return Answer(holds, said)
+    return claims.Answer(holds, said)
 
 
 @_claim(
@@ -135,23 +137,23 @@ def _table_acceptable(study: Muller2017Document) -> Answer:
     "Uncertainties exceed residuals, except for the vertical moment",
     "all components of 10 persons but that one",
 )
-def _uncertainty_exceeds(study: Muller2017Document) -> Answer:
+def _uncertainty_exceeds(study: Muller2017Document) -> claims.Answer:
     above = _of(study, "total") > _of(study, "dr")
     but_vertical = np.delete(above, VERTICAL[1], axis=1)
     ratio = _by_component(np.median(_of(study, "total") / _of(study, "dr"), axis=0))
-    return Answer(
+    return claims.Answer(
         bool(but_vertical.all()),
         f"in {int(above.sum())} of {above.size}; times the residual (median): {ratio}",
     )
 
 
 @_claim("3.3, H2", "Residuals cannot calibrate inertia", "refuted for all 10 persons")
-def _calibration_refused(study: Muller2017Document) -> Answer:
+def _calibration_refused(study: Muller2017Document) -> claims.Answer:
     supported = _list_flags(study, "calibration_supported")
     every, some = supported.all(axis=1), supported.any(axis=1)
     counts = {"yes": every.sum(), "in part": (some & ~every).sum(), "no": (~some).sum()}
     said = ", ".join(f"{word}: {count}" for word, count in counts.items())
-    return Answer(not every.any(), f"calibration supported {said}")
+    return claims.Answer(not every.any(), f"calibration supported {said}")
 
 
 @_claim(
@@ -159,20 +161,20 @@ def _calibration_refused(study: Muller2017Document) -> Answer:
     "Where calibration is refused, the measurement's true error is larger than inertia's",
     "cannot be known",
 )
-def _refusal_is_right(study: Muller2017Document) -> Answer:
+def _refusal_is_right(study: Muller2017Document) -> claims.Answer:
     refused, blamed = ~_list_flags(study, "calibration_supported"), _list_flags(study, "blamed")
     wrong = refused & blamed
     by = ", ".join(f"{n} {k}" for n, k in zip(COMPONENTS, wrong.sum(axis=0), strict=True) if k)
     said = f"{int((refused & ~blamed).sum())} of {int(refused.sum())} refusals are right"
-    return Answer(not wrong.any(), said + (f"; inertia is the larger part in {by}" if by else ""))
+    return claims.Answer(not wrong.any(), said + (f"; inertia is the larger part in {by}" if by else ""))
 
 
 @_claim("truth", "The stated uncertainty covers the true error of the residual", "cannot be known")
-def _covers(study: Muller2017Document) -> Answer:
+def _covers(study: Muller2017Document) -> claims.Answer:
     true, total = _of(study, "true_measurement_error"), _of(study, "total")
     covered = true <= total
     ratio = _by_component(np.median(total / true, axis=0))
-    return Answer(
+    return claims.Answer(
         bool(covered.all()),
         f"in {int(covered.sum())} of {covered.size}; times the true error (median): {ratio}",
     )
@@ -183,20 +185,22 @@ def _covers(study: Muller2017Document) -> Answer:
     f"Intervals of {INTERVAL} SD by the markers' errors hold {100 * NOMINAL:.0f} % of the true errors",
     "proposed as future work",
 )
-def _markers_cover(study: Muller2017Document) -> Answer:
+def _markers_cover(study: Muller2017Document) -> claims.Answer:
     mean = _of(study, "coverage").mean(axis=0)
     ratio = np.median(_of(study, "markers_sd") / _of(study, "true_measurement_error"), axis=0)
     said = (
         f"{100 * mean.mean():.1f} % of frames; {_by_component(100 * mean, 1)}; "
         f"stated SD over true RMS {ratio.mean():.2f}"
     )
-    return Answer(bool(mean.min() >= NOMINAL), said)
+    return claims.Answer(bool(mean.min() >= NOMINAL), said)
 
 
 @_claim("beyond", "Linear propagation gives the sampled slopes", "not in the paper")
-def _linear_agrees(study: Muller2017Document) -> Answer:
+def _linear_agrees(study: Muller2017Document) -> claims.Answer:
     ratio = _of(study, "linear_slopes_per_cm") / _of(study, "slopes_per_cm")
-    return Answer(bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}")
+    return claims.Answer(
+        bool(np.abs(ratio - 1.0).max() <= ROUGH), f"ratio {ratio.min():.3f} to {ratio.max():.3f}"
+    )
 
 
 def _compute_growth(study: Muller2017Document) -> Array:
@@ -209,11 +213,11 @@ def _compute_growth(study: Muller2017Document) -> Array:
     "Identification against the verdict makes the held-out error of inertia worse",
     "expected: overfitting",
 )
-def _identification_worse(study: Muller2017Document) -> Answer:
+def _identification_worse(study: Muller2017Document) -> claims.Answer:
     worse = np.array([person.identified_freely.worse for person in study.persons])
     median = _by_component(np.median(_compute_growth(study), axis=0), 2)
     p = _assess_positive(np.log(worse))
-    return Answer(
+    return claims.Answer(
         _is_significant(p, study),
         f"worse in {int((worse > 1).sum())} of {len(worse)} persons, p = {p:.3g}; ratio (median): {median}",
     )
@@ -222,14 +226,14 @@ def _identification_worse(study: Muller2017Document) -> Answer:
 @_claim(
     "truth", "It does so in components whose residual is mostly the measurement's", "expected: overfitting"
 )
-def _worse_where_forbidden(study: Muller2017Document) -> Answer:
+def _worse_where_forbidden(study: Muller2017Document) -> claims.Answer:
     logs, blamed = np.log(_compute_growth(study)), _list_flags(study, "blamed")
     refused = np.array([row[~b].mean() for row, b in zip(logs, blamed, strict=True) if not b.all()])
     allowed = logs[blamed]
     p = _assess_positive(refused)
     better = f"{np.exp(np.median(allowed)):.2f} in the {len(allowed)} others" if len(allowed) else "no others"
     said = f"after over before {np.exp(np.median(refused)):.2f} there (p = {p:.3g}), {better}"
-    return Answer(_is_significant(p, study), said)
+    return claims.Answer(_is_significant(p, study), said)
 
 
 @_claim(
@@ -237,10 +241,10 @@ def _worse_where_forbidden(study: Muller2017Document) -> Answer:
     "The verdict by the markers' errors supports only what identification betters",
     "not in the paper",
 )
-def _markers_verdict(study: Muller2017Document) -> Answer:
+def _markers_verdict(study: Muller2017Document) -> claims.Answer:
     supported, blamed = _list_flags(study, "supported_by_markers"), _list_flags(study, "blamed")
     if not supported.any():
-        return Answer(None, "nothing is supported")
+        return claims.Answer(None, "nothing is supported")
     logs = np.log(_compute_growth(study))
     allowed, refused = (float(np.exp(np.median(logs[which]))) for which in (supported, ~supported))
     right = int((supported & blamed).sum())
@@ -248,14 +252,14 @@ def _markers_verdict(study: Muller2017Document) -> Answer:
         f"{right} of {int(supported.sum())} supported components are inertia's, {int(blamed.sum())} are in "
         f"all; after over before {allowed:.2f} in these, {refused:.2f} in the others (medians)"
     )
-    return Answer(right == supported.sum() and allowed < 1.0 < refused, said)
+    return claims.Answer(right == supported.sum() and allowed < 1.0 < refused, said)
 
 
 @_claim("truth", "Even a held-out residual can fall while inertia becomes less true", "expected: overfitting")
-def _held_out_residual_deceives(study: Muller2017Document) -> Answer:
+def _held_out_residual_deceives(study: Muller2017Document) -> claims.Answer:
     free = [person.identified_freely for person in study.persons]
     fell = [float(np.linalg.norm(f.residual_after) / np.linalg.norm(f.residual_before)) for f in free]
     truer = [f.worse for f in free]
     both = sum(f < 1.0 < t for f, t in zip(fell, truer, strict=True))
     said = f"residual after over before {np.median(fell):.2f}, true error {np.median(truer):.2f} (medians)"
-    return Answer(both > 0, f"in {both} of {len(free)} persons; {said}")
+    return claims.Answer(both > 0, f"in {both} of {len(free)} persons; {said}")

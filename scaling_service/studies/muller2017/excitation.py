@@ -16,8 +16,8 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMo
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
+from scaling_service.model import body
 from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
-from scaling_service.model.body import BodyModel, Marker, to_vector
 from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
@@ -30,7 +30,7 @@ from scaling_service.numerics.multibody.tree import pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench
-from scaling_service.virtual.artefact import draw_shared, glide_marker, shift_marker
+from scaling_service.virtual import artefact
 from scaling_service.virtual.motion import ANKLE_HEIGHT, draw_wandering
 
 SLOT_S = (1.2, 1.8)
@@ -134,7 +134,7 @@ def _of_side(side: str) -> tuple[Movement, ...]:
 
 
 def simulate_sequence(
-    model: BodyModel, times: Array, rng: np.random.Generator, stature_m: float, *, in_order: bool = True
+    model: body.BodyModel, times: Array, rng: np.random.Generator, stature_m: float, *, in_order: bool = True
 ) -> tuple[Array, Array]:
     """Coordinates of one performance.
 
@@ -168,8 +168,8 @@ def simulate_sequence(
     return _simulate_standing(model, q, right, stature_m), right
 
 
-def _simulate_standing(model: BodyModel, q: Array, right: Array, stature_m: float) -> Array:
-    ankles = [Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"]
+def _simulate_standing(model: body.BodyModel, q: Array, right: Array, stature_m: float) -> Array:
+    ankles = [body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"]
     marked = model.with_markers(tuple(ankles))
     tree, p = compile_model(marked), list_parameter_values(marked)
     place = [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
@@ -217,8 +217,8 @@ class ExcitedPerson:
     seed: int
     height_m: float
     mass_kg: float
-    truth: BodyModel  # true lengths, marker places at rest, inertia
-    model: BodyModel  # what a calibration and a regression make of it
+    truth: body.BodyModel  # true lengths, marker places at rest, inertia
+    model: body.BodyModel  # what a calibration and a regression make of it
     performances: Mapping[str, Performance]  # in_order, and shuffled, which is never fitted
 
 
@@ -239,7 +239,7 @@ def make_excited_person(
     )
 
 
-def _draw_truth(seed: int, height: float, mass: float, size: float) -> BodyModel:
+def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.BodyModel:
     generic = load_builtin(MODEL)
     stature = height / load_generic_person(MODEL).height_m
     factors = {}
@@ -264,20 +264,27 @@ def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inert
     return Inertias(own, com, tensors)
 
 
-def _calibrate_model(seed: int, truth: BodyModel, height: float, mass: float, size: float) -> BodyModel:
+def _calibrate_model(
+    seed: int, truth: body.BodyModel, height: float, mass: float, size: float
+) -> body.BodyModel:
     rng = stream(seed, "excited", "calibration")
     factors = {}
     for name in truth.segment_names:
         own = float(1.0 + LENGTH_LEFT * size * rng.normal())
         factors[name] = (own, own, own)
     model = scale_model(truth, factors)
-    markers = tuple(shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
+    markers = tuple(artefact.shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
     return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
 
 
 def _perform(
-    seed: int, name: str, truth: BodyModel, model: BodyModel, height: float, settings: ExcitationSettings
+    seed: int,
+    name: str,
+    truth: body.BodyModel,
+    model: body.BodyModel,
+    height: float,
+    settings: ExcitationSettings,
 ) -> Performance:
     times = np.arange(round(settings.seconds * settings.rate_hz)) / settings.rate_hz
     rng = stream(seed, "excited", "motion", name)
@@ -292,7 +299,7 @@ def _perform(
     vertical = force[:, 1]
     centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
     free = moment - np.cross(centre, force)  # about the vertical
-    feet = truth.with_markers(tuple(Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
+    feet = truth.with_markers(tuple(body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
     ankles = pose_markers(compile_model(feet), q, p)
     apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
     share = np.column_stack([right, 1.0 - right])[..., None]
@@ -341,7 +348,7 @@ def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: Excitati
 def _record_markers(
     seed: int,
     name: str,
-    truth: BodyModel,
+    truth: body.BodyModel,
     labels: tuple[str, ...],
     times: Array,
     q: Array,
@@ -358,17 +365,13 @@ def _record_markers(
     return seen
 
 
-def _make_gliding(seed: int, marker: Marker, model: BodyModel, size: float) -> Marker:
+def _make_gliding(seed: int, marker: body.Marker, model: body.BodyModel, size: float) -> body.Marker:
     """A marker that moves over its segment with the angles of the segment's joints."""
     per_rad = {}
-    for coordinate in _list_joints_about(model, marker.segment):
-        drawn = draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
-        per_rad[coordinate] = to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
-    return glide_marker(marker, per_rad)
-
-
-def _list_joints_about(model: BodyModel, segment: str) -> list[str]:
-    """Angles of the joint that carries a segment and of those that it carries, the root's own apart."""
-    near = [s for s in model.segments if s.name == segment or s.parent == segment]
+    # Angles of the joint that carries a segment and of those that it carries, the root's own apart
+    near = [s for s in model.segments if s.name == marker.segment or s.parent == marker.segment]
     joints = [joint for s in near if s.parent != "ground" for joint in s.joints]
-    return sorted({c for joint in joints for c in joint.law.coordinates})
+    for coordinate in sorted({c for joint in joints for c in joint.law.coordinates}):
+        drawn = artefact.draw_shared(seed, "excited", "skin", marker.segment, coordinate, marker=marker.name)
+        per_rad[coordinate] = body.to_vector(1e-3 * np.degrees(size * SKIN_MM_PER_DEG * drawn))
+    return artefact.glide_marker(marker, per_rad)

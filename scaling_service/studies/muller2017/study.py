@@ -18,44 +18,26 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_linearly
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
     propagate_marker_errors,
 )
-from scaling_service.capabilities.dynamics.uncertainty.total import (
-    UncertaintySettings,
-    WrenchUncertainty,
-    is_inertia_dominant,
-    propagate,
-)
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    InverseDynamics,
-    compute_dynamics,
-    compute_residual_indicator,
-    differentiate_motion,
-    solve_inverse_dynamics,
-)
+from scaling_service.capabilities.dynamics.uncertainty.total import is_inertia_dominant, propagate
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
 from scaling_service.core.arrays import Array
 from scaling_service.documents.writing import code_version
+from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import gather_inertias, sum_mass, with_inertias
-from scaling_service.studies.claims import PersonDone, answer_claims, study_persons
+from scaling_service.studies import claims
+from scaling_service.studies.muller2017 import excitation, monte_carlo
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
 from scaling_service.studies.muller2017.document import (
     IdentificationEntry,
     Muller2017Document,
     PersonEntry,
     PropagatedEntry,
-)
-from scaling_service.studies.muller2017.excitation import (
-    WHOLE,
-    ExcitationSettings,
-    ExcitedPerson,
-    Performance,
-    make_excited_person,
 )
 
 SUBJECTS = 10
@@ -98,17 +80,19 @@ _SAME = (
 
 
 def study_person(
-    seed: int, settings: UncertaintySettings, recorded: ExcitationSettings = WHOLE
+    seed: int,
+    settings: monte_carlo.UncertaintySettings,
+    recorded: excitation.ExcitationSettings = excitation.WHOLE,
 ) -> PersonEntry:
     """The whole study of one person, in this thread.
 
     ``seed``: of the person. ``settings``: its seed is replaced by the person's.
     """
-    person = make_excited_person(seed, recorded)
+    person = excitation.make_excited_person(seed, recorded)
     performance = person.performances["in_order"]
     recording = performance.recording
-    found = propagate(recording, replace(settings, seed=seed))
-    linear = propagate_linearly(recording, settings.levels, settings.noise_on)
+    found = monte_carlo.propagate_by_samples(recording, replace(settings, seed=seed))
+    linear = propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
     error, inertial = _compute_true_errors(person, performance)
@@ -150,7 +134,7 @@ def study_person(
     )
 
 
-def describe_uncertainty(name: str, found: WrenchUncertainty) -> dict[str, Any]:
+def describe_uncertainty(name: str, found: monte_carlo.SampledUncertainty) -> dict[str, Any]:
     """The fields of a ``PropagatedEntry``."""
     return {
         "name": name,
@@ -172,9 +156,12 @@ def _widen_prior() -> PriorSpread:
     return PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length)
 
 
-def _scale(person: ExcitedPerson) -> Array:
+def _scale(person: excitation.ExcitedPerson) -> Array:
     return np.asarray(
-        1.0 / compute_residual_indicator(np.ones((1, 6)), sum_mass(person.model), person.height_m)
+        1.0
+        / inverse_dynamics.compute_residual_indicator(
+            np.ones((1, 6)), inertia.sum_mass(person.model), person.height_m
+        )
     )
 
 
@@ -182,25 +169,29 @@ def _compute_rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
-def _compute_true_errors(person: ExcitedPerson, performance: Performance) -> tuple[Array, Array]:
+def _compute_true_errors(
+    person: excitation.ExcitedPerson, performance: excitation.Performance
+) -> tuple[Array, Array]:
     """Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m."""
-    table = with_inertias(person.truth, gather_inertias(person.model))
+    table = inertia.with_inertias(person.truth, inertia.gather_inertias(person.model))
     inertial = _compute_true_residual(table, performance)
     return _measure_dynamics(person.model, performance).residual - inertial, inertial
 
 
-def _compute_true_residual(model: BodyModel, performance: Performance) -> Array:
+def _compute_true_residual(model: BodyModel, performance: excitation.Performance) -> Array:
     """What a model's inertia leaves of the true motion and the true forces, (n, 6)."""
-    rated = differentiate_motion(model, performance.times, performance.q, cutoff_hz=None)
-    return compute_dynamics(model, rated, performance.loads).residual
+    rated = inverse_dynamics.differentiate_motion(model, performance.times, performance.q, cutoff_hz=None)
+    return inverse_dynamics.compute_dynamics(model, rated, performance.loads).residual
 
 
-def _measure_dynamics(model: BodyModel, performance: Performance) -> InverseDynamics:
+def _measure_dynamics(
+    model: BodyModel, performance: excitation.Performance
+) -> inverse_dynamics.InverseDynamics:
     recording = performance.recording
-    return solve_inverse_dynamics(model, recording.motion, recording.loads)
+    return inverse_dynamics.solve_inverse_dynamics(model, recording.motion, recording.loads)
 
 
-def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:
+def _identify(person: excitation.ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
     scale, inner = _scale(person), other.recording.frames
@@ -208,20 +199,20 @@ def _identify(person: ExcitedPerson, settings: IdentificationSettings) -> Identi
     found = identify_inertia(person.model, [evidence], settings=settings)
     entry = {}
     for when, model in (("before", person.model), ("after", found.model)):
-        true = with_inertias(person.truth, gather_inertias(model))
+        true = inertia.with_inertias(person.truth, inertia.gather_inertias(model))
         entry[f"residual_{when}"] = _compute_rms(_measure_dynamics(model, other).residual[inner]) / scale
         entry[f"true_error_{when}"] = _compute_rms(_compute_true_residual(true, other)[inner]) / scale
     return IdentificationEntry.model_validate(entry)
 
 
 def reproduce_muller2017(
-    settings: UncertaintySettings,
+    settings: monte_carlo.UncertaintySettings,
     *,
     subjects: int | None = None,
-    recorded: ExcitationSettings = WHOLE,
+    recorded: excitation.ExcitationSettings = excitation.WHOLE,
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
-    finished: PersonDone | None = None,
+    finished: claims.PersonDone | None = None,
 ) -> Muller2017Document:
     """Propagate uncertainty in recordings of virtual persons, and ask what the paper claims.
 
@@ -231,7 +222,7 @@ def reproduce_muller2017(
     """
     clock = time.perf_counter()
     real = [entry for file in recordings for entry in _study_real(file, settings)]
-    persons = study_persons(
+    persons = claims.study_persons(
         study_person,
         settings.seed,
         SUBJECTS if subjects is None else subjects,
@@ -252,18 +243,22 @@ def reproduce_muller2017(
         notes=list(DIFFERENCES),
         wall_s=round(time.perf_counter() - clock, 3),
     )
-    return answer_claims(document, CLAIMS)
+    return claims.answer_claims(document, CLAIMS)
 
 
-def _study_real(file: str | Path, settings: UncertaintySettings) -> list[PropagatedEntry]:
+def _study_real(file: str | Path, settings: monte_carlo.UncertaintySettings) -> list[PropagatedEntry]:
     """A real person's recordings, with the model as it is."""
     found = dynamics(
         file,
-        DynamicsSettings(start=AS_IT_IS, samples=settings.samples),
+        DynamicsSettings(start=AS_IT_IS),
         UNSMOOTHED.model_copy(update={"seed": settings.seed}),
     )
     subject = found.prepared.subject.id
     return [
-        PropagatedEntry.model_validate(describe_uncertainty(f"{subject} {name}", trial.uncertainty))
+        PropagatedEntry.model_validate(
+            describe_uncertainty(
+                f"{subject} {name}", monte_carlo.propagate_by_samples(trial.recording, settings)
+            )
+        )
         for name, trial in found.trials.items()
     ]

@@ -33,26 +33,25 @@ def summarise(document: Muller2017Document) -> Summary:
 
 def make_tables(document: Muller2017Document) -> list[Table]:
     """Means over persons, and real recordings."""
-    return [_tabulate_means(document.persons), *_tabulate_real(document.recordings)]
+    rows = [
+        Row(title, _format_percent(np.mean([getattr(person, name) for person in document.persons], axis=0)))
+        for title, name in _MEANS
+    ]
+    coverage = 100 * np.mean([person.coverage for person in document.persons], axis=0)
+    rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
+    return [
+        Table(
+            caption="Means over persons, % of weight and of weight times stature",
+            columns=["", *COMPONENTS],
+            rows=rows,
+            note=_AXES,
+        ),
+        *_tabulate_real(document.recordings),
+    ]
 
 
 def _format_percent(shares: Iterable[float]) -> list[str]:
     return [f"{100 * share:.2f}" for share in shares]
-
-
-def _tabulate_means(persons: Sequence[PersonEntry]) -> Table:
-    rows = [
-        Row(title, _format_percent(np.mean([getattr(person, name) for person in persons], axis=0)))
-        for title, name in _MEANS
-    ]
-    coverage = 100 * np.mean([person.coverage for person in persons], axis=0)
-    rows.append(Row("True errors within 1.96 SD, % of frames", [f"{c:.1f}" for c in coverage]))
-    return Table(
-        caption="Means over persons, % of weight and of weight times stature",
-        columns=["", *COMPONENTS],
-        rows=rows,
-        note=_AXES,
-    )
 
 
 def _make_truth_tables(persons: Sequence[PersonEntry]) -> Iterator[Table]:

@@ -8,21 +8,21 @@ from functools import partial
 import numpy as np
 
 from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
-from scaling_service.studies.claims import Answer, Claim, claim
-from scaling_service.studies.puchaud2019.document import AXES, LENGTHS, METHODS, Puchaud2019Document
+from scaling_service.studies import claims
+from scaling_service.studies.puchaud2019 import document
 
 _SMALL_DEG = 2.5  # "about -2 to 2 deg" (section 3.1), rounded to whole degrees
 _FITTING = ("MB_lam", "MB_am", "EB_am")
 _LEGS = ("femur_r", "femur_l", "shank_r", "shank_l")
 _ERROR = ("kinematic_error_mm", "calibration")
 
-CLAIMS: list[Claim[Puchaud2019Document]] = []
+CLAIMS: list[claims.Claim[document.Puchaud2019Document]] = []
 """In the order of the paper's results."""
 
-_claim = partial(claim, CLAIMS)
+_claim = partial(claims.claim, CLAIMS)
 
 
-def _test(study: Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
+def _test(study: document.Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
     found = study.statistics.quantity(kind, quantity)
     if found.friedman is None:
         raise ValueError(f"{kind} {quantity} was not compared: {found.note}")
@@ -40,21 +40,21 @@ def _average_difference(test: FriedmanEntry, method: str, reference: str) -> flo
 
 
 @_claim("table 2", "Segment lengths differ between the models", "p < 0.05, inter-hip and shanks p < 0.001")
-def _lengths_differ(study: Puchaud2019Document) -> Answer:
-    tests = {name: _test(study, "segment_lengths_mm", name) for name in LENGTHS}
-    return Answer(
+def _lengths_differ(study: document.Puchaud2019Document) -> claims.Answer:
+    tests = {name: _test(study, "segment_lengths_mm", name) for name in document.LENGTHS}
+    return claims.Answer(
         all(t.significant for t in tests.values()),
         ", ".join(f"{name} {_format_p(t.p)}" for name, t in tests.items()),
     )
 
 
 def _compare_with_image(
-    study: Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
-) -> Answer:
+    study: document.Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
+) -> claims.Answer:
     """Whether a method's lengths all differ, or all do not differ, from EB's."""
     tests = {name: _test(study, "segment_lengths_mm", name) for name in names}
     pairs = {name: test.pair(method, "EB") for name, test in tests.items()}
-    return Answer(
+    return claims.Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
             f"{name} {_average_difference(tests[name], method, 'EB'):+.1f} ± {p.difference_sd:.1f} mm "
@@ -69,7 +69,7 @@ def _compare_with_image(
     "Femurs and shanks of MB_lam differ from those of EB",
     "femur +8.4 ± 12.5 and +5.1 ± 13.3 mm, shank +15.8 and +16.4 mm",
 )
-def _optimised_legs_differ(study: Puchaud2019Document) -> Answer:
+def _optimised_legs_differ(study: document.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB_lam", _LEGS, differ=True)
 
 
@@ -78,7 +78,7 @@ def _optimised_legs_differ(study: Puchaud2019Document) -> Answer:
     "Femurs and shanks of MB do not differ from those of EB",
     "femur +4.0 ± 13.8 and +0.9 ± 16.3 mm, shank +3.9 and +3.8 mm",
 )
-def _scaled_legs_alike(study: Puchaud2019Document) -> Answer:
+def _scaled_legs_alike(study: document.Puchaud2019Document) -> claims.Answer:
     return _compare_with_image(study, "MB", _LEGS, differ=False)
 
 
@@ -87,78 +87,80 @@ def _scaled_legs_alike(study: Puchaud2019Document) -> Answer:
     "The inter-hip distance of MB and MB_lam does not differ from that of EB",
     "MB -10.8 ± 19.9, MB_lam +4.0 ± 18.5 mm",
 )
-def _inter_hip_alike(study: Puchaud2019Document) -> Answer:
+def _inter_hip_alike(study: document.Puchaud2019Document) -> claims.Answer:
     both = {m: _compare_with_image(study, m, ("inter_hip",), differ=False) for m in ("MB", "MB_lam")}
-    return Answer(
+    return claims.Answer(
         all(answer.holds for answer in both.values()), "; ".join(f"{m} {a.figures}" for m, a in both.items())
     )
 
 
 @_claim("4.1", "Femur lengths of MB lie nearer to EB than those of MB_lam", "see above")
-def _femurs_nearer(study: Puchaud2019Document) -> Answer:
+def _femurs_nearer(study: document.Puchaud2019Document) -> claims.Answer:
     means = [study.statistics.quantity("segment_lengths_mm", f"femur_{side}").mean for side in "rl"]
     gaps = {method: [mean[method] - mean["EB"] for mean in means] for method in ("MB", "MB_lam")}
     size = {method: float(np.mean(np.abs(gap))) for method, gap in gaps.items()}
-    return Answer(
+    return claims.Answer(
         size["MB"] < size["MB_lam"],
         "; ".join(f"{m} right {g[0]:+.1f}, left {g[1]:+.1f} mm" for m, g in gaps.items()),
     )
 
 
 @_claim("3.1", "Knee axes turn by about -2 to 2 deg on average", "table 3: at most 2.1 deg")
-def _axes_turn_little(study: Puchaud2019Document) -> Answer:
-    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in AXES]
+def _axes_turn_little(study: document.Puchaud2019Document) -> claims.Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).mean for axis in document.AXES]
     means = {method: [mean[method] for mean in found] for method in _FITTING}
-    return Answer(
+    return claims.Answer(
         max(abs(v) for row in means.values() for v in row) <= _SMALL_DEG,
         "; ".join(f"{m} {', '.join(f'{v:+.1f}' for v in row)}" for m, row in means.items()) + " deg",
     )
 
 
 @_claim("3.1", "Knee axes of MB_lam scatter most", "SD 3.2-4.1 against 1.8-2.7 deg")
-def _axes_scatter(study: Puchaud2019Document) -> Answer:
-    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in AXES]
+def _axes_scatter(study: document.Puchaud2019Document) -> claims.Answer:
+    found = [study.statistics.quantity("knee_axis_deg", axis).sd for axis in document.AXES]
     spread = {method: float(np.mean([sd[method] for sd in found])) for method in _FITTING}
-    return Answer(
+    return claims.Answer(
         max(spread, key=spread.__getitem__) == "MB_lam",
         ", ".join(f"{m} {v:.2f}" for m, v in spread.items()) + " deg (mean SD)",
     )
 
 
 @_claim("3.1", "Markers shift least in MB_lam and most in MB_am", "5.6, 6.3 (EB_am), 12.3 mm")
-def _shifts(study: Puchaud2019Document) -> Answer:
+def _shifts(study: document.Puchaud2019Document) -> claims.Answer:
     found = study.statistics.quantity("marker_shift_mm", "mean_over_markers")
     order = sorted(found.mean, key=found.mean.__getitem__)
-    return Answer(
+    return claims.Answer(
         order == ["MB_lam", "EB_am", "MB_am"],
         ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in order) + " mm",
     )
 
 
 @_claim("3.2", "MB has the largest kinematic error, larger than all others", "27.4 ± 3.7 mm")
-def _largest_error(study: Puchaud2019Document) -> Answer:
+def _largest_error(study: document.Puchaud2019Document) -> claims.Answer:
     found, test = study.statistics.quantity(*_ERROR), _test(study, *_ERROR)
-    pairs = {m: test.pair(m, "MB") for m in METHODS if m != "MB"}
-    means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in METHODS)
-    return Answer(
+    pairs = {m: test.pair(m, "MB") for m in document.METHODS if m != "MB"}
+    means = ", ".join(f"{m} {found.mean[m]:.1f} ± {found.sd[m]:.1f}" for m in document.METHODS)
+    return claims.Answer(
         max(found.mean, key=found.mean.__getitem__) == "MB" and all(p.significant for p in pairs.values()),
         f"{means} mm; MB against " + ", ".join(f"{m} {_format_p(p.p)}" for m, p in pairs.items()),
     )
 
 
 @_claim("figure 5", "Kinematic errors rank MB > MB_lam > EB > MB_am > EB_am", "27.4, 11.0, 8.9, 6.5, 5.4 mm")
-def _error_order(study: Puchaud2019Document) -> Answer:
+def _error_order(study: document.Puchaud2019Document) -> claims.Answer:
     mean = study.statistics.quantity(*_ERROR).mean
-    order = sorted(METHODS, key=mean.__getitem__, reverse=True)
+    order = sorted(document.METHODS, key=mean.__getitem__, reverse=True)
     said = " > ".join(f"{m} {mean[m]:.1f}" for m in order)
-    return Answer(order == ["MB", "MB_lam", "EB", "MB_am", "EB_am"], f"{said} mm")
+    return claims.Answer(order == ["MB", "MB_lam", "EB", "MB_am", "EB_am"], f"{said} mm")
 
 
-def _errors_differ(study: Puchaud2019Document, method: str, others: Sequence[str], *, differ: bool) -> Answer:
+def _errors_differ(
+    study: document.Puchaud2019Document, method: str, others: Sequence[str], *, differ: bool
+) -> claims.Answer:
     """Whether the kinematic error of a model differs from those of others, or from none of them."""
     test = _test(study, *_ERROR)
     pairs = {other: test.pair(method, other) for other in others}
-    return Answer(
+    return claims.Answer(
         all(p.significant is differ for p in pairs.values()),
         ", ".join(
             f"against {other} {_average_difference(test, method, other):+.1f} mm ({_format_p(p.p)})"
@@ -170,7 +172,7 @@ def _errors_differ(study: Puchaud2019Document, method: str, others: Sequence[str
 @_claim(
     "3.2", "The kinematic error of EB_am is lower than that of MB_lam and EB", "5.4 against 11.0 and 8.9 mm"
 )
-def _imaged_and_fitted_differs(study: Puchaud2019Document) -> Answer:
+def _imaged_and_fitted_differs(study: document.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "EB_am", ("MB_lam", "EB"), differ=True)
 
 
@@ -179,11 +181,13 @@ def _imaged_and_fitted_differs(study: Puchaud2019Document) -> Answer:
     "The kinematic error of MB_am does not differ from that of EB and EB_am",
     "6.5 against 8.9 and 5.4 mm",
 )
-def _fitted_is_alike(study: Puchaud2019Document) -> Answer:
+def _fitted_is_alike(study: document.Puchaud2019Document) -> claims.Answer:
     return _errors_differ(study, "MB_am", ("EB", "EB_am"), differ=False)
 
 
-def _angles_differ(study: Puchaud2019Document, joint: str, methods: Sequence[str], *, differ: bool) -> Answer:
+def _angles_differ(
+    study: document.Puchaud2019Document, joint: str, methods: Sequence[str], *, differ: bool
+) -> claims.Answer:
     """Whether a joint's angles differ from those of EB_am somewhere in the cycle, on both sides."""
     found = {
         f"{side} {method}": _curves_differ(study.statistics.curve(f"{joint}_{side}"), method)
@@ -193,7 +197,7 @@ def _angles_differ(study: Puchaud2019Document, joint: str, methods: Sequence[str
     decided = [differs for differs, _ in found.values()]
     said = ", ".join(f"{name} {words}" for name, (_, words) in found.items())
     _, few = _curves_differ(study.walkers_statistics.curve(f"{joint}_r"), methods[0])
-    return Answer(
+    return claims.Answer(
         None if None in decided else all(d is differ for d in decided),
         f"{len(study.subjects)} subjects: {said}; {len(study.walkers)} subjects alone: {few}",
     )
@@ -219,7 +223,7 @@ def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
     "Hip flexion of MB, MB_lam and EB differs from that of EB_am in gait",
     "6 subjects, 12 cycles: significant on both sides",
 )
-def _hips_differ(study: Puchaud2019Document) -> Answer:
+def _hips_differ(study: document.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB", "MB_lam", "EB"), differ=True)
 
 
@@ -228,7 +232,7 @@ def _hips_differ(study: Puchaud2019Document) -> Answer:
     "Knee flexion of EB differs from that of EB_am in gait",
     "6 subjects, 12 cycles: significant on both sides",
 )
-def _knees_differ(study: Puchaud2019Document) -> Answer:
+def _knees_differ(study: document.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("EB",), differ=True)
 
 
@@ -237,7 +241,7 @@ def _knees_differ(study: Puchaud2019Document) -> Answer:
     "Hip flexion of MB_am does not differ from that of EB_am in gait",
     "6 subjects, 12 cycles: not significant",
 )
-def _hips_alike(study: Puchaud2019Document) -> Answer:
+def _hips_alike(study: document.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "hip_flexion", ("MB_am",), differ=False)
 
 
@@ -246,12 +250,12 @@ def _hips_alike(study: Puchaud2019Document) -> Answer:
     "Knee flexion of MB_am does not differ from that of EB_am in gait",
     "6 subjects, 12 cycles: not significant",
 )
-def _knees_alike(study: Puchaud2019Document) -> Answer:
+def _knees_alike(study: document.Puchaud2019Document) -> claims.Answer:
     return _angles_differ(study, "knee_angle", ("MB_am",), differ=False)
 
 
 @_claim("5", "Of the marker-based models, MB_am gives the joint angles nearest to EB_am", "stated in words")
-def _most_consistent(study: Puchaud2019Document) -> Answer:
+def _most_consistent(study: document.Puchaud2019Document) -> claims.Answer:
     """By the RMS over the cycle and both sides of the mean difference, hip and knee flexion."""
     curves = [
         study.statistics.curve(f"{joint}_{side}").mean_deg
@@ -262,13 +266,13 @@ def _most_consistent(study: Puchaud2019Document) -> Answer:
     for method in ("MB", "MB_lam", "MB_am"):
         apart = [np.subtract(curve[method], curve["EB_am"]) for curve in curves]
         gaps[method] = float(np.sqrt(np.mean(np.square(apart))))
-    return Answer(
+    return claims.Answer(
         min(gaps, key=gaps.__getitem__) == "MB_am",
         ", ".join(f"{m} {gap:.1f}" for m, gap in gaps.items()) + " deg",
     )
 
 
 @_claim("4.4", "A subject is scaled in less than four minutes", "< 4 min, 100 frames")
-def _quick(study: Puchaud2019Document) -> Answer:
+def _quick(study: document.Puchaud2019Document) -> claims.Answer:
     slowest = study.slowest_subject_s
-    return Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")
+    return claims.Answer(slowest < 240.0, f"slowest subject {slowest:.1f} s, all five models")

@@ -19,6 +19,18 @@ from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 from scaling_service.studies.claims import StudyDocument, summarise_study
 
+METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
+"""The five models, in the order of the paper's figures."""
+
+LENGTHS = ("femur_r", "femur_l", "inter_hip", "shank_r", "shank_l")
+"""The rows of table 2."""
+
+AXES = ("r_x", "r_y", "l_x", "l_y")
+"""Turns of the knee axes, as in table 3."""
+
+SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
+"""Methods that keep the lengths of their first guess share its column in table 2."""
+
 
 class Beside(Part):
     """One cell of a table of the paper beside ours; mean and standard deviation over subjects."""
@@ -57,18 +69,6 @@ class Puchaud2019Document(StudyDocument):
         """How many virtual persons there are."""
         return len(self.subjects)
 
-
-METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
-"""The five models, in the order of the paper's figures."""
-
-LENGTHS = ("femur_r", "femur_l", "inter_hip", "shank_r", "shank_l")
-"""The rows of table 2."""
-
-AXES = ("r_x", "r_y", "l_x", "l_y")
-"""Turns of the knee axes, as in table 3."""
-
-SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
-"""Methods that keep the lengths of their first guess share its column in table 2."""
 
 Spread = tuple[float, float]
 """Mean and standard deviation over subjects."""
@@ -178,18 +178,14 @@ def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
     yield _tabulate_beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
 
 
-def _by_quantity(cells: Sequence[Beside]) -> dict[str, dict[str, Beside]]:
-    """Quantity to method to its cell."""
-    found: dict[str, dict[str, Beside]] = {}
-    for cell in cells:
-        found.setdefault(cell.quantity, {})[cell.method] = cell
-    return found
-
-
 def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
     rows: list[Row] = []
-    for quantity, of in _by_quantity(cells).items():
+    # Quantity to method to its cell
+    found: dict[str, dict[str, Beside]] = {}
+    for cell in cells:
+        found.setdefault(cell.quantity, {})[cell.method] = cell
+    for quantity, of in found.items():
         rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
         rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."

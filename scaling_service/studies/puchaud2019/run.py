@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from scaling_service.capabilities.cohort.executors import workers
-from scaling_service.capabilities.cohort.outcomes import Done, Outcome, run_members
+from scaling_service.capabilities.cohort.outcomes import Done, run_members
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import SubjectSummary, Truth, summarise
@@ -174,13 +174,7 @@ def reproduce_puchaud2019(
             people, executor, METHODS, settings, finished=None if watcher is None else watcher.finish
         )
     slowest = max(outcome.wall_s for outcome in outcomes)
-    return build_document(
-        _require_all_summaries(outcomes), settings, generic=generic, slowest_s=slowest, started=clock
-    )
-
-
-def _require_all_summaries(outcomes: Sequence[Outcome]) -> list[SubjectSummary]:
-    """A study with a person missing is another study."""
+    # A study with a person missing is another study
     for outcome in outcomes:
         if outcome.status != "done":
             raise InputError(
@@ -188,7 +182,13 @@ def _require_all_summaries(outcomes: Sequence[Outcome]) -> list[SubjectSummary]:
                 field="--seed",
                 remedy="Take another seed, and report this one",
             )
-    return [outcome.summary for outcome in outcomes if outcome.summary is not None]
+    return build_document(
+        [outcome.summary for outcome in outcomes if outcome.summary is not None],
+        settings,
+        generic=generic,
+        slowest_s=slowest,
+        started=clock,
+    )
 
 
 def build_document(

@@ -18,19 +18,7 @@ from numpy.typing import ArrayLike
 
 from scaling_service.core.streams import stream
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.virtual.bones.shapes import (
-    Part,
-    Shape,
-    grow_shape,
-    join_parts,
-    make_ball,
-    make_chain,
-    make_half_space,
-    make_plate,
-    make_rod,
-    make_shaft,
-    place_at_mm,
-)
+from scaling_service.virtual.bones import shapes
 from scaling_service.virtual.subject import Sex
 
 Side = Literal["r", "l"]
@@ -40,6 +28,22 @@ LONGEST = 2.0
 
 SIDES_ALIKE = 0.9
 """Correlation between a person's two sides, chosen: they differ by less than half of what persons do."""
+
+SOCKET_GAP_M = 2.5e-3
+"""Between the head's and the socket's radius: chosen within 1-3 mm of cartilage on both sides."""
+
+BREADTH_M = 0.0827  # epicondylar breadth for which thicknesses are given below: men, Kapur et al.
+_CONDYLES_APART = 0.57  # of the epicondylar breadth; chosen, centres of both spheres lie 45-50 mm apart
+_WALL_M = 4.5e-3  # chosen: the epicondyles stand out this far beyond the condyles' sides
+_EPICONDYLE_M = 10e-3  # chosen: radius of an epicondyle's tip
+_UPPER = (0.35, 0.5, 0.7, 0.88, 1.0)  # levels of the shaft above its flare, shares of its height
+_SHAFT_TILT = np.radians(6.0)  # between shaft and mechanical axis; chosen, usual are 5-7 degrees
+
+JOINT_SPACE_M = 4.5e-3  # chosen: both cartilages, about 2 mm each (J Orthop Surg 2016;24, posterior condyles)
+MALLEOLUS_M = 8e-3  # chosen: radius of a malleolus' end
+FIBULA_HEAD_M = 9.5e-3  # chosen: radius of the fibula's head
+_APART_M = 2.5e-3  # chosen: least gap between tibia and fibula
+_PLAFOND_M = 0.018  # chosen: the tibia's end over the ankle centre, about the radius of the talus
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +79,6 @@ ANGLES_DEG: Mapping[str, Spread] = {
     # van der Linden 2015, 50 femora, both sexes.
     "anteversion": Spread((11.7, 8.2), (11.7, 8.2)),
 }
-
-SOCKET_GAP_M = 2.5e-3
-"""Between the head's and the socket's radius: chosen within 1-3 mm of cartilage on both sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,14 +131,6 @@ def _draw_size(seed: int, name: str, side: Side, sex: Sex, length: float, spread
     return float(mean + sd * share)
 
 
-BREADTH_M = 0.0827  # epicondylar breadth for which thicknesses are given below: men, Kapur et al.
-_CONDYLES_APART = 0.57  # of the epicondylar breadth; chosen, centres of both spheres lie 45-50 mm apart
-_WALL_M = 4.5e-3  # chosen: the epicondyles stand out this far beyond the condyles' sides
-_EPICONDYLE_M = 10e-3  # chosen: radius of an epicondyle's tip
-_UPPER = (0.35, 0.5, 0.7, 0.88, 1.0)  # levels of the shaft above its flare, shares of its height
-_SHAFT_TILT = np.radians(6.0)  # between shaft and mechanical axis; chosen, usual are 5-7 degrees
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Femur:
     """A femur's solid, and what is true of it, in the thigh's frame of a right leg, m.
@@ -145,7 +138,7 @@ class Femur:
     ``condyles`` are the centres of the medial and the lateral sphere; ``landmarks`` lie on the surface.
     """
 
-    solid: Shape
+    solid: shapes.Shape
     condyles: tuple[Array, Array]
     landmarks: dict[str, Array]
 
@@ -161,18 +154,37 @@ def build_femur(shape: LegShape, length: float, axis: Array) -> Femur:
     half = 0.5 * _CONDYLES_APART * shape.epicondylar_breadth
     medial, lateral = knee - half * axis, knee + half * axis
     tips = {"MFE": knee - _to_side(shape), "LFE": knee + _to_side(shape)}
+    # From the neck's base into the condyles, bowed forward, flaring at both ends
+    top = np.add(_find_neck_base(shape), [0.0, 8e-3, 0.0])
+    bottom = _place_beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
+    share = np.concatenate([1e-3 * w * np.array([0.0, 18.0, 38.0, 70.0]) / (top - bottom)[1], _UPPER])
+    line = bottom + share[:, None] * (top - bottom)
+    line[:, 0] += shape.femoral_bow * 4.0 * share * (1.0 - share)
+    r, mm = shape.shaft_radius, 1e-3 * w
+    half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
+    half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
     parts = [
-        Part(_build_femoral_shaft(shape, length, w)),
+        shapes.Part(
+            shapes.make_shaft(
+                heights=line[:, 1],
+                x=line[:, 0],
+                z=line[:, 2],
+                half_x=np.array(half_x),
+                half_z=np.array(half_z),
+                ridge=-0.03,
+                rounding=10e-3,
+            )
+        ),
         *_build_upper_end(shape, w),
-        Part(_build_condyles(shape, knee, axis, w), 6e-3),
+        shapes.Part(_build_condyles(shape, knee, axis, w), 6e-3),
         *(
             _build_epicondyle(tips[name], sign * axis, knee, w)
             for name, sign in (("MFE", -1.0), ("LFE", 1.0))
         ),
         *_build_hollows(knee, w),
-        Part(make_ball(np.zeros(3), shape.head_radius), 3e-3),
+        shapes.Part(shapes.make_ball(np.zeros(3), shape.head_radius), 3e-3),
     ]
-    return Femur(join_parts(parts), (medial, lateral), tips)
+    return Femur(shapes.join_parts(parts), (medial, lateral), tips)
 
 
 def _to_side(shape: LegShape) -> Array:
@@ -190,39 +202,18 @@ def _find_neck_base(shape: LegShape) -> Array:
     )
 
 
-def _build_femoral_shaft(shape: LegShape, length: float, w: float) -> Shape:
-    """From the neck's base into the condyles, bowed forward, flaring at both ends."""
-    top = np.add(_find_neck_base(shape), [0.0, 8e-3, 0.0])
-    bottom = _place_beside(np.array([0.0, -length, 0.0]), (18, 18, 0), w)
-    share = np.concatenate([1e-3 * w * np.array([0.0, 18.0, 38.0, 70.0]) / (top - bottom)[1], _UPPER])
-    line = bottom + share[:, None] * (top - bottom)
-    line[:, 0] += shape.femoral_bow * 4.0 * share * (1.0 - share)
-    r, mm = shape.shaft_radius, 1e-3 * w
-    half_x = [20 * mm, 19 * mm, 17 * mm, 1.12 * r, r, r, r, 1.1 * r, 1.15 * r]
-    half_z = [32 * mm, 28 * mm, 22 * mm, 1.25 * r, 1.05 * r, 0.95 * r, 1.0 * r, 1.15 * r, 1.2 * r]
-    return make_shaft(
-        heights=line[:, 1],
-        x=line[:, 0],
-        z=line[:, 2],
-        half_x=np.array(half_x),
-        half_z=np.array(half_z),
-        ridge=-0.03,
-        rounding=10e-3,
-    )
-
-
-def _build_upper_end(shape: LegShape, w: float) -> list[Part]:
+def _build_upper_end(shape: LegShape, w: float) -> list[shapes.Part]:
     """Neck and trochanters."""
     base, r = _find_neck_base(shape), shape.head_radius
     corners = [_place_beside(base, at, w) for at in ((4, -13, 12.5), (-20, -7, 12.5), (-16, 28, 11))]
     return [
-        Part(make_plate(np.array(corners), 11.5e-3 * w), 9e-3),
-        Part(make_ball(_place_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
-        Part(make_rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
+        shapes.Part(shapes.make_plate(np.array(corners), 11.5e-3 * w), 9e-3),
+        shapes.Part(shapes.make_ball(_place_beside(base, (-12, -36, -12), w), 9.5e-3 * w), 10e-3),
+        shapes.Part(shapes.make_rod(0.25 * base, base, 0.62 * r, 0.72 * r), 7e-3),
     ]
 
 
-def _build_condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shape:
+def _build_condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> shapes.Shape:
     """Both condyles with the trochlea, their sides cut square to the axis.
 
     Behind and below, each is a sphere about its centre on the axis; in front it grows into the trochlea.
@@ -232,43 +223,39 @@ def _build_condyles(shape: LegShape, knee: Array, axis: Array, w: float) -> Shap
     for sign, radius in zip((-1.0, 1.0), shape.condyle_radii, strict=True):
         centre = knee + sign * half * axis
         ahead = centre + 1e-3 * w * np.array([22.0, 3.0, -3.0 * sign])
-        parts.append(Part(make_rod(centre, ahead, radius, 0.97 * radius)))
+        parts.append(shapes.Part(shapes.make_rod(centre, ahead, radius, 0.97 * radius)))
     front = [_place_beside(knee, at, w) for at in ((24, 9, -17), (27, 11, 18))]
-    parts.append(Part(make_rod(front[0], front[1], 18e-3 * w, 19e-3 * w), 5e-3))
+    parts.append(shapes.Part(shapes.make_rod(front[0], front[1], 18e-3 * w, 19e-3 * w), 5e-3))
     above = [_place_beside(knee, at, w) for at in ((12, 20, -14), (12, 20, 14))]
-    parts.append(Part(make_rod(above[0], above[1], 20e-3 * w), 6e-3))
+    parts.append(shapes.Part(shapes.make_rod(above[0], above[1], 20e-3 * w), 6e-3))
     wall = 0.5 * shape.epicondylar_breadth - _WALL_M
-    parts += [Part(make_half_space(knee + s * wall * axis, s * axis), 5e-3, "trim") for s in (-1.0, 1.0)]
-    return join_parts(parts)
+    parts += [
+        shapes.Part(shapes.make_half_space(knee + s * wall * axis, s * axis), 5e-3, "trim")
+        for s in (-1.0, 1.0)
+    ]
+    return shapes.join_parts(parts)
 
 
-def _build_epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> Part:
+def _build_epicondyle(tip: Array, outward: Array, knee: Array, w: float) -> shapes.Part:
     """A bump whose furthest point along the knee's axis is the tip."""
     radius = _EPICONDYLE_M * w
     centre = tip - radius * outward
     inner = np.array([0.012 * w, knee[1] + 0.024 * w, 0.6 * centre[2]])
-    return Part(make_rod(centre, inner, radius, 1.4 * radius), 4e-3)
+    return shapes.Part(shapes.make_rod(centre, inner, radius, 1.4 * radius), 4e-3)
 
 
-def _build_hollows(knee: Array, w: float) -> list[Part]:
+def _build_hollows(knee: Array, w: float) -> list[shapes.Part]:
     """The groove of the kneecap in front and the notch between the condyles."""
     groove = [_place_beside(knee, at, w) for at in ((52, 40, 2), (57, 14, 2), (50, -14, 1), (30, -31, 0))]
     notch = [_place_beside(knee, at, w) for at in ((-34, -4, 0), (-12, -16, 0), (6, -24, 0))]
     return [
-        Part(make_chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
-        Part(make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
+        shapes.Part(shapes.make_chain(groove, [13e-3 * w, 13e-3 * w, 12e-3 * w, 10e-3 * w]), 5e-3, "cut"),
+        shapes.Part(shapes.make_chain(notch, [9e-3 * w, 9e-3 * w, 8e-3 * w]), 4e-3, "cut"),
     ]
 
 
 def _place_beside(point: Array, by_mm: ArrayLike, w: float) -> Array:
-    return point + place_at_mm(by_mm, w)
-
-
-JOINT_SPACE_M = 4.5e-3  # chosen: both cartilages, about 2 mm each (J Orthop Surg 2016;24, posterior condyles)
-MALLEOLUS_M = 8e-3  # chosen: radius of a malleolus' end
-FIBULA_HEAD_M = 9.5e-3  # chosen: radius of the fibula's head
-_APART_M = 2.5e-3  # chosen: least gap between tibia and fibula
-_PLAFOND_M = 0.018  # chosen: the tibia's end over the ankle centre, about the radius of the talus
+    return point + shapes.place_at_mm(by_mm, w)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -284,8 +271,8 @@ class Places:
 class Tibia:
     """Solids of tibia and fibula, and their landmarks, in the shank's frame of a right leg, m."""
 
-    tibia: Shape
-    fibula: Shape
+    tibia: shapes.Shape
+    fibula: shapes.Shape
     landmarks: dict[str, Array]
 
 
@@ -302,32 +289,46 @@ def build_tibia(shape: LegShape, length: float, condyles: tuple[Array, Array], p
     medial = np.add(places.malleolus_medial, [0.0, end, end])
     lateral = np.add(places.malleolus_lateral, [0.0, end, -end])
     upper = places.fibula_head - [0.0, 0.0, head]
-    fibula = _build_fibula(upper, lateral, head, end, w)
+    # Head, a thin shaft, and the lateral malleolus
+    under, above = upper + shapes.place_at_mm((2, -32, -1), w), lateral + shapes.place_at_mm((1, 45, -3), w)
+    middle = 0.5 * (under + above) + shapes.place_at_mm((-4, 0, 2), w)
+    line = np.array([upper, under, middle, above, lateral + shapes.place_at_mm((0, 14, 0), w), lateral])
+    fibula = shapes.make_chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])
     bone = [
-        Part(_build_column(shape, length, w)),
-        Part(
-            make_rod(place_at_mm((23, -58, 1), w), place_at_mm((17, -95, 1), w), 11e-3 * w, 8e-3 * w), 10e-3
+        shapes.Part(_build_column(shape, length, w)),
+        shapes.Part(
+            shapes.make_rod(
+                shapes.place_at_mm((23, -58, 1), w), shapes.place_at_mm((17, -95, 1), w), 11e-3 * w, 8e-3 * w
+            ),
+            10e-3,
         ),
         *(
-            Part(make_rod(place_at_mm((2, -32, z), w), place_at_mm((1, -19, z), w), 7e-3 * w, 3e-3 * w), 5e-3)
+            shapes.Part(
+                shapes.make_rod(
+                    shapes.place_at_mm((2, -32, z), w), shapes.place_at_mm((1, -19, z), w), 7e-3 * w, 3e-3 * w
+                ),
+                5e-3,
+            )
             for z in (-5.0, 6.0)
         ),
-        Part(make_rod(ankle + place_at_mm((2, 30, -13), w), medial, 12e-3 * w, end), 5e-3),
+        shapes.Part(
+            shapes.make_rod(ankle + shapes.place_at_mm((2, 30, -13), w), medial, 12e-3 * w, end), 5e-3
+        ),
         *(
-            Part(make_ball(centre, radius + JOINT_SPACE_M), 2e-3, "cut")
+            shapes.Part(shapes.make_ball(centre, radius + JOINT_SPACE_M), 2e-3, "cut")
             for centre, radius in zip(condyles, shape.condyle_radii, strict=True)
         ),
-        Part(grow_shape(fibula, _APART_M), 2e-3, "cut"),
+        shapes.Part(shapes.grow_shape(fibula, _APART_M), 2e-3, "cut"),
     ]
     landmarks = {
         "MM": medial - [0.0, end, 0.0],
         "LM": lateral - [0.0, end, 0.0],
         "FH": np.add(upper, [0.0, head, 0.0]),
     }
-    return Tibia(join_parts(bone), fibula, landmarks)
+    return Tibia(shapes.join_parts(bone), fibula, landmarks)
 
 
-def _build_column(shape: LegShape, length: float, w: float) -> Shape:
+def _build_column(shape: LegShape, length: float, w: float) -> shapes.Shape:
     """From the plateau, three-sided in the shaft, to the ankle."""
     top = max(shape.condyle_radii) + JOINT_SPACE_M - 2e-3 * w  # the condyles' dishes are cut 2 mm deep
     upper = np.array([0.0, 10.0, 26.0, 45.0, 75.0]) * 1e-3 * w
@@ -336,7 +337,7 @@ def _build_column(shape: LegShape, length: float, w: float) -> Shape:
     middle = low + np.array([0.4, 0.62]) * (high - low)
     r, mm = 0.82 * shape.shaft_radius, 1e-3 * w
     unit = np.repeat([mm, r, mm], [3, 4, 5])  # the ends follow the knee's size, the shaft its own radius
-    return make_shaft(
+    return shapes.make_shaft(
         heights=np.concatenate([low + lower, middle, (high - upper)[::-1]]),
         x=mm * np.array([0.0, 0.0, 0.0, 0.0, 1.0, 4.0, 6.0, 6.0, 3.0, 0.0, 0.0, 0.0]),
         z=mm * np.array([-3.0, -3.0, -2.0, -1.0, 0.0, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
@@ -345,11 +346,3 @@ def _build_column(shape: LegShape, length: float, w: float) -> Shape:
         ridge=0.08,
         rounding=6e-3,
     )
-
-
-def _build_fibula(upper: Array, lateral: Array, head: float, end: float, w: float) -> Shape:
-    """Head, a thin shaft, and the lateral malleolus."""
-    under, above = upper + place_at_mm((2, -32, -1), w), lateral + place_at_mm((1, 45, -3), w)
-    middle = 0.5 * (under + above) + place_at_mm((-4, 0, 2), w)
-    line = np.array([upper, under, middle, above, lateral + place_at_mm((0, 14, 0), w), lateral])
-    return make_chain(line, [head, 5.5e-3 * w, 6.0e-3 * w, 6.5e-3 * w, 9e-3 * w, end])

@@ -18,15 +18,8 @@ from scaling_service.core.progress import show_nothing
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths
 from scaling_service.model.parameters import compute_axis
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.virtual.bones.leg import (
-    SOCKET_GAP_M,
-    LegShape,
-    Places,
-    Side,
-    build_femur,
-    build_tibia,
-    make_leg_shape,
-)
+from scaling_service.virtual import subject
+from scaling_service.virtual.bones import leg
 from scaling_service.virtual.bones.shapes import (
     Part,
     Shape,
@@ -39,7 +32,6 @@ from scaling_service.virtual.bones.shapes import (
     place_at_mm,
     strip,
 )
-from scaling_service.virtual.subject import FEMUR, VirtualSubject, read_stature_spread
 
 HALF_WIDTH_M = 0.08675  # of the generic model, for which places below are given
 SPINE_M = 6e-3  # chosen: radius of the anterior spine's tip
@@ -53,6 +45,20 @@ _WING_M = 3.5e-3  # chosen: half of the wing's thickness
 _WALL_M = 7e-3  # chosen: bone behind the socket
 _OPENING = (0.32, -0.58, 0.75)  # of the socket: 48 degrees out and 23 forward; chosen
 _DEPTH = 0.2  # chosen: the rim lies this share of the radius beside the centre, inwards
+
+STEP_M = 3e-3
+"""Of the grids that bones are contoured on; chosen, meshes then have 15 to 40 thousand faces."""
+
+MARKER_RADIUS_M = 7e-3
+"""Puchaud 2019: markers of 14 mm."""
+
+SKIN_M: Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
+"""From bone to skin: chosen for lean persons, thinner than the 9.7 (7.0) and 19.6 (10.9) mm over anterior
+and posterior spines in patients (Mantovani 2016). Over the epicondyles it is what their breadth leaves."""
+
+_LEFT = np.array([1.0, 1.0, -1.0])
+
+_SIDES: tuple[leg.Side, leg.Side] = ("r", "l")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,18 +155,6 @@ def _normalise(vector: Array) -> Array:
 
 Faces = NDArray[np.intp]
 
-STEP_M = 3e-3
-"""Of the grids that bones are contoured on; chosen, meshes then have 15 to 40 thousand faces."""
-
-MARKER_RADIUS_M = 7e-3
-"""Puchaud 2019: markers of 14 mm."""
-
-SKIN_M: Mapping[str, float] = {"ASIS": 5e-3, "PSIS": 8e-3, "FH": 4e-3, "LM": 3e-3, "MM": 3e-3}
-"""From bone to skin: chosen for lean persons, thinner than the 9.7 (7.0) and 19.6 (10.9) mm over anterior
-and posterior spines in patients (Mantovani 2016). Over the epicondyles it is what their breadth leaves."""
-
-_LEFT = np.array([1.0, 1.0, -1.0])
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonBones:
@@ -174,7 +168,7 @@ class PersonBones:
 
 
 def make_virtual_bones(
-    person: VirtualSubject, *, progress: Callable[[str], None] | None = None
+    person: subject.VirtualSubject, *, progress: Callable[[str], None] | None = None
 ) -> PersonBones:
     """Make the bones of a person.
 
@@ -197,25 +191,24 @@ def make_virtual_bones(
     return PersonBones(meshes, landmarks)
 
 
-_SIDES: tuple[Side, Side] = ("r", "l")
-
-
-def make_leg_shapes(person: VirtualSubject) -> dict[Side, LegShape]:
+def make_leg_shapes(person: subject.VirtualSubject) -> dict[leg.Side, leg.LegShape]:
     """Sizes and angles of a person's bones, those of long bones larger; drawn, nothing is made."""
-    mean, sd = read_stature_spread(person.sex)
+    mean, sd = subject.read_stature_spread(person.sex)
     lengths = measure_segment_lengths(person.model)
     own = 0.5 * (lengths["femur_r"] + lengths["femur_l"])
-    usual = float(np.hypot(FEMUR[0] * sd, FEMUR[1]))
-    length = (own - FEMUR[0] * mean) / usual
-    return {side: make_leg_shape(person.seed, side, person.sex, length) for side in _SIDES}
+    usual = float(np.hypot(subject.FEMUR[0] * sd, subject.FEMUR[1]))
+    length = (own - subject.FEMUR[0] * mean) / usual
+    return {side: leg.make_leg_shape(person.seed, side, person.sex, length) for side in _SIDES}
 
 
 def _build_pelvis(
-    person: VirtualSubject, shapes: Mapping[Side, LegShape], landmarks: dict[str, tuple[str, Array]]
+    person: subject.VirtualSubject,
+    shapes: Mapping[leg.Side, leg.LegShape],
+    landmarks: dict[str, tuple[str, Array]],
 ) -> tuple[Array, Faces]:
     """Both hip bones, mirror images of each other as the model's pelvis is."""
     hip = np.array(find_joint_centres(person.model)["hip_r"][1])
-    socket = max(shape.head_radius for shape in shapes.values()) + SOCKET_GAP_M
+    socket = max(shape.head_radius for shape in shapes.values()) + leg.SOCKET_GAP_M
     asis = _find_skin_place(person, "RASIS") - [_measure_depth("ASIS"), 0.0, 0.0]
     psis = np.add(_find_skin_place(person, "RPSIS"), [_measure_depth("PSIS"), 0.0, 0.0])
     bone = build_hip_bone(hip, socket, asis, psis)
@@ -226,9 +219,9 @@ def _build_pelvis(
 
 
 def _build_leg(
-    person: VirtualSubject,
-    shape: LegShape,
-    side: Side,
+    person: subject.VirtualSubject,
+    shape: leg.LegShape,
+    side: leg.Side,
     landmarks: dict[str, tuple[str, Array]],
     report: Callable[[str], None],
 ) -> Iterator[tuple[str, tuple[Array, Faces]]]:
@@ -237,10 +230,10 @@ def _build_leg(
     sign = 1.0 if side == "r" else -1.0
     x, y = person.tilts[f"knee_{side}"]
     axis = compute_axis((sign * x, sign * y))
-    thigh = build_femur(shape, lengths[f"femur_{side}"], axis)
+    thigh = leg.build_femur(shape, lengths[f"femur_{side}"], axis)
     knee = np.array([0.0, lengths[f"femur_{side}"], 0.0])
     medial, lateral = (centre + knee for centre in thigh.condyles)
-    shank = build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), _find_places(person, side))
+    shank = leg.build_tibia(shape, lengths[f"shank_{side}"], (medial, lateral), _find_places(person, side))
     for segment, found in ((f"femur_{side}", thigh.landmarks), (f"tibia_{side}", shank.landmarks)):
         landmarks |= {
             f"{letter}{name}": (segment, at if side == "r" else at * _LEFT) for name, at in found.items()
@@ -252,23 +245,23 @@ def _build_leg(
     yield "tibia", _of_side(both, side)
 
 
-def _find_places(person: VirtualSubject, side: Side) -> Places:
+def _find_places(person: subject.VirtualSubject, side: leg.Side) -> leg.Places:
     """Under the skin of malleoli and fibula's head, as of a right leg."""
     outward = np.array([0.0, 0.0, 1.0])
     lateral, medial, head = (_take_right(person, side, name) for name in ("LM", "MM", "FH"))
-    return Places(
+    return leg.Places(
         lateral - _measure_depth("LM") * outward,
         medial + _measure_depth("MM") * outward,
         head - _measure_depth("FH") * outward,
     )
 
 
-def _take_right(person: VirtualSubject, side: Side, name: str) -> Array:
+def _take_right(person: subject.VirtualSubject, side: leg.Side, name: str) -> Array:
     at = _find_skin_place(person, f"{side.upper()}{name}")
     return at if side == "r" else at * _LEFT
 
 
-def _find_skin_place(person: VirtualSubject, marker: str) -> Array:
+def _find_skin_place(person: subject.VirtualSubject, marker: str) -> Array:
     """Where a marker belongs in its segment's frame: the person's without its misplacement."""
     place = person.generic.marker(marker)
     return person.factors[place.segment] * np.array(place.nominal)
@@ -279,7 +272,7 @@ def _measure_depth(name: str) -> float:
     return SKIN_M[name] + MARKER_RADIUS_M
 
 
-def _of_side(mesh: tuple[Array, Faces], side: Side) -> tuple[Array, Faces]:
+def _of_side(mesh: tuple[Array, Faces], side: leg.Side) -> tuple[Array, Faces]:
     """A right bone's surface, mirrored for the left side."""
     return mesh if side == "r" else (mesh[0] * _LEFT, mesh[1][:, ::-1])
 

@@ -22,6 +22,11 @@ from scaling_service.numerics.multibody.laws import Array
 _FAR = 1.0  # m; chosen: larger than any bone, so "nothing near"
 _NEAR = 8e-3  # m; chosen: more than two steps of a grid, so that its zero surface feels nothing left out
 
+_LEAST = 0.15  # chosen: of a step; no corner comes nearer to a grid point, so that no face is a sliver
+_BLOCK = 16  # chosen: grid points a side at a time, so that parts that lie elsewhere are not computed
+_PULLS = 2  # chosen: the second leaves less than a hundredth of a millimetre
+_STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
@@ -109,7 +114,10 @@ def make_shaft(
     middle, half = 0.5 * (heights[0] + heights[-1]), 0.5 * np.ptp(heights)
 
     def distance(points: Array) -> Array:
-        at_x, at_z, wide, deep = _interpolate(points[:, 1], heights, levels).T
+        # Values (n, m) between knots by monotone cubics, held at both ends
+        at = points[:, 1]
+        inside: Array = PchipInterpolator(heights, levels)(np.clip(at, heights[0], heights[-1]))
+        at_x, at_z, wide, deep = inside.T
         across, beside = (points[:, 0] - at_x) / wide, (points[:, 2] - at_z) / deep
         radius = np.hypot(across, beside)
         if ridge:
@@ -192,23 +200,12 @@ def _smooth_max(a: Array, b: Array, blend: float) -> Array:
     return larger + near * near * (0.25 / blend)
 
 
-def _interpolate(at: Array, knots: Array, values: Array) -> Array:
-    """Values (n, m) between knots by monotone cubics, held at both ends."""
-    inside: Array = PchipInterpolator(knots, values)(np.clip(at, knots[0], knots[-1]))
-    return inside
-
-
 def _measure_length(vectors: Array) -> Array:
     length: Array = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
     return length
 
 
 Faces = NDArray[np.intp]
-
-_LEAST = 0.15  # chosen: of a step; no corner comes nearer to a grid point, so that no face is a sliver
-_BLOCK = 16  # chosen: grid points a side at a time, so that parts that lie elsewhere are not computed
-_PULLS = 2  # chosen: the second leaves less than a hundredth of a millimetre
-_STEP_M = 2e-5  # chosen: for slopes, far below the smallest rounding
 
 
 def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
@@ -219,15 +216,7 @@ def contour_shape(shape: Shape, step: float) -> tuple[Array, Faces]:
     """
     low = shape.low - 2.0 * step
     size = np.ceil((shape.high - low) / step).astype(int) + 3
-    vertices, faces = _contour_field(_sample_field(shape, low, size, step), size)
-    vertices = low + step * vertices
-    for _ in range(_PULLS):
-        vertices = vertices - _pull(shape, vertices)
-    return vertices, faces
-
-
-def _sample_field(shape: Shape, low: Array, size: NDArray[np.intp], step: float) -> Array:
-    """Distances at all grid points, x fastest, in steps; none nearly zero."""
+    # Distances at all grid points, x fastest, in steps; none nearly zero.
     field = np.empty((size[2], size[1], size[0]))
     for first in product(*(range(0, n, _BLOCK) for n in field.shape)):
         block = tuple(slice(k, min(k + _BLOCK, n)) for k, n in zip(first, field.shape, strict=True))
@@ -235,7 +224,16 @@ def _sample_field(shape: Shape, low: Array, size: NDArray[np.intp], step: float)
         points = low + step * np.column_stack([x.ravel(), y.ravel(), z.ravel()])
         field[block] = shape.distance(points).reshape(x.shape) / step
     field = np.where(np.abs(field) < _LEAST, np.copysign(_LEAST, field), field)
-    return np.asarray(field.ravel())
+    vertices, faces = _contour_field(np.asarray(field.ravel()), size)
+    vertices = low + step * vertices
+    for _ in range(_PULLS):
+        # From each point's foot on the surface to the point, (n, 3), m: distance along slope (Newton).
+        order = np.argsort(vertices[:, 1], kind="stable")
+        pull = np.empty_like(vertices)
+        for chunk in np.array_split(order, max(1, len(order) // 1500)):
+            pull[chunk] = _refine_by_newton(shape, vertices[chunk])
+        vertices = vertices - pull
+    return vertices, faces
 
 
 def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
@@ -246,15 +244,6 @@ def _contour_field(field: Array, size: NDArray[np.intp]) -> tuple[Array, Faces]:
     found = grid.contour([0.0], scalars=field, compute_normals=False, method="flying_edges")
     faces = np.asarray(found.faces).reshape(-1, 4)[:, :0:-1].astype(np.intp)
     return np.asarray(found.points, dtype=float), faces
-
-
-def _pull(shape: Shape, points: Array) -> Array:
-    """From each point's foot on the surface to the point, (n, 3), m: distance along slope (Newton)."""
-    order = np.argsort(points[:, 1], kind="stable")
-    pull = np.empty_like(points)
-    for chunk in np.array_split(order, max(1, len(order) // 1500)):
-        pull[chunk] = _refine_by_newton(shape, points[chunk])
-    return pull
 
 
 def _refine_by_newton(shape: Shape, points: Array) -> Array:

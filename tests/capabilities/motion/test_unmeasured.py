@@ -126,7 +126,7 @@ def without(columns: tuple[str, ...], source: Path, target: Path, share: Any = 0
 def judged(folder: Path, start: str, **content: Any) -> DynamicsResults:
     file = folder / "S.yaml"
     file.write_text(yaml.safe_dump(content))
-    return dynamics(file, DynamicsSettings(start=start, samples=2))
+    return dynamics(file, DynamicsSettings(start=start))
 
 
 def test_a_plate_left_out_of_a_walk_is_missed_in_alternate_steps(shared_data: Path, tmp_path: Path) -> None:

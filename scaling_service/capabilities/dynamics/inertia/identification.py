@@ -38,11 +38,11 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values, repeat_default_pose
-from scaling_service.model.inertia import compile_whole_tree, gather_inertias, to_matrix, with_inertias
-from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
+from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.tree import pose_links
 
 KEPT = 0.1
@@ -88,7 +88,7 @@ def form_pseudo_inertia(parameters: Array) -> Array:
     identification. IEEE Robot Autom Lett 3:60-67.
     """
     tensor = np.empty((*parameters.shape[:-1], 3, 3))
-    for column, (i, j) in enumerate(TENSOR, start=4):
+    for column, (i, j) in enumerate(motion.TENSOR, start=4):
         tensor[..., i, j] = tensor[..., j, i] = parameters[..., column]
     matrix = np.empty((*parameters.shape[:-1], _SIDE, _SIDE))
     half = 0.5 * np.trace(tensor, axis1=-2, axis2=-1)
@@ -108,7 +108,7 @@ def minimise_within_cone(
     """
     # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
-    moves = (directions * unit).reshape(len(mean), N_PARAMETERS, -1)
+    moves = (directions * unit).reshape(len(mean), motion.N_PARAMETERS, -1)
     boxes = [_bound_box(mean[b.row], moves[b.row], b) for b in bodies]
     cones = [_bound_cone(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
@@ -170,7 +170,7 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
     default posture) and the markers on it. Along each axis it reaches at least one standard deviation of the
     segment's own mass to both sides of the prior's centre, for so far the segment itself reaches.
     """
-    tree, q = compile_whole_tree(model), np.ascontiguousarray(repeat_default_pose(model, 1).T)
+    tree, q = inertia.compile_whole_tree(model), np.ascontiguousarray(repeat_default_pose(model, 1).T)
     poses = pose_links(tree, q, list_parameter_values(model))
     origins, axes = poses.origins[..., 0], poses.axes[..., 0].transpose(0, 2, 1)
     bodies = []
@@ -180,7 +180,7 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
         carried = [i for i, s in enumerate(model.segments) if s.parent == segment.name]
         joints = (origins[[k, *carried]] - origins[k]) @ axes[k]
         markers = np.array([m.nominal for m in model.markers if m.segment == segment.name]).reshape(-1, 3)
-        com, tensor = np.array(segment.com), to_matrix(segment.inertia)
+        com, tensor = np.array(segment.com), inertia.to_matrix(segment.inertia)
         moments = 0.5 * np.trace(tensor) - np.diag(tensor)
         reach = np.sqrt(np.clip(moments, 0.0, None) / segment.mass)
         points = np.concatenate([joints, markers, [com - reach, com + reach]])
@@ -271,8 +271,8 @@ def identify_inertia(
     evidence = [gather_evidence(model, recording) for recording in fitted]
     checks = [gather_evidence(model, recording) for recording in held_out]
     solution = _solve(model, prior, evidence, components, None if noise is None else np.asarray(noise, float))
-    changed = with_inertias(
-        model, Inertias.of_parameters(prior.mean + solution.change.reshape(-1, N_PARAMETERS))
+    changed = inertia.with_inertias(
+        model, motion.Inertias.of_parameters(prior.mean + solution.change.reshape(-1, motion.N_PARAMETERS))
     )
     result = InertialIdentification(
         model=changed,
@@ -315,14 +315,14 @@ def _choose_components(
 
 def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
     """The model with every tensor that no body can have replaced by the nearest possible one."""
-    inertias = gather_inertias(model)
+    inertias = inertia.gather_inertias(model)
     nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
     wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
     if not wrong:
         return model, []
     tensors = np.array([tensor for tensor, _ in nearest])
     said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
-    return with_inertias(model, replace(inertias, tensor=tensors)), [said]
+    return inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
 
 
 def _solve(

@@ -17,7 +17,7 @@ from scipy.linalg import null_space
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import gather_inertias
-from scaling_service.numerics.multibody.motion import N_PARAMETERS, TENSOR, Inertias
+from scaling_service.numerics.multibody import motion
 
 MASS_SD = 0.10
 """Of a segment's mass, relative. The standard deviation between Dumas 2007, Dumas & Wojtusch 2018, de Leva
@@ -43,7 +43,7 @@ QUANTITIES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ix
 SHOWN = 4
 """Parts of a combination that are named (chosen)."""
 
-_REPORTED = np.eye(N_PARAMETERS)
+_REPORTED = np.eye(motion.N_PARAMETERS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,31 +82,32 @@ def make_inertial_prior(
     lengths = np.divide(sizes, np.sqrt(mass)[:, None], out=np.zeros_like(sizes), where=mass[:, None] > 0)
     # The square of a length has twice its relative deviation; a product of two has root two of it.
     second = [
-        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j] for i, j in TENSOR
+        (2.0 if i == j else np.sqrt(2.0)) * spread.length * sizes[:, i] * sizes[:, j]
+        for i, j in motion.TENSOR
     ]
     sd = np.stack([spread.mass * mass, *(spread.com * lengths).T, *second], axis=1)
     scale = np.zeros((sd.size, sd.size))
     for k, slopes in enumerate(_differentiate_parameters(inertias)):
-        rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
+        rows = slice(motion.N_PARAMETERS * k, motion.N_PARAMETERS * (k + 1))
         scale[rows, rows] = slopes * sd[k]
     basis = _find_moving_directions(model.segment_names, sd, symmetric)
     if mass_known:
-        basis = basis @ null_space((scale[::N_PARAMETERS].sum(axis=0) @ basis)[None, :])
+        basis = basis @ null_space((scale[:: motion.N_PARAMETERS].sum(axis=0) @ basis)[None, :])
     return InertialPrior(
         segments=model.segment_names, mean=inertias.parameters(), sd=sd, scale=scale, basis=basis
     )
 
 
-def _differentiate_parameters(inertias: Inertias) -> Array:
+def _differentiate_parameters(inertias: motion.Inertias) -> Array:
     """Derivatives of the parameters in ``PARTS``, (n, 10, 10)."""
     mass, com = inertias.mass, inertias.com
-    slopes = np.zeros((len(mass), N_PARAMETERS, N_PARAMETERS))
+    slopes = np.zeros((len(mass), motion.N_PARAMETERS, motion.N_PARAMETERS))
     slopes[:, 0, 0] = 1.0
     slopes[:, 1:4, 0] = com
     slopes[:, (1, 2, 3), (1, 2, 3)] = mass[:, None]
     slopes[:, 4:, 4:] = convert_second_moments()
     squares = (com**2).sum(axis=1)
-    for row, (i, j) in enumerate(TENSOR, start=4):
+    for row, (i, j) in enumerate(motion.TENSOR, start=4):
         slopes[:, row, 0] = (i == j) * squares - com[:, i] * com[:, j]
         for axis in range(3):
             change = 2.0 * (i == j) * com[:, axis] - (axis == i) * com[:, j] - (axis == j) * com[:, i]
@@ -117,7 +118,7 @@ def _differentiate_parameters(inertias: Inertias) -> Array:
 def convert_second_moments() -> Array:
     """The matrix (6, 6) that makes an inertia tensor of second moments: ``tr(S) 1 - S``."""
     matrix = np.zeros((6, 6))
-    for column, (i, j) in enumerate(TENSOR):
+    for column, (i, j) in enumerate(motion.TENSOR):
         if i == j:
             matrix[:3, column] = 1.0
             matrix[column, column] = 0.0
@@ -136,9 +137,9 @@ def _find_moving_directions(segments: tuple[str, ...], sd: Array, symmetric: boo
             continue
         for j in np.flatnonzero(sd[k]).tolist():
             column = np.zeros(sd.size)
-            column[N_PARAMETERS * k + j] = 1.0
+            column[motion.N_PARAMETERS * k + j] = 1.0
             if other is not None and sd[other, j]:
-                column[N_PARAMETERS * other + j] = MIRRORED[j]
+                column[motion.N_PARAMETERS * other + j] = MIRRORED[j]
             columns.append(column / np.linalg.norm(column))
     return np.array(columns).T
 
@@ -252,7 +253,7 @@ def describe_parameters(
     informed = solution.directions * np.sqrt(solution.gains / (1.0 + solution.gains))
     found = []
     for k, segment in enumerate(prior.segments):
-        rows = slice(N_PARAMETERS * k, N_PARAMETERS * (k + 1))
+        rows = slice(motion.N_PARAMETERS * k, motion.N_PARAMETERS * (k + 1))
         to_numbers = _REPORTED * prior.sd[k]
         alone, possible, learnt = (
             (part**2).sum(axis=1)
@@ -278,7 +279,7 @@ def describe_parameters(
 def _list_numbers(model: BodyModel) -> Array:
     """Mass, centre of mass and tensor about it, (n, 10)."""
     inertias = gather_inertias(model)
-    tensors = np.stack([inertias.tensor[:, i, j] for i, j in TENSOR], axis=1)
+    tensors = np.stack([inertias.tensor[:, i, j] for i, j in motion.TENSOR], axis=1)
     return np.concatenate([inertias.mass[:, None], inertias.com, tensors], axis=1)
 
 
@@ -288,7 +289,11 @@ def describe_combinations(prior: InertialPrior, solution: Solution) -> tuple[Com
     for direction, gain, move in zip(solution.directions.T, solution.gains, solution.moves, strict=True):
         largest = np.argsort(-np.abs(direction))[:SHOWN]
         parts = tuple(
-            Part(prior.segments[at // N_PARAMETERS], PARTS[at % N_PARAMETERS], float(direction[at]))
+            Part(
+                prior.segments[at // motion.N_PARAMETERS],
+                PARTS[at % motion.N_PARAMETERS],
+                float(direction[at]),
+            )
             for at in largest.tolist()
         )
         found.append(Combination(parts, float(gain), float(move), float(1.0 / np.sqrt(1.0 + gain))))

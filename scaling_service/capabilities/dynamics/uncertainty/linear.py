@@ -13,7 +13,7 @@ of the vectors ``y`` that stand for the body.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,22 +21,15 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.special import erf
 
-from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
-    BEYOND,
-    UNIFORM_RANGE,
-    compute_error_and_indicator,
-    fit_slopes_through_zero,
-)
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
     STENCIL,
-    LoadedMotion,
-    NoiseOn,
     PointBody,
     Reference,
     difference_twice,
 )
 from scaling_service.core.arrays import Array
+from scaling_service.core.errors import InputError
 from scaling_service.numerics.multibody.tree import (
     CYCLE,
     Poses,
@@ -49,6 +42,15 @@ from scaling_service.numerics.wrench import GRAVITY
 
 LAGS = tuple(range(-HALO, HALO + 1))
 """Frames that a wrench depends on, relative to its own."""
+
+UNIFORM_RANGE = np.sqrt(12.0)
+"""Range of a uniform distribution over its standard deviation (Muller et al. 2017, eq. 10)."""
+
+BEYOND = 0.1
+"""Reference errors that the database reaches beyond the largest level (chosen; the paper: "arbitrarily")."""
+
+EXACT_M = 1e-6
+"""Reconstruction error below which markers are followed exactly (chosen: far below any camera's noise)."""
 
 _BLOCK = 120  # frames together: 35 coordinates times 192 components are 7 MB
 _GRID = 400  # sizes of the noise, and errors of a level: dispersions change by less than 1e-4 beyond
@@ -153,23 +155,23 @@ def _differentiate_vectors(
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class LinearUncertainty:
-    """What linear propagation says of one recording; arrays (6,) as ``WrenchUncertainty`` has them."""
+class KinematicUncertainty:
+    """What the motion's uncertainty does to the residual; arrays (6,) as ``WrenchUncertainty`` has them."""
 
     error_m: float  # the reference's reconstruction error
     dr: Array
     slopes_per_cm: Array
     kinematic: Array
     r2: Array
+    r2_centred: Array
 
 
-def propagate_linearly(
-    recording: LoadedMotion,
-    levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0),
-    noise_on: NoiseOn = "rotations",
-) -> LinearUncertainty:
-    """The kinematic part of Muller's study in closed form; arguments and errors as ``propagate``."""
-    reference = Reference.of(recording, noise_on)
+def propagate_motion_noise(reference: Reference, levels: Sequence[float]) -> KinematicUncertainty:
+    """Muller's dispersions of the indicator at levels of added reconstruction error, in closed form.
+
+    ``levels``: over the reference's error. Raises InputError: the markers are followed without any error, so
+    that nothing scales a perturbation.
+    """
     error, dr = compute_error_and_indicator(reference)
     spread = factor_noise(reference.low_pass.autocovariance(len(LAGS) - 1))
     covariances, apart, spreads = [], [], []
@@ -196,10 +198,47 @@ def propagate_linearly(
     variance = np.einsum("ncc->nc", covariance).mean(axis=0) / reference.scale**2
     indicators = np.sqrt(dr**2 + np.outer(sizes**2, variance))
     dispersion = np.array([_compute_dispersion(error, level, errors, indicators) for level in levels])
-    slopes, r2, _ = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
-    return LinearUncertainty(
-        error_m=error, dr=dr, slopes_per_cm=slopes, kinematic=1e2 * error * slopes, r2=r2
+    slopes, r2, centred = fit_slopes_through_zero(1e2 * error * np.array(levels), dispersion)  # per cm
+    return KinematicUncertainty(
+        error_m=error,
+        dr=dr,
+        slopes_per_cm=slopes,
+        kinematic=1e2 * error * slopes,
+        r2=r2,
+        r2_centred=centred,
     )
+
+
+def compute_error_and_indicator(reference: Reference) -> tuple[float, Array]:
+    """Of the reference motion itself, which must not follow its markers exactly."""
+    error, residual = reference.residual(reference.q)
+    if error < EXACT_M:
+        raise InputError(
+            "the model follows its markers without error, so nothing tells how uncertain the motion is",
+            file=reference.trial,
+            field="markers",
+            remedy="Give the measured markers with the motion",
+        )
+    return error, reference.indicator(residual)
+
+
+def fit_slopes_through_zero(x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Least-squares lines without intercept, and how well they fit.
+
+    Of x (n,) and y (n, k): slopes (k,), ``r2 = 1 - SSE / sum y^2`` (right without intercept: Eisenhauer 2003,
+    Teach Stat 25:76-80), and the centred ``1 - SSE / sum (y - mean)^2``, which is never larger.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> fitted = fit_slopes_through_zero(np.array([1.0, 2.0]), np.array([[2.0], [4.0]]))
+    >>> [values.tolist() for values in fitted]
+    [[2.0], [1.0], [1.0]]
+    """
+    slopes = x @ y / (x @ x)
+    left = ((y - np.outer(x, slopes)) ** 2).sum(axis=0)
+    centred = 1.0 - left / ((y - y.mean(axis=0)) ** 2).sum(axis=0)
+    return slopes, 1.0 - left / (y**2).sum(axis=0), centred
 
 
 def factor_noise(autocovariance: Array) -> Array:

@@ -15,12 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.linear import (
-    LAGS,
-    WrenchJacobian,
-    compute_wrench_jacobians,
-    factor_noise,
-)
+from scaling_service.capabilities.dynamics.uncertainty import linear
 from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
@@ -87,12 +82,15 @@ def propagate_marker_errors(
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filter_residuals(reference)
-    spread = factor_noise(_estimate_correlation(left, reference))
+    # Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)
+    n = reference.n_frames
+    found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(linear.LAGS))]
+    spread = linear.factor_noise(np.asarray(np.array(found) / found[0]))
     size = _estimate_sizes(reference, left, weights, shared)
     sizes = size if sd_m is None else np.array([sd_m.get(n, v) for n, v in zip(names, size, strict=True)])
     together = _spread_common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
-    for block in compute_wrench_jacobians(reference):
+    for block in linear.compute_wrench_jacobians(reference):
         effect = _compute_effect(block, _follow(reference, block, weights)[0], spread)
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_sum_outer_products(own) + _sum_outer_products(common))
@@ -118,7 +116,7 @@ def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: f
     count = len(weights)
     common = _spread_common_errors(reference, np.ones(count), shared)
     remains = []
-    for block in compute_wrench_jacobians(reference, every=_THIN):
+    for block in linear.compute_wrench_jacobians(reference, every=_THIN):
         gain, moved, seen = _follow(reference, block, weights)
         n = len(gain)
         follows = moved.reshape(n, moved.shape[1], -1).transpose(0, 2, 1) @ gain.reshape(n, gain.shape[1], -1)
@@ -153,15 +151,8 @@ def _filter_residuals(reference: Reference) -> Array:
     return np.asarray(np.moveaxis(filtered.values, 0, -1))
 
 
-def _estimate_correlation(left: Array, reference: Reference) -> Array:
-    """Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)."""
-    n = reference.n_frames
-    found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(LAGS))]
-    return np.asarray(np.array(found) / found[0])
-
-
 def _follow(
-    reference: Reference, block: WrenchJacobian, weights: Array
+    reference: Reference, block: linear.WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.
 
@@ -183,7 +174,7 @@ def _follow(
     return np.asarray(gain).reshape(moved.shape), moved, seen
 
 
-def _compute_effect(block: WrenchJacobian, gain: Array, spread: Array) -> Array:
+def _compute_effect(block: linear.WrenchJacobian, gain: Array, spread: Array) -> Array:
     """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
     factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
     n, count, _, varied = factors.shape

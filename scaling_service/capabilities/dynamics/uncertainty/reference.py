@@ -10,14 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.kinetics.inverse_dynamics import (
-    ORDER,
-    check_clock,
-    differentiate_motion,
-    in_model_order,
-    report_no_frame,
-    scale_indicator,
-)
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values
@@ -197,7 +190,7 @@ class LoadedMotion:
     frames: NDArray[np.bool_] | None = None
     # cutoff_hz, order: of the filter of inverse dynamics
     cutoff_hz: float = DYNAMICS_CUTOFF_HZ
-    order: int = ORDER
+    order: int = inverse_dynamics.ORDER
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -227,10 +220,10 @@ class Reference:
         frame that has a motion and all its forces.
         """
         model, motion = recording.model, recording.motion
-        check_clock(recording.loads, motion.times, motion.trial)
-        scale = scale_indicator(sum_mass(model), recording.height_m)
-        raw = in_model_order(model, motion)
-        rated = differentiate_motion(
+        inverse_dynamics.check_clock(recording.loads, motion.times, motion.trial)
+        scale = inverse_dynamics.scale_indicator(sum_mass(model), recording.height_m)
+        raw = inverse_dynamics.in_model_order(model, motion)
+        rated = inverse_dynamics.differentiate_motion(
             model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order
         )
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
@@ -243,7 +236,7 @@ class Reference:
         if recording.frames is not None:
             used &= recording.frames
         if not used.any():
-            raise report_no_frame(motion.trial)
+            raise inverse_dynamics.report_no_frame(motion.trial)
         measured, seen = _list_measured(model, motion, raw)
         step = float(np.median(np.diff(motion.times)))
         names = set(motion.estimated)

@@ -1,37 +1,28 @@
 """How much of a residual wrench is only the measurement's uncertainty (Muller et al. 2017), and the verdict.
 
-Components are in the order of ``COMPONENTS``, as shares of body weight, and of body weight times stature.
-Results do not depend on the executor. ``propagate_linearly`` gives the same numbers without samples, in about
-a second.
+Components are in the order of ``COMPONENTS``, as shares of body weight, and of body weight times stature. The
+numbers are the paper's, in closed form; the study of the paper draws them by Monte Carlo as it does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.monte_carlo import (
-    Level,
+from scaling_service.capabilities.dynamics.uncertainty.linear import propagate_motion_noise
+from scaling_service.capabilities.dynamics.uncertainty.plates import (
     PlateNoise,
-    draw_database,
-    draw_levels,
-    draw_plate_dispersion,
-    fit_slopes_through_zero,
+    propagate_plate_noise,
 )
 from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion as LoadedMotion
 from scaling_service.capabilities.dynamics.uncertainty.reference import NoiseOn, Reference
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError
-from scaling_service.core.threads import Serial
 
-PER_SAMPLE = 3
-"""Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
-them lie in the lowest level, so that every level draws from more motions than it draws)."""
+LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Largest added reconstruction error over the reference's (Muller et al. 2017, sec. 2.2)."""
 
 SMALL_FORCE, SMALL_MOMENT = 0.032, 0.027
 """Mean dr of forces and moments up to which parameters of a table are acceptable: mean and two standard
@@ -40,37 +31,6 @@ deviations of the ten persons of Muller et al. 2017 (sec. 3.3: 2 Â± 0.6 %, 1.3 Â
 LARGER = np.sqrt(2.0)
 """Residual over the standard deviation of the measurement's error from which inertia has the larger part:
 both errors are independent, so the residual's variance is then more than twice the measurement's."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UncertaintySettings:
-    """How uncertainty is sampled."""
-
-    samples: int = 1000  # per level, and of the force plates
-    # largest added reconstruction error over the reference's (Muller et al. 2017, sec. 2.2).
-    levels: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0)
-    # perturbed motions in the database from which each level draws with replacement; unless given, three
-    # times the samples. The paper does not say how many it had.
-    motions: int | None = None
-    noise_on: NoiseOn = "rotations"  # coordinates that are perturbed; see ``NoiseOn``
-    plates: PlateNoise = field(default_factory=PlateNoise)
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.samples < 2 or (self.motions is not None and self.motions < 2):
-            raise InputError("two samples at least are needed", field="samples", remedy="Take 1000")
-        increasing = list(self.levels) == sorted(set(self.levels))
-        if len(self.levels) < 2 or min(self.levels) <= 0.0 or not increasing:
-            raise InputError(
-                "a line needs two levels at least, positive and increasing",
-                field="levels",
-                remedy="Take 0.2,0.4,0.6,0.8,1.0",
-            )
-
-    @property
-    def database_size(self) -> int:
-        """How many motions are perturbed."""
-        return PER_SAMPLE * self.samples if self.motions is None else self.motions
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -89,7 +49,6 @@ class WrenchUncertainty:
     slopes_per_cm: Array  # (6,): dispersion per centimetre of added reconstruction error
     r2: Array  # (6,): of the lines through zero: ``1 - SSE / sum y^2``, as is right without intercept
     r2_centred: Array  # (6,): the stricter ``1 - SSE / sum (y - mean)^2``
-    levels: tuple[Level, ...]
 
     @property
     def calibration_supported(self) -> NDArray[np.bool_]:
@@ -104,41 +63,30 @@ class WrenchUncertainty:
 
 def propagate(
     recording: LoadedMotion,
-    settings: UncertaintySettings = UncertaintySettings(),
     *,
-    executor: Executor | None = None,
-    progress: Callable[[float], None] | None = None,
+    levels: tuple[float, ...] = LEVELS,
+    noise_on: NoiseOn = "rotations",
+    plates: PlateNoise = PlateNoise(),
 ) -> WrenchUncertainty:
-    """Muller's whole study for one recording, by Monte Carlo.
+    """How far the motion's and the plates' noise move the residual of one recording.
 
-    Samples are drawn by the executor, in this thread unless one is given; every sample has a random stream of
-    its own. Progress is the share that is done. Refuses a recording whose markers are followed without any
-    error, so that there is nothing to scale a perturbation by.
+    ``noise_on``: which coordinates are uncertain. Raises InputError: a recording whose markers are followed
+    without any error.
     """
-    reference = Reference.of(recording, settings.noise_on)
-    run = executor or Serial()
-    database = draw_database(
-        reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
-    )
-    levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
-    plate = draw_plate_dispersion(reference, settings.plates, settings.samples, settings.seed, run)
-    added = np.array([level.added_m for level in levels])
-    dispersion = np.array([level.dispersion for level in levels])
-    slopes, r2, centred = fit_slopes_through_zero(1e2 * added, dispersion)  # per cm
-    kinematic = 1e2 * database.error_m * slopes
-    total = kinematic + plate
+    reference = Reference.of(recording, noise_on)
+    moved = propagate_motion_noise(reference, levels)
+    plate = propagate_plate_noise(reference, plates)
     return WrenchUncertainty(
         trial=reference.trial,
         frames=int(reference.used.sum()),
-        reconstruction_error_m=database.error_m,
-        dr=database.dr,
-        kinematic=kinematic,
+        reconstruction_error_m=moved.error_m,
+        dr=moved.dr,
+        kinematic=moved.kinematic,
         plate=plate,
-        total=total,
-        slopes_per_cm=slopes,
-        r2=r2,
-        r2_centred=centred,
-        levels=levels,
+        total=moved.kinematic + plate,
+        slopes_per_cm=moved.slopes_per_cm,
+        r2=moved.r2,
+        r2_centred=moved.r2_centred,
     )
 
 

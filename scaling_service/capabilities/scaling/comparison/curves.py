@@ -123,29 +123,25 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
     trials = results.session.dynamic
     for held_out in (True, False):
         group = [trial for trial in trials if (trial.name in results.held_out) == held_out]
-        gait = _make_gait(results, group, reference, held_out=held_out)
+        curves: list[CycleCurves] = []
+        used: list[str] = []
+        for side in SIDES:
+            angles = [name for name in _list_moving(results, group) if name.endswith(f"_{side}")]
+            cut, _ = _cut_strides(group, [s.motions for s in results.scalings.values()], angles, side)
+            if cut:
+                used += cut
+                degrees = np.degrees(np.stack([stride for strides in cut.values() for stride in strides]))
+                curves += [
+                    _make_cycle_curves(angle, degrees[:, :, k], reference, results)
+                    for k, angle in enumerate(angles)
+                ]
+        gait = Gait(
+            curves=tuple(curves), reference=reference, trials=tuple(dict.fromkeys(used)), held_out=held_out
+        )
         if gait.curves:
             return gait
     reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
     return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
-
-
-def _make_gait(results: Results, trials: Sequence[Trial], reference: str, *, held_out: bool) -> Gait:
-    curves: list[CycleCurves] = []
-    used: list[str] = []
-    for side in SIDES:
-        angles = [name for name in _list_moving(results, trials) if name.endswith(f"_{side}")]
-        cut, _ = _cut_strides(trials, [s.motions for s in results.scalings.values()], angles, side)
-        if cut:
-            used += cut
-            degrees = np.degrees(np.stack([stride for strides in cut.values() for stride in strides]))
-            curves += [
-                _make_cycle_curves(angle, degrees[:, :, k], reference, results)
-                for k, angle in enumerate(angles)
-            ]
-    return Gait(
-        curves=tuple(curves), reference=reference, trials=tuple(dict.fromkeys(used)), held_out=held_out
-    )
 
 
 def _make_cycle_curves(angle: str, values: Array, reference: str, results: Results) -> CycleCurves:

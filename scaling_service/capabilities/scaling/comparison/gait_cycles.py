@@ -102,7 +102,17 @@ def find_gait_cycles(trial: Trial, side: Side) -> GaitCycles:
         direction, travels = _find_direction(trial, pelvis)
         ahead = (foot - pelvis) @ direction
         if not travels:
-            _check_turns(trial, side, pelvis, direction, ahead)
+            # Refuse feet that do not go to and fro in turn under a pelvis that stays in place
+            try:
+                _, other = _follow_foot(trial, "l" if side == "r" else "r")
+            except _NoWalking:
+                raise _NoWalking("the pelvis stays in place, and one foot is not seen") from None
+            theirs = (other - pelvis) @ direction
+            both = np.isfinite(ahead) & np.isfinite(theirs)
+            if min(_measure_excursion(ahead), _measure_excursion(theirs)) < _LEAST_SWING_M or not both.any():
+                raise _NoWalking("the pelvis stays in place, and the feet do not walk under it")
+            if np.corrcoef(ahead[both], theirs[both])[0, 1] > _MOST_ALIKE:
+                raise _NoWalking("the pelvis stays in place, and the feet do not go to and fro in turn")
     except _NoWalking as why:
         return GaitCycles((), (), marker, str(why))
     groups = list(_list_contacts(trial.times, ahead))
@@ -188,20 +198,6 @@ def _find_facing(trial: Trial) -> Array:
             mean: Array = (front - back)[both].mean(axis=0) * [1.0, 0.0, 1.0]
             return mean
     return np.array([1.0, 0.0, 0.0])
-
-
-def _check_turns(trial: Trial, side: Side, pelvis: Array, direction: Array, ahead: Array) -> None:
-    """Refuse feet that do not go to and fro in turn under a pelvis that stays in place."""
-    try:
-        _, other = _follow_foot(trial, "l" if side == "r" else "r")
-    except _NoWalking:
-        raise _NoWalking("the pelvis stays in place, and one foot is not seen") from None
-    theirs = (other - pelvis) @ direction
-    both = np.isfinite(ahead) & np.isfinite(theirs)
-    if min(_measure_excursion(ahead), _measure_excursion(theirs)) < _LEAST_SWING_M or not both.any():
-        raise _NoWalking("the pelvis stays in place, and the feet do not walk under it")
-    if np.corrcoef(ahead[both], theirs[both])[0, 1] > _MOST_ALIKE:
-        raise _NoWalking("the pelvis stays in place, and the feet do not go to and fro in turn")
 
 
 def _measure_excursion(ahead: Array) -> float:

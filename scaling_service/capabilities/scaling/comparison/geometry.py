@@ -11,8 +11,8 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths, straighten
-from scaling_service.model.body import GROUND, BodyModel, Marker, Vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.parameters import Tilt, tilt_of
 from scaling_service.model.results import (
@@ -21,7 +21,7 @@ from scaling_service.model.results import (
 )
 from scaling_service.numerics.multibody.tree import pose_markers
 
-_CORNERS: tuple[Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_CORNERS: tuple[body.Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """The origin of a frame and the ends of its axes, m."""
 
 FOLLOWED_M = 0.04
@@ -46,7 +46,7 @@ class Geometry:
     """
 
     lengths: Mapping[str, float]
-    joint_centres: Mapping[str, tuple[str, Vector]]
+    joint_centres: Mapping[str, tuple[str, body.Vector]]
     knee_axes: Mapping[str, tuple[float, float]]
     marker_shifts: Mapping[str, float]
 
@@ -97,7 +97,9 @@ def _find_side(joint: str) -> str:
     return tail if tail in ("r", "l") else joint
 
 
-def place_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q: Array) -> dict[str, Vector]:
+def place_centres(
+    model: body.BodyModel, q: Array, reference: body.BodyModel, reference_q: Array
+) -> dict[str, body.Vector]:
     """A model's joint centres in the segments of a reference that moves alongside.
 
     Two models' own segment frames may lie differently in the body, so their local coordinates do not
@@ -129,32 +131,34 @@ def place_centres(model: BodyModel, q: Array, reference: BodyModel, reference_q:
     return found
 
 
-def _in_ground(model: BodyModel, q: Array, points: Mapping[str, tuple[str, Vector]]) -> dict[str, Array]:
+def _in_ground(
+    model: body.BodyModel, q: Array, points: Mapping[str, tuple[str, body.Vector]]
+) -> dict[str, Array]:
     """Points of segments over all frames, each (n_frames, 3), m."""
-    carrier = model.with_markers(tuple(Marker.at(name, *place) for name, place in points.items()))
+    carrier = model.with_markers(tuple(body.Marker.at(name, *place) for name, place in points.items()))
     placed = pose_markers(compile_model(carrier), q, list_parameter_values(carrier))
     return {name: placed[:, k] for k, name in enumerate(points)}
 
 
-def list_joint_angles(model: BodyModel) -> tuple[str, ...]:
+def list_joint_angles(model: body.BodyModel) -> tuple[str, ...]:
     """The coordinates that are angles of joints: turns, but not those of the whole body in the laboratory."""
     root = {
         term.coordinate
-        for segment in model.children(GROUND)
+        for segment in model.children(body.GROUND)
         for joint in segment.joints
         for term in joint.law.terms
     }
     return tuple(c.name for c in model.coordinates if c.kind == "rotation" and c.name not in root)
 
 
-def compute_length_errors(model: BodyModel, truth: BodyModel) -> dict[str, float]:
+def compute_length_errors(model: body.BodyModel, truth: body.BodyModel) -> dict[str, float]:
     """Estimated minus true segment lengths, m, of those that both models have."""
     ours, true = measure_segment_lengths(model), measure_segment_lengths(truth)
     return {name: ours[name] - true[name] for name in ours if name in true}
 
 
 def compute_centre_errors(
-    model: BodyModel, motions: Iterable[Motion], truth: BodyModel, true_q: Mapping[str, Array]
+    model: body.BodyModel, motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
 ) -> dict[str, float]:
     """Mean distance between estimated and true joint centres in space, m.
 
@@ -173,7 +177,7 @@ def compute_centre_errors(
 
 
 def compute_angle_errors(
-    motions: Iterable[Motion], truth: BodyModel, true_q: Mapping[str, Array]
+    motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
 ) -> dict[str, float]:
     """Root mean square difference between estimated and true joint angles, rad.
 

@@ -14,7 +14,7 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.results import MuscleDifference, MuscleDocument, MuscleQuantity
+from scaling_service.documents import results
 from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.model.body import BodyModel
@@ -28,7 +28,7 @@ differs little from its neighbours."""
 MOST_ROWS = 10
 """Differences of each method and quantity that are shown, largest first. Chosen: what one looks through."""
 
-UNITS: Mapping[MuscleQuantity, tuple[float, str]] = {
+UNITS: Mapping[results.MuscleQuantity, tuple[float, str]] = {
     "moment arm": (1e3, "mm"),
     "length": (1e3, "mm"),
     "joint moment": (1.0, "N m"),
@@ -48,7 +48,7 @@ class MuscleCourses:
     """Coordinate to its generalised force, (n_frames,), N m; NaN where forces do not determine it. Empty
     without forces."""
 
-    def courses(self, quantity: MuscleQuantity) -> dict[tuple[str, str], Array]:
+    def courses(self, quantity: results.MuscleQuantity) -> dict[tuple[str, str], Array]:
         """Muscle and coordinate, either may be empty, to the quantity's course, (n_frames,), m or N m."""
         if quantity == "length":
             names = [(muscle, "") for muscle in self.geometry.muscles]
@@ -64,7 +64,7 @@ class MuscleComparison:
 
     reference: str  # the method that the others are held against
     courses: Mapping[str, Mapping[str, MuscleCourses]]  # method to trial to its courses
-    differences: tuple[MuscleDifference, ...]
+    differences: tuple[results.MuscleDifference, ...]
     """Of each method and quantity the largest, in descending order; a muscle or joint comes once for each
     coordinate."""
     notes: tuple[str, ...] = ()  # what is not compared, and why
@@ -158,9 +158,9 @@ def _list_joint_angles(model: BodyModel) -> list[str]:
     return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
 
 
-def _list_largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
+def _list_largest(peaks: Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:
     """The largest of all trials for each muscle and coordinate, the largest first."""
-    found: dict[tuple[str, str], MuscleDifference] = {}
+    found: dict[tuple[str, str], results.MuscleDifference] = {}
     for peak in peaks:
         known = found.get((peak.muscle, peak.coordinate))
         if known is None or abs(peak.difference) > abs(known.difference):
@@ -171,9 +171,9 @@ def _list_largest(peaks: Iterable[MuscleDifference]) -> list[MuscleDifference]:
 def _list_peaks(
     reference: Mapping[str, MuscleCourses],
     method: Mapping[str, MuscleCourses],
-    quantity: MuscleQuantity,
+    quantity: results.MuscleQuantity,
     names: tuple[str, str],
-) -> Iterator[MuscleDifference]:
+) -> Iterator[results.MuscleDifference]:
     """Where a method differs most from the reference in each trial, for each muscle and coordinate."""
     factor, unit = UNITS[quantity]
     for trial, own in method.items():
@@ -184,7 +184,7 @@ def _list_peaks(
             if not np.isfinite(difference).any():
                 continue
             at = int(np.nanargmax(np.abs(difference)))
-            yield MuscleDifference(
+            yield results.MuscleDifference(
                 method=names[1],
                 against=names[0],
                 quantity=quantity,
@@ -201,12 +201,12 @@ def _list_peaks(
             )
 
 
-def make_muscle_document(found: MuscleComparison) -> MuscleDocument:
+def make_muscle_document(found: MuscleComparison) -> results.MuscleDocument:
     """The part of ``comparison.json``."""
-    grouped: dict[tuple[str, str], list[MuscleDifference]] = {}
+    grouped: dict[tuple[str, str], list[results.MuscleDifference]] = {}
     for each in found.differences:
         grouped.setdefault((each.method, each.quantity), []).append(each)
-    return MuscleDocument(
+    return results.MuscleDocument(
         reference=found.reference,
         trials=list(found.courses[found.reference]),
         differences=list(found.differences),

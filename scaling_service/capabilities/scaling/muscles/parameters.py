@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.files.osim import muscles
 from scaling_service.files.osim.models import read_osim
-from scaling_service.files.osim.muscles import measure_muscles, read_musculature, set_parameters
 from scaling_service.model.body import BodyModel
 from scaling_service.model.muscles import Muscle
 from scaling_service.model.poses import sweep_coordinates
@@ -35,16 +35,16 @@ def keep_ranges(osim: str, model: BodyModel, source: Path) -> tuple[str, tuple[s
     generic, text = read_osim(source), source.read_text(encoding="utf-8")
     q = np.concatenate(list(sweep_coordinates(generic, _STEPS).values()))
     same = q[:, [generic.coordinate_names.index(name) for name in model.coordinate_names]]
-    before, after = measure_muscles(text, generic, q), measure_muscles(osim, model, same)
+    before, after = muscles.measure_muscles(text, generic, q), muscles.measure_muscles(osim, model, same)
     order = [after.muscles.index(name) for name in before.muscles]
     found, kept = {}, []
-    for k, muscle in enumerate(read_musculature(text, generic, q[:1]).muscles):
+    for k, muscle in enumerate(muscles.read_musculature(text, generic, q[:1]).muscles):
         fitted = fit_lengths(muscle, before.lengths[:, k], after.lengths[:, order[k]])
         if fitted is None:
             kept.append(muscle.name)
         else:
             found[muscle.name] = fitted
-    return set_parameters(osim, model, found), tuple(kept)
+    return muscles.set_parameters(osim, model, found), tuple(kept)
 
 
 def fit_lengths(muscle: Muscle, before: Array, after: Array) -> Sequence[float] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.bones.morph import SurfaceMap, map_surface, measure_distances
+from scaling_service.bones import morph
 from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.arrays import Array
@@ -65,7 +65,7 @@ def follow_surfaces(
         if not here or segment not in surfaces.bones:
             continue
         try:
-            mapped = map_surface(surfaces.bones[segment], person, *_find_centres(calibration, segment))
+            mapped = morph.map_surface(surfaces.bones[segment], person, *_find_centres(calibration, segment))
         except MeshRefused as error:
             notes.append(f"{calibration.method}: attachments on {segment} are scaled: {error}")
             continue
@@ -121,14 +121,16 @@ def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]
     return np.array(before).reshape(-1, 3), np.array(now).reshape(-1, 3)
 
 
-def _move(points: Sequence[Attachment], before: Array, mapped: SurfaceMap, person: Bone) -> MovedAttachments:
+def _move(
+    points: Sequence[Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
+) -> MovedAttachments:
     after = mapped(before)
     there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
-    distances = np.stack([measure_distances(person, at) for at in (before, after)], axis=1)
+    distances = np.stack([morph.measure_distances(person, at) for at in (before, after)], axis=1)
     return MovedAttachments(there, before, distances)
 
 
-def _describe_distances(segment: str, found: MovedAttachments, mapped: SurfaceMap) -> str:
+def _describe_distances(segment: str, found: MovedAttachments, mapped: morph.SurfaceMap) -> str:
     before, after = 1e3 * np.median(found.distances, axis=0)
     return (
         f"{len(found.points)} attachments on {segment} follow its surface: {before:.1f} mm from the bone as "

@@ -17,27 +17,18 @@ from types import MappingProxyType
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
+from scaling_service.capabilities.scaling.sizes import points
 from scaling_service.capabilities.scaling.sizes.measurements import open_axes
-from scaling_service.capabilities.scaling.sizes.points import (
-    NO_PLACES,
-    PersonPoints,
-    Places,
-    find_doubtful_joints,
-    find_model_points,
-    find_person_points,
-    measure_standing_legs,
-    read_landmarks,
-)
 from scaling_service.capabilities.scaling.sizes.ratios import Ratios, estimate_centre_sds, measure_ratios
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model import body
 from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import GROUND, BodyModel, Vector
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
@@ -126,7 +117,7 @@ def expect_dimensions(subject: Subject) -> DimensionPrior:
 
 
 def estimate_sizes(
-    model: BodyModel, ratios: Ratios, prior: DimensionPrior, *, weighted: bool = True
+    model: body.BodyModel, ratios: Ratios, prior: DimensionPrior, *, weighted: bool = True
 ) -> dict[str, SegmentSize]:
     """The size of every segment over the model's, with its standard deviation and what it rests on.
 
@@ -144,7 +135,15 @@ def estimate_sizes(
         return {}
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.average()
-    mean = expected.mean - _measure_own_dimensions(model, names)
+    # Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths.
+    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
+    lengths = {}
+    for name, length in measure_segment_lengths(model).items():
+        sided = name if name in blank.names else f"{name}_r"
+        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
+            lengths[sided] = (length, _EXACT * length)
+    alike = blank.condition(lengths)
+    mean = expected.mean - np.array([np.log(alike.value(name)) for name in names])
     measured = {model.bone_of(name): dimension for name, dimension in dimensions.items()}
     rows = [next(measured[s] for s in m.segments if s in measured) for m in ratios.measurements]
     pick = np.eye(len(names))[[names.index(row) for row in rows]].reshape(len(rows), len(names))
@@ -170,25 +169,13 @@ def estimate_sizes(
     return _with_followers(model, sizes)
 
 
-def _measure_own_dimensions(model: BodyModel, names: Sequence[str]) -> Array:
-    """Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths."""
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
-    lengths = {}
-    for name, length in measure_segment_lengths(model).items():
-        sided = name if name in blank.names else f"{name}_r"
-        if sided in blank.names and abs(np.log(length / blank.value(sided))) < _NO_PERSONS:
-            lengths[sided] = (length, _EXACT * length)
-    alike = blank.condition(lengths)
-    return np.array([np.log(alike.value(name)) for name in names])
-
-
-def _with_followers(model: BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
+def _with_followers(model: body.BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
     """Segments whose names say nothing take the size of the nearest one above, else of the first."""
     found = dict(sizes)
     parents = {segment.name: segment.parent for segment in model.segments}
     for segment in model.segments:
         above = segment.name
-        while above not in found and above != GROUND:
+        while above not in found and above != body.GROUND:
             above = parents[above]
         found.setdefault(segment.name, found.get(above) or next(iter(sizes.values())))
     return {name: found[name] for name in model.segment_names}
@@ -204,10 +191,10 @@ class Sizing:
     ``people``: the recordings' points, the best first.
     """
 
-    factors: Mapping[str, Vector]
+    factors: Mapping[str, body.Vector]
     sizes: Mapping[str, SegmentSize]
     centres: Mapping[str, EstimatedCentre]
-    people: tuple[PersonPoints, ...]
+    people: tuple[points.PersonPoints, ...]
     notes: tuple[str, ...]
 
 
@@ -231,7 +218,7 @@ def size_segments(
     scale = prior.value("stature") / ADULT_STATURE_M
     known = estimate_body_sizes(session, prior, places)
     people = tuple(
-        find_person_points(
+        points.find_person_points(
             trial,
             standing=trial is session.static,
             regression=settings.hip_regression,
@@ -243,17 +230,17 @@ def size_segments(
         for trial in (session.static, *session.calibration)
         if trial is not None
     )
-    ours = find_model_points(model, places)
+    ours = points.find_model_points(model, places)
     weighted = settings.sizes == "weighted" or bool(lengths)
     bones = {model.bone_of(name): name for name in model.segment_names}
-    doubtful = find_doubtful_joints(model, ours)
+    doubtful = points.find_doubtful_joints(model, ours)
     ratios = measure_ratios(people, ours, tuple(bones), besides=weighted, doubtful=doubtful)
     if not len(ratios.logs):
         return _size_by_own_markers(session, people)
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
         check_factor(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
-    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
+    factors: dict[str, body.Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_write_notes(model, ratios, sizes, subject)]
     if placed := [f"{name} = {landmark}" for name, landmark in places.items() if landmark is not None]:
         notes.append(f"MB: landmarks by where the model has its markers: {list_few(placed)}")
@@ -271,7 +258,7 @@ def size_segments(
     )
 
 
-def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> Sizing:
+def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ...]) -> Sizing:
     """Each segment by the distances between the model's own markers on it, none of which is a landmark.
 
     The factor is that of least squares; its deviation that of two hand-placed markers, over their distance.
@@ -308,7 +295,7 @@ def _size_by_own_markers(session: Session, people: tuple[PersonPoints, ...]) -> 
         "which is a landmark that is known here"
     )
     found = _with_followers(model, sizes)
-    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in found.items()}
+    factors: dict[str, body.Vector] = {name: (size.factor,) * 3 for name, size in found.items()}
     for segment, (factor, *_) in factors.items():
         check_factor(factor, segment)
     return Sizing(factors=factors, sizes=found, centres=_list_centres(people), people=people, notes=(note,))
@@ -321,7 +308,9 @@ def measure_distance(one: Array, other: Array) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def estimate_body_sizes(session: Session, prior: DimensionPrior, places: Places = NO_PLACES) -> BodySizes:
+def estimate_body_sizes(
+    session: Session, prior: DimensionPrior, places: points.Places = points.NO_PLACES
+) -> BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
     widths: dict[str, tuple[Size, float]] = {}
@@ -338,10 +327,10 @@ def estimate_body_sizes(session: Session, prior: DimensionPrior, places: Places 
     sizes = BodySizes(widths, legs, diameter / 2.0)
     if session.static is None:
         return sizes
-    return sizes.with_leg_lengths(measure_standing_legs(read_landmarks(session.static, places)))
+    return sizes.with_leg_lengths(points.measure_standing_legs(points.read_landmarks(session.static, places)))
 
 
-def _list_centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
+def _list_centres(people: Sequence[points.PersonPoints]) -> dict[str, EstimatedCentre]:
     found: dict[str, EstimatedCentre] = {}
     for person in people:
         if not found.keys() >= person.centres.keys():
@@ -352,7 +341,7 @@ def _list_centres(people: Sequence[PersonPoints]) -> dict[str, EstimatedCentre]:
 
 
 def _write_notes(
-    model: BodyModel, ratios: Ratios, sizes: Mapping[str, SegmentSize], subject: Subject
+    model: body.BodyModel, ratios: Ratios, sizes: Mapping[str, SegmentSize], subject: Subject
 ) -> Sequence[str]:
     notes = []
     for measurement in dict.fromkeys(ratios.measurements):

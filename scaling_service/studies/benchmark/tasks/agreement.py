@@ -12,28 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.studies.benchmark.parts import (
-    MM,
-    Array,
-    Case,
-    Metric,
-    NoAnswer,
-    Run,
-    Task,
-    Traced,
-    ask_opensim,
-    copy_inputs,
-    match_times,
-    rms,
-    trace_model,
-    wrap,
-)
+from scaling_service.studies.benchmark import parts
 from scaling_service.studies.benchmark.tasks._legs import write_subject
 
 _LEGS = ("hip", "knee", "ankle")
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """gait2354 in one step; Rajagopal's model by the first of its two, which sets the sizes."""
     gait, walk = data / "gait2354", data / "rajagopal_walk"
     files = {
@@ -54,7 +39,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     }
     cases = []
     for name, paths in files.items():
-        box = copy_inputs(paths.values(), folder / name)
+        box = parts.copy_inputs(paths.values(), folder / name)
         document = {
             "subject": {"id": name},
             "trials": {
@@ -65,7 +50,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
         }
         write_subject(box, document)
         cases.append(
-            Case(
+            parts.Case(
                 name=name,
                 judge=judge_agreement,
                 ours=partial(answer_by_ours, box, paths["walk"].stem),
@@ -75,7 +60,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     return cases
 
 
-def answer_by_ours(box: Path, walk: str, answer: Path, run: Run) -> None:
+def answer_by_ours(box: Path, walk: str, answer: Path, run: parts.Run) -> None:
     """The set-up's measurements, then the walk by least squares as OpenSim takes it."""
     words = ["scale", box / "subject.yaml", "--method", "MB", "--smooth-hz", "0"]
     written = run(words) / "MB"
@@ -83,58 +68,58 @@ def answer_by_ours(box: Path, walk: str, answer: Path, run: Run) -> None:
     (written / f"{walk}_ik.mot").replace(answer / "walk.mot")
 
 
-def answer_by_opensim(paths: Mapping[str, Path], answer: Path, _run: Run) -> None:
+def answer_by_opensim(paths: Mapping[str, Path], answer: Path, _run: parts.Run) -> None:
     """The scale tool, then the inverse kinematics tool with all markers alike."""
     given = {key: paths[key] for key in ("model", "marker_set", "static")}
-    ask_opensim("scale", paths["scale_setup"], output=answer / "model.osim", **given)
-    ask_opensim("track", answer / "model.osim", recording=paths["walk"], output=answer / "walk.mot")
+    parts.ask_opensim("scale", paths["scale_setup"], output=answer / "model.osim", **given)
+    parts.ask_opensim("track", answer / "model.osim", recording=paths["walk"], output=answer / "walk.mot")
 
 
 def judge_agreement(answer: Path, opensim: Path) -> Mapping[str, float]:
     """Distances between joints of the legs at the default pose, and the legs' angles in the walk."""
-    ours, theirs = (trace_model(f / "model.osim") for f in (answer, opensim))
+    ours, theirs = (parts.trace_model(f / "model.osim") for f in (answer, opensim))
     gaps = []
     for side in "rl":
         for above, below in pairwise(_LEGS):
             gaps.append(_measure(ours, above, below, side) - _measure(theirs, above, below, side))
-    moved = [trace_model(f / "model.osim", f / "walk.mot") for f in (answer, opensim)]
-    rows = match_times(moved[0].times, moved[1].times)
+    moved = [parts.trace_model(f / "model.osim", f / "walk.mot") for f in (answer, opensim)]
+    rows = parts.match_times(moved[0].times, moved[1].times)
     names = [n for n in moved[1].coordinates if n.startswith(_LEGS) and n not in moved[1].slides]
     if lost := [n for n in names if n not in moved[0].coordinates]:
-        raise NoAnswer(f"the model lacks the coordinates {', '.join(lost)}")
-    angles = [wrap(moved[0].coordinates[n][rows] - moved[1].coordinates[n]) for n in names]
+        raise parts.NoAnswer(f"the model lacks the coordinates {', '.join(lost)}")
+    angles = [parts.wrap(moved[0].coordinates[n][rows] - moved[1].coordinates[n]) for n in names]
     places = [
         _find_joint(moved[0], joint, s)[rows] - _find_joint(moved[1], joint, s)
         for joint in _LEGS
         for s in "rl"
     ]
     return {
-        "lengths": MM * rms(np.array(gaps)),
-        "centres": MM * float(np.mean([np.linalg.norm(p, axis=1).mean() for p in places])),
-        "angles": float(np.degrees(rms(np.array(angles)))),
+        "lengths": parts.MM * parts.rms(np.array(gaps)),
+        "centres": parts.MM * float(np.mean([np.linalg.norm(p, axis=1).mean() for p in places])),
+        "angles": float(np.degrees(parts.rms(np.array(angles)))),
     }
 
 
-def _find_joint(model: Traced, joint: str, side: str) -> Array:
+def _find_joint(model: parts.Traced, joint: str, side: str) -> parts.Array:
     """A joint's places by the end of its name: knees are called ``knee_r`` or ``walker_knee_r``."""
     names = [name for name in model.joints if name.endswith(f"{joint}_{side}")]
     return model.joint(names[0] if names else f"{joint}_{side}")
 
 
-def _measure(model: Traced, above: str, below: str, side: str) -> float:
+def _measure(model: parts.Traced, above: str, below: str, side: str) -> float:
     """Distance between two joints of a leg at the first pose, m."""
     return float(np.linalg.norm(_find_joint(model, above, side)[0] - _find_joint(model, below, side)[0]))
 
 
-TASK = Task(
+TASK = parts.Task(
     name="agreement",
     title="Agreement with OpenSim's scale and inverse kinematics tools",
     truth="OpenSim's answer in this run, on its own examples: its row is zero, and zero is not truth",
     needs=("gait2354", "rajagopal_walk"),
     metrics=(
-        Metric(key="lengths", title="lengths, mm", digits=3),
-        Metric(key="centres", title="joints in the walk, mm"),
-        Metric(key="angles", title="legs' angles, deg", digits=2),
+        parts.Metric(key="lengths", title="lengths, mm", digits=3),
+        parts.Metric(key="centres", title="joints in the walk, mm"),
+        parts.Metric(key="angles", title="legs' angles, deg", digits=2),
     ),
     cases=make_cases,
 )

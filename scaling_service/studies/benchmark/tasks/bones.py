@@ -15,22 +15,12 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from scaling_service.studies.benchmark.parts import (
-    WRONG,
-    Array,
-    Case,
-    Judge,
-    NoAnswer,
-    ProgramFailed,
-    Run,
-    Task,
-    read_answer,
-)
+from scaling_service.studies.benchmark import parts
 from scaling_service.studies.benchmark.tasks.images import find_bone, list_imaged
 
 Bones = dict[str, trimesh.Trimesh]
-Place = Callable[[Array], Array]
-Change = Callable[[Bones, Array], tuple[Bones, Place]]
+Place = Callable[[parts.Array], parts.Array]
+Change = Callable[[Bones, parts.Array], tuple[Bones, Place]]
 """Bones, and the direction from knee to hip, to changed bones and where their points then are."""
 
 TIGHT_MM, LOOSE_MM = 0.5, 5.0
@@ -46,7 +36,7 @@ def _read(file: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def _turn(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _turn(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     turn = Rotation.random(random_state=1)
     shift = np.array([300.0, -900.0, 1500.0])
     moved = {
@@ -55,11 +45,11 @@ def _turn(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     return moved, lambda points: turn.apply(points) + shift
 
 
-def _stay(points: Array) -> Array:
+def _stay(points: parts.Array) -> parts.Array:
     return points
 
 
-def _add_noise(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _add_noise(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     rng = np.random.default_rng(1)
     return {
         s: trimesh.Trimesh(m.vertices + rng.normal(0.0, 0.5, m.vertices.shape), m.faces, process=False)
@@ -67,11 +57,11 @@ def _add_noise(bones: Bones, _up: Array) -> tuple[Bones, Place]:
     }, _stay
 
 
-def _turn_inside_out(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _turn_inside_out(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     return {s: trimesh.Trimesh(m.vertices, m.faces[:, ::-1], process=False) for s, m in bones.items()}, _stay
 
 
-def _cut(bones: Bones, up: Array, share: float, *, top: bool) -> tuple[Bones, Place]:
+def _cut(bones: Bones, up: parts.Array, share: float, *, top: bool) -> tuple[Bones, Place]:
     """The femur alone, without a share of its length at one end."""
     femur = bones["femur_r"]
     height = femur.vertices @ up
@@ -81,17 +71,17 @@ def _cut(bones: Bones, up: Array, share: float, *, top: bool) -> tuple[Bones, Pl
     return {"femur_r": trimesh.Trimesh(femur.vertices, faces, process=True)}, _stay
 
 
-def _mirror(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _mirror(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     femur = bones["femur_r"]
     flipped = trimesh.Trimesh(femur.vertices * [-1, 1, 1], femur.faces[:, ::-1], process=False)
     return {"femur_r": flipped}, _stay
 
 
-def _exchange(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _exchange(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     return {"femur_r": bones["tibia_r"]}, _stay
 
 
-def _double(bones: Bones, _up: Array) -> tuple[Bones, Place]:
+def _double(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     femur = bones["femur_r"]
     other = femur.copy()
     other.apply_translation([90.0, 0.0, 0.0])
@@ -114,7 +104,7 @@ VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
 """What becomes of the bones, how far landmarks may then be off (mm), and what must still be given."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """Every variant of the right femur and tibia of three persons."""
     cases = []
     for person, (where, expert) in list_imaged(data).items():
@@ -127,21 +117,21 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
             files = {slot: box / f"{slot}.stl" for slot in changed}
             for slot, mesh in changed.items():
                 mesh.export(files[slot])
-            judge: Judge
+            judge: parts.Judge
             if isinstance(within, str):
                 judge = judge_refusal
             else:
                 judge = partial(judge_variant, f"{person}_clean", place, within, must)
-            cases.append(Case(name=box.name, judge=judge, ours=partial(answer_by_ours, files)))
+            cases.append(parts.Case(name=box.name, judge=judge, ours=partial(answer_by_ours, files)))
     return cases
 
 
-def answer_by_ours(files: Mapping[str, Path], answer: Path, run: Run) -> None:
+def answer_by_ours(files: Mapping[str, Path], answer: Path, run: parts.Run) -> None:
     """Landmarks, or that the bones were refused."""
     slots = [word for slot, path in files.items() for word in (f"--{slot}", path)]
     try:
         written = run(["landmarks", "--units", "mm", *slots])
-    except ProgramFailed as reason:
+    except parts.ProgramFailed as reason:
         (answer / "answer.json").write_text(json.dumps({"refused": str(reason)}), encoding="utf-8")
         return
     (written / "landmarks.json").replace(answer / "landmarks.json")
@@ -151,8 +141,8 @@ def judge_refusal(answer: Path, _opensim: Path) -> Mapping[str, float]:
     """Right is a refusal; landmarks of a wrong bone are wrong."""
     if (answer / "landmarks.json").is_file():
         return {"wrong": 100.0}
-    if "refused" not in read_answer(answer):
-        raise NoAnswer("answer.json does not say `refused`")
+    if "refused" not in parts.read_answer(answer):
+        raise parts.NoAnswer("answer.json does not say `refused`")
     return {"wrong": 0.0}
 
 
@@ -164,11 +154,11 @@ def judge_variant(
     Or than three of the deviations that are stated for it.
     """
     if not (answer / "landmarks.json").is_file():
-        if "refused" in read_answer(answer):
+        if "refused" in parts.read_answer(answer):
             return {"wrong": 100.0}
-        raise NoAnswer("landmarks.json is absent")
-    wanted = read_answer(answer.parent / clean, "landmarks.json").get("femur_r", {})
-    found = read_answer(answer, "landmarks.json").get("femur_r", {})
+        raise parts.NoAnswer("landmarks.json is absent")
+    wanted = parts.read_answer(answer.parent / clean, "landmarks.json").get("femur_r", {})
+    found = parts.read_answer(answer, "landmarks.json").get("femur_r", {})
     stated = found.get("deviations_mm", {})
     names = [k.removesuffix("_mm") for k, v in found.items() if k.endswith("_mm") and isinstance(v, list)]
     off = {
@@ -182,11 +172,11 @@ def judge_variant(
     return {"wrong": 0.0 if right else 100.0}
 
 
-TASK = Task(
+TASK = parts.Task(
     name="bones",
     title="Bones as they are found",
     truth="the program's own answer for the clean bones, moved with them; wrong bones must be refused",
     needs=("jia_mri/bones",),
-    metrics=(WRONG,),
+    metrics=(parts.WRONG,),
     cases=make_cases,
 )

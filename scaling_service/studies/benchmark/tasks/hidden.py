@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.files.sto import Table, read_sto, write_sto
+from scaling_service.files import sto
 from scaling_service.files.trc import read_trc, write_trc
 from scaling_service.model.trial import Trial
 from scaling_service.studies.benchmark.parts import WRONG, Array, Case, Metric, Run, Task, read_answer
@@ -64,27 +64,27 @@ def _stick(
     return markers
 
 
-def _change_forces(change: Callable[[Table, Array], None], box: Path) -> None:
+def _change_forces(change: Callable[[sto.Table, Array], None], box: Path) -> None:
     for name in (SQUAT, WALK):
         path = box / f"{name}_grf.mot"
-        table = read_sto(path)
+        table = sto.read_sto(path)
         data = table.data.copy()
         change(table, data)
-        write_sto(path, replace(table, data=data))
+        sto.write_sto(path, replace(table, data=data))
 
 
-def _list_columns(table: Table, plate: int, what: str) -> list[int]:
+def _list_columns(table: sto.Table, plate: int, what: str) -> list[int]:
     """A plate's three columns of one kind, in the order of the file."""
     found = [k for k, name in enumerate(table.columns) if f"_{what}" in name.replace("torque", "moment")]
     return found[3 * (plate - 1) : 3 * plate]
 
 
-def _gain(table: Table, data: Array) -> None:
+def _gain(table: sto.Table, data: Array) -> None:
     for what in ("v", "moment"):
         data[:, _list_columns(table, 2, what)] *= 1.10
 
 
-def _shift(table: Table, data: Array) -> None:
+def _shift(table: sto.Table, data: Array) -> None:
     loaded = np.abs(data[:, _list_columns(table, 1, "v")[1]]) > 1.0
     data[loaded, _list_columns(table, 1, "p")[2]] += 0.040
 

@@ -15,25 +15,8 @@ from scipy.spatial.transform import Rotation
 from scaling_service.files.osim.setups import parse_xml
 from scaling_service.files.recording import read_recording
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import (
-    MM,
-    Array,
-    Case,
-    Metric,
-    NoAnswer,
-    Run,
-    Task,
-    copy_inputs,
-    read_answer,
-    trace_model,
-)
-from scaling_service.studies.benchmark.tasks._legs import (
-    GENERIC,
-    scale_by_opensim,
-    scale_by_ours,
-    write_legs,
-    write_subject,
-)
+from scaling_service.studies.benchmark import parts
+from scaling_service.studies.benchmark.tasks import _legs
 
 IMAGED = {"jia_mri": "jia_mri/bones", "LHDL_CT": "bones/LHDL_CT", "TLEM2_CT": "bones/TLEM2_CT"}
 """Person to the folder of the bones; those that are absent are left out."""
@@ -67,45 +50,48 @@ def take_markers(file: Path) -> Trial:
 def write_jia(data: Path, box: Path) -> None:
     """Standing and one walk of jia_mri for any program."""
     folder = data / "jia_mri"
-    write_legs(box, [take_markers(folder / f"{name}.c3d") for name in ("Static", "Walking02")], CLUSTERS)
+    _legs.write_legs(
+        box, [take_markers(folder / f"{name}.c3d") for name in ("Static", "Walking02")], CLUSTERS
+    )
 
 
 def describe_jia(static: str = "static.trc", walk: str = "walking02.trc") -> dict[str, Any]:
     """The subject file that goes with them."""
     return {
         "subject": {"id": "jia", "height_m": 1.62, "mass_kg": 63.0},
-        "model": GENERIC,
+        "model": _legs.GENERIC,
         "extra_markers": CLUSTERS,
         "trials": {"static": static, "calibration": [walk]},
     }
 
 
-def make_marker_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_marker_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """The one person with markers and images."""
     box = folder / "jia_mri"
     write_jia(data, box)
-    write_subject(box, describe_jia())
+    _legs.write_subject(box, describe_jia())
     judge = partial(judge_markers, read_expert(data / "jia_mri"), data / "jia_mri" / "image_markers.csv")
     ours, theirs = (
-        partial(scale, box, "walking02") for scale in (partial(scale_by_ours, "MAP"), scale_by_opensim)
+        partial(scale, box, "walking02")
+        for scale in (partial(_legs.scale_by_ours, "MAP"), _legs.scale_by_opensim)
     )
-    return [Case(name=box.name, judge=judge, ours=ours, opensim=theirs)]
+    return [parts.Case(name=box.name, judge=judge, ours=ours, opensim=theirs)]
 
 
 def judge_markers(
-    expert: Mapping[str, tuple[Array, Array]], seen: Path, answer: Path, _opensim: Path
+    expert: Mapping[str, tuple[parts.Array, parts.Array]], seen: Path, answer: Path, _opensim: Path
 ) -> Mapping[str, float]:
     """The hip against the pelvis's skin markers, as the image shows both, and the femur's length."""
-    traced = trace_model(answer / "model.osim")
+    traced = parts.trace_model(answer / "model.osim")
     with seen.open(encoding="utf-8", newline="") as stream:
         rows = [row for row in csv.DictReader(stream) if row["segment"] == "pelvis"]
     image = np.array([[float(row[f"{axis}_mm"]) for axis in "xyz"] for row in rows])
     own = [MARKERS[row["marker"]] for row in rows]
     if lost := [name for name in own if name not in traced.markers]:
-        raise NoAnswer(f"the model lacks the markers {', '.join(lost)}")
-    model = MM * np.array([traced.markers[name][0] for name in own])
+        raise parts.NoAnswer(f"the model lacks the markers {', '.join(lost)}")
+    model = parts.MM * np.array([traced.markers[name][0] for name in own])
     turn, _ = Rotation.align_vectors(image - image.mean(axis=0), model - model.mean(axis=0))
-    hip, knee = (MM * traced.joint(name)[0] for name in ("hip_r", "knee_r"))
+    hip, knee = (parts.MM * traced.joint(name)[0] for name in ("hip_r", "knee_r"))
     true = {name: expert[name][0] for name in ("hip_r", "knee_r")}
     found = turn.apply(hip - model.mean(axis=0)) + image.mean(axis=0)
     length = float(np.linalg.norm(true["hip_r"] - true["knee_r"]))
@@ -115,28 +101,30 @@ def judge_markers(
     }
 
 
-def make_bone_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_bone_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """Femur, tibia and talus of three persons, and an ankle in pieces."""
     cases = []
     for name, (where, expert) in list_imaged(data).items():
         bones = _copy_bones(where, ("femur_r", "tibia_r", "talus_r"), folder / name)
-        cases.append(Case(name=name, judge=partial(judge_bones, expert), ours=partial(find_landmarks, bones)))
+        cases.append(
+            parts.Case(name=name, judge=partial(judge_bones, expert), ours=partial(find_landmarks, bones))
+        )
     pieces = data / ANKLE
     if pieces.is_dir():
         cylinder = json.loads((pieces / "truth.json").read_text(encoding="utf-8"))["talocrural"]
         bones = _copy_bones(pieces, ("tibia_r", "talus_r"), folder / pieces.name)
         judge = partial(judge_ankle, np.array(cylinder["centre_mm"]))
-        cases.append(Case(name=pieces.name, judge=judge, ours=partial(find_landmarks, bones)))
+        cases.append(parts.Case(name=pieces.name, judge=judge, ours=partial(find_landmarks, bones)))
     return cases
 
 
 def _copy_bones(source: Path, slots: Sequence[str], box: Path) -> dict[str, Path]:
     files = {slot: find_bone(source, slot) for slot in slots}
-    copy_inputs(files.values(), box)
+    parts.copy_inputs(files.values(), box)
     return {slot: box / file.name for slot, file in files.items()}
 
 
-def find_landmarks(bones: Mapping[str, Path], answer: Path, run: Run) -> None:
+def find_landmarks(bones: Mapping[str, Path], answer: Path, run: parts.Run) -> None:
     """Ours, from surfaces in mm."""
     slots = [word for slot, path in bones.items() for word in (f"--{slot}", path)]
     written = run(["landmarks", "--units", "mm", *slots])
@@ -144,10 +132,10 @@ def find_landmarks(bones: Mapping[str, Path], answer: Path, run: Run) -> None:
 
 
 def judge_bones(
-    expert: Mapping[str, tuple[Array, Array]], answer: Path, _opensim: Path
+    expert: Mapping[str, tuple[parts.Array, parts.Array]], answer: Path, _opensim: Path
 ) -> Mapping[str, float]:
     """Hip, knee and ankle against the expert's, and the knee's axis (the cylinder, where there is one)."""
-    document = read_answer(answer, "landmarks.json")
+    document = parts.read_answer(answer, "landmarks.json")
     femur, tibia = document.get("femur_r", {}), document.get("tibia_r", {})
     off = {
         "hip": _measure_gap(femur, "hip_centre_mm", expert["hip_r"][0]),
@@ -164,21 +152,21 @@ def judge_bones(
     }
 
 
-def judge_ankle(centre: Array, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_ankle(centre: parts.Array, answer: Path, _opensim: Path) -> Mapping[str, float]:
     """The ankle of a distal shank and a talus, against the trochlea's cylinder."""
-    tibia = read_answer(answer, "landmarks.json").get("tibia_r", {})
+    tibia = parts.read_answer(answer, "landmarks.json").get("tibia_r", {})
     off = _measure_gap(tibia, "ankle_centre_mm", centre)
     return {"centres": off, "ankle": off}
 
 
-def _measure_gap(bone: Mapping[str, Any], key: str, true: Array) -> float:
+def _measure_gap(bone: Mapping[str, Any], key: str, true: parts.Array) -> float:
     if not isinstance(bone.get(key), list):
-        raise NoAnswer(f"landmarks.json has no {key}")
-    found: Array = np.array(bone[key], dtype=float)
+        raise parts.NoAnswer(f"landmarks.json has no {key}")
+    found: parts.Array = np.array(bone[key], dtype=float)
     return float(np.linalg.norm(found - true))
 
 
-def read_expert(folder: Path) -> Mapping[str, tuple[Array, Array]]:
+def read_expert(folder: Path) -> Mapping[str, tuple[parts.Array, parts.Array]]:
     """Joint to its centre (3,), mm, and its z axis (3,) in the image, as the expert has them.
 
     From ``reference_joints.json``, or else from ``manual_model.osim``, whose bodies have the image's axes.
@@ -198,11 +186,11 @@ def read_expert(folder: Path) -> Mapping[str, tuple[Array, Array]]:
             for tag in ("translation", "orientation")
         )
         turn = Rotation.from_euler("XYZ", angles)
-        found[str(joint.get("name"))] = MM * place, turn.apply([0.0, 0.0, 1.0])
+        found[str(joint.get("name"))] = parts.MM * place, turn.apply([0.0, 0.0, 1.0])
     return found
 
 
-def list_imaged(data: Path) -> dict[str, tuple[Path, Mapping[str, tuple[Array, Array]]]]:
+def list_imaged(data: Path) -> dict[str, tuple[Path, Mapping[str, tuple[parts.Array, parts.Array]]]]:
     """Persons whose bones are there: the folder of the bones, and the expert's joints."""
     return {
         name: (data / where, read_expert(data / ("jia_mri" if name == "jia_mri" else where)))
@@ -216,30 +204,30 @@ def find_bone(folder: Path, slot: str) -> Path:
     return next(path for path in sorted(folder.glob(f"{slot}.*")) if path.suffix in SURFACES)
 
 
-FROM_MARKERS = Task(
+FROM_MARKERS = parts.Task(
     name="markers_mri",
     title="A person with MRI, from markers alone",
     truth="the right hip and knee as an expert fitted them to MRI bones; skin markers seen in the same image",
     needs=("jia_mri/Static.c3d", "jia_mri/image_markers.csv"),
     metrics=(
-        Metric(key="hip", title="hip against the pelvis's markers, mm"),
-        Metric(key="femur", title="femur's length, mm"),
+        parts.Metric(key="hip", title="hip against the pelvis's markers, mm"),
+        parts.Metric(key="femur", title="femur's length, mm"),
     ),
     cases=make_marker_cases,
 )
 
-FROM_BONES = Task(
+FROM_BONES = parts.Task(
     name="images",
     title="Joint centres from CT and MRI bones",
     truth="an expert's sphere and cylinders on the same surfaces: agreement with a person, not anatomy; "
     "of ankle_wbct, a cylinder fitted to the trochlea",
     needs=("jia_mri/bones",),
     metrics=(
-        Metric(key="centres", title="centres, mm"),
-        Metric(key="hip", title="hip, mm"),
-        Metric(key="knee", title="knee, mm"),
-        Metric(key="ankle", title="ankle, mm"),
-        Metric(key="axis", title="knee axis, deg"),
+        parts.Metric(key="centres", title="centres, mm"),
+        parts.Metric(key="hip", title="hip, mm"),
+        parts.Metric(key="knee", title="knee, mm"),
+        parts.Metric(key="ankle", title="ankle, mm"),
+        parts.Metric(key="axis", title="knee axis, deg"),
     ),
     cases=make_bone_cases,
 )

@@ -11,19 +11,7 @@ import numpy as np
 import yaml
 
 from scaling_service.files.sto import read_sto
-from scaling_service.studies.benchmark.parts import (
-    HELD,
-    Array,
-    Case,
-    Metric,
-    NoAnswer,
-    Run,
-    Task,
-    ask_opensim,
-    copy_inputs,
-    trace_model,
-    wrap,
-)
+from scaling_service.studies.benchmark import parts
 from scaling_service.studies.benchmark.tasks.persons import INTERVAL
 
 JOINTS = {"femur": "hip", "tibia": "knee", "humerus": "shoulder"}
@@ -33,7 +21,7 @@ UNSOUND = ("knee_pins", "knee_pins_cutting", "knee_fluoroscopy")
 """Here bone frames or markers are not the same in all recordings; see the data's own notes."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """Every recording that is held out, of every sound set; the model is given and stays as it is."""
     cases = []
     for box in sorted(p.parent for p in (data / "living_bone").glob("*/subject.yaml")):
@@ -42,9 +30,9 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
         subject = yaml.safe_load((box / "subject.yaml").read_text(encoding="utf-8"))
         for trial in (Path(name).stem for name in subject["trials"]["evaluation"]):
             name = f"{box.name}_{trial}"
-            asked = copy_inputs([box / "model.osim", box / f"{trial}.trc"], folder / name)
+            asked = parts.copy_inputs([box / "model.osim", box / f"{trial}.trc"], folder / name)
             files = asked / "model.osim", asked / f"{trial}.trc"
-            case = Case(
+            case = parts.Case(
                 name=name,
                 judge=partial(judge_bones, box, trial),
                 ours=partial(track_by_ours, *files),
@@ -54,24 +42,24 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     return cases
 
 
-def track_by_ours(model: Path, recording: Path, answer: Path, run: Run) -> None:
+def track_by_ours(model: Path, recording: Path, answer: Path, run: parts.Run) -> None:
     """Motion and its deviations, of a model that is given."""
     written, trial = run(["ik", model, recording]), recording.stem
     (written / f"{trial}_ik.mot").replace(answer / f"{trial}.mot")
     (written / f"{trial}_ik_sd.mot").replace(answer / f"{trial}_sd.mot")
 
 
-def track_by_opensim(model: Path, recording: Path, answer: Path, _run: Run) -> None:
+def track_by_opensim(model: Path, recording: Path, answer: Path, _run: parts.Run) -> None:
     """Motion by the inverse kinematics tool, all markers alike."""
-    ask_opensim("track", model, recording=recording, output=answer / f"{recording.stem}.mot")
+    parts.ask_opensim("track", model, recording=recording, output=answer / f"{recording.stem}.mot")
 
 
 def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> Mapping[str, float]:
     """Each bone's turn against the bone before it, and whether stated intervals hold the true angles."""
     true = read_bones(box / f"{trial}_bones.csv")
-    traced = trace_model(box / "model.osim", answer / f"{trial}.mot")
+    traced = parts.trace_model(box / "model.osim", answer / f"{trial}.mot")
     if len(traced.times) < min(map(len, true.values())):
-        raise NoAnswer("the motion has fewer frames than the recording")
+        raise parts.NoAnswer("the motion has fewer frames than the recording")
     found = {"angle": measure_angle_error_deg(traced.turns, true)}
     deviations = answer / f"{trial}_sd.mot"
     if deviations.is_file():
@@ -79,7 +67,7 @@ def judge_bones(box: Path, trial: str, answer: Path, _opensim: Path) -> Mapping[
     return found
 
 
-def read_bones(file: Path) -> dict[str, Array]:
+def read_bones(file: Path) -> dict[str, parts.Array]:
     """True rotation of every bone in every frame, (n, 3, 3)."""
     with file.open(encoding="utf-8", newline="") as stream:
         head, *rows = csv.reader(stream)
@@ -88,7 +76,7 @@ def read_bones(file: Path) -> dict[str, Array]:
     return {b: values[:, head.index(f"{b}_r11") :][:, :9].reshape(-1, 3, 3) for b in bones}
 
 
-def measure_angle_error_deg(found: Mapping[str, Array], true: Mapping[str, Array]) -> float:
+def measure_angle_error_deg(found: Mapping[str, parts.Array], true: Mapping[str, parts.Array]) -> float:
     """RMS angle between found and true turn of every bone against the bone before it."""
     errors = []
     for above, below in zip(true, list(true)[1:], strict=False):
@@ -99,7 +87,7 @@ def measure_angle_error_deg(found: Mapping[str, Array], true: Mapping[str, Array
     return float(np.sqrt(np.nanmean(np.square(errors))))
 
 
-def measure_coverage(motion: Path, deviations: Path, true: Mapping[str, Array]) -> float:
+def measure_coverage(motion: Path, deviations: Path, true: Mapping[str, parts.Array]) -> float:
     """Share of frames and angles in which the 95 % interval holds the true angle; motions in degrees."""
     found, deviation = read_sto(motion), read_sto(deviations)
     hits = []
@@ -115,15 +103,17 @@ def measure_coverage(motion: Path, deviations: Path, true: Mapping[str, Array]) 
             ours, spread = (np.radians(table.column(name)) for table in (found, deviation))
             n = min(len(ours), len(angle))
             known = np.isfinite(angle[:n])
-            hits.append(np.mean(np.abs(wrap(ours[:n] - angle[:n]))[known] <= INTERVAL * spread[:n][known]))
+            hits.append(
+                np.mean(np.abs(parts.wrap(ours[:n] - angle[:n]))[known] <= INTERVAL * spread[:n][known])
+            )
     return float(np.mean(hits))
 
 
-TASK = Task(
+TASK = parts.Task(
     name="living_bone",
     title="Bones under skin markers, measured by pins and fluoroscopy",
     truth="Cereatti et al. 2017: pins in bone, biplane fluoroscopy; recordings that no model was fitted to",
     needs=("living_bone",),
-    metrics=(Metric(key="angle", title="joints' turns, deg"), HELD),
+    metrics=(parts.Metric(key="angle", title="joints' turns, deg"), parts.HELD),
     cases=make_cases,
 )

@@ -11,26 +11,8 @@ import numpy as np
 from scaling_service.files.sto import read_sto
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import (
-    HELD,
-    MM,
-    Case,
-    Metric,
-    NoAnswer,
-    Task,
-    match_times,
-    rms,
-    trace_model,
-    wrap,
-)
-from scaling_service.studies.benchmark.persons import RATE_HZ, Person, draw_person
-from scaling_service.studies.benchmark.tasks._legs import (
-    GENERIC,
-    scale_by_opensim,
-    scale_by_ours,
-    write_legs,
-    write_subject,
-)
+from scaling_service.studies.benchmark import parts, persons
+from scaling_service.studies.benchmark.tasks import _legs
 
 PERSONS = 12
 """Chosen: a mean error is then known to a fifth, in minutes."""
@@ -41,27 +23,27 @@ METHOD = "MAP"
 INTERVAL = 1.96  # standard deviations on each side of a normal distribution's 95 % interval
 
 
-def make_cases(_data: Path, folder: Path, seed: int) -> Sequence[Case]:
+def make_cases(_data: Path, folder: Path, seed: int) -> Sequence[parts.Case]:
     """Persons of a seed: standing, functional movements, and a walk that is judged."""
     cases = []
-    markers = load_builtin(GENERIC).marker_names
+    markers = load_builtin(_legs.GENERIC).marker_names
     for k in range(PERSONS):
-        person, box = draw_person(1000 * (seed + 1) + k), folder / f"person_{k + 1:02d}"
+        person, box = persons.draw_person(1000 * (seed + 1) + k), folder / f"person_{k + 1:02d}"
         trials = [
             Trial(
                 name=name,
                 times=t,
                 labels=tuple(at),
                 markers=np.stack(list(at.values()), axis=1),
-                rate_hz=RATE_HZ,
+                rate_hz=persons.RATE_HZ,
             )
             for name, (t, at) in person.trials.items()
         ]
         clusters = {n: s for n, s in person.segments.items() if n not in markers}
-        write_legs(box, trials, clusters)
+        _legs.write_legs(box, trials, clusters)
         document = {
             "subject": {"id": box.name, "sex": person.sex, "height_m": round(person.height, 3)},
-            "model": GENERIC,
+            "model": _legs.GENERIC,
             "extra_markers": clusters,
             "trials": {
                 "static": "static.trc",
@@ -69,22 +51,22 @@ def make_cases(_data: Path, folder: Path, seed: int) -> Sequence[Case]:
                 "evaluation": ["walk.trc"],
             },
         }
-        write_subject(box, document)
+        _legs.write_subject(box, document)
         cases.append(
-            Case(
+            parts.Case(
                 name=box.name,
                 judge=partial(judge_person, person),
-                ours=partial(scale_by_ours, METHOD, box, "walk"),
-                opensim=partial(scale_by_opensim, box, "walk"),
+                ours=partial(_legs.scale_by_ours, METHOD, box, "walk"),
+                opensim=partial(_legs.scale_by_opensim, box, "walk"),
             )
         )
     return cases
 
 
-def judge_person(person: Person, answer: Path, _opensim: Path) -> Mapping[str, float]:
+def judge_person(person: persons.Person, answer: Path, _opensim: Path) -> Mapping[str, float]:
     """Lengths between joints, where joints are in the walk, and its angles, against the person's own."""
-    traced = trace_model(answer / "model.osim", answer / "walk.mot")
-    rows = match_times(traced.times, person.trials["walk"][0])
+    traced = parts.trace_model(answer / "model.osim", answer / "walk.mot")
+    rows = parts.match_times(traced.times, person.trials["walk"][0])
     at = {name: traced.joint(name)[rows] for name in person.centres["walk"]}
     distance = {f"femur_{s}": at[f"hip_{s}"] - at[f"knee_{s}"] for s in "rl"}
     distance["inter_hip"] = at["hip_r"] - at["hip_l"]
@@ -93,12 +75,12 @@ def judge_person(person: Person, answer: Path, _opensim: Path) -> Mapping[str, f
     off = {}
     for name, true in person.angles["walk"].items():
         if name not in traced.coordinates:
-            raise NoAnswer(f"the model has no coordinate '{name}'")
-        off[name] = wrap(traced.coordinates[name][rows] - true)
+            raise parts.NoAnswer(f"the model has no coordinate '{name}'")
+        off[name] = parts.wrap(traced.coordinates[name][rows] - true)
     found = {
-        "lengths": MM * rms(np.array(lengths)),
-        "centres": MM * rms(np.array(centres)),
-        "angles": float(np.degrees(rms(np.array(list(off.values()))))),
+        "lengths": parts.MM * parts.rms(np.array(lengths)),
+        "centres": parts.MM * parts.rms(np.array(centres)),
+        "angles": float(np.degrees(parts.rms(np.array(list(off.values()))))),
     }
     deviations = answer / "walk_sd.mot"
     if deviations.is_file():
@@ -108,15 +90,15 @@ def judge_person(person: Person, answer: Path, _opensim: Path) -> Mapping[str, f
     return found
 
 
-TASK = Task(
+TASK = parts.Task(
     name="persons",
     title="Virtual persons of known body",
     truth="drawn and moved by code that shares nothing with the estimator; skin and palpation as published",
     metrics=(
-        Metric(key="centres", title="hips and knees in a walk, mm"),
-        Metric(key="lengths", title="femur and hip distance, mm"),
-        Metric(key="angles", title="joint angles in a walk, deg"),
-        HELD,
+        parts.Metric(key="centres", title="hips and knees in a walk, mm"),
+        parts.Metric(key="lengths", title="femur and hip distance, mm"),
+        parts.Metric(key="angles", title="joint angles in a walk, deg"),
+        parts.HELD,
     ),
     cases=make_cases,
 )

@@ -16,27 +16,14 @@ from typing import Any
 import numpy as np
 
 from scaling_service.files.trc import read_trc
-from scaling_service.studies.benchmark.parts import (
-    MM,
-    WRONG,
-    Case,
-    NoAnswer,
-    Run,
-    Task,
-    Traced,
-    ask_opensim,
-    copy_inputs,
-    match_times,
-    trace_model,
-    wrap,
-)
+from scaling_service.studies.benchmark import parts
 
 TRUTH = "truth.mot"
 
 CHECKS = ("motion_follows", "coordinates_are", "motion_is_steady", "distances_are")
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """All that ask for a motion, or for a scaled model."""
     cases = []
     for file in sorted((data / "wild" / "models").glob("*/case.json")):
@@ -46,12 +33,12 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
             continue
         box, scales = file.parent, words[0] == "scale"
         asked = [path for path in box.iterdir() if path.name not in (file.name, TRUTH)]
-        copied = copy_inputs(asked, folder / box.name)
+        copied = parts.copy_inputs(asked, folder / box.name)
         tool = None
         if not scales or (box / "setup_scale.xml").is_file():
             tool = partial(answer_by_opensim, copied, scales)
         cases.append(
-            Case(
+            parts.Case(
                 name=box.name,
                 judge=partial(judge_case, box, checks),
                 ours=partial(answer_by_ours, copied, words),
@@ -61,7 +48,7 @@ def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
     return cases
 
 
-def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: Run) -> None:
+def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: parts.Run) -> None:
     """As the case says it is run."""
     written = run([box / word if (box / word).exists() else word for word in words])
     if words[0] == "scale":
@@ -70,13 +57,13 @@ def answer_by_ours(box: Path, words: Sequence[str], answer: Path, run: Run) -> N
     (written / "motion_ik.mot").replace(answer / "motion.mot")
 
 
-def answer_by_opensim(box: Path, scales: bool, answer: Path, _run: Run) -> None:
+def answer_by_opensim(box: Path, scales: bool, answer: Path, _run: parts.Run) -> None:
     """OpenSim's tools on the same files, all markers alike."""
     model = box / "model.osim"
     if scales:
         setup, model = box / "setup_scale.xml", answer / "model.osim"
-        ask_opensim("scale", setup, model=box / "model.osim", static=box / "static.trc", output=model)
-    ask_opensim("track", model, recording=box / "motion.trc", output=answer / "motion.mot")
+        parts.ask_opensim("scale", setup, model=box / "model.osim", static=box / "static.trc", output=model)
+    parts.ask_opensim("track", model, recording=box / "motion.trc", output=answer / "motion.mot")
 
 
 def judge_case(
@@ -93,50 +80,53 @@ def _holds(check: Mapping[str, Any], box: Path, answer: Path, scaled: bool) -> b
     )
     if check["check"] == "distances_are":
         if not scaled:
-            raise NoAnswer("model.osim is absent")
-        found = trace_model(model)
+            raise parts.NoAnswer("model.osim is absent")
+        found = parts.trace_model(model)
         return all(_is_apart(found, pair, check["within_mm"]) for pair in check["pairs"])
-    found = trace_model(model, answer / "motion.mot")
+    found = parts.trace_model(model, answer / "motion.mot")
     if check["check"] == "motion_follows":
         return _follows(found, box / check["recording"], check)
     if check["check"] == "motion_is_steady":
         turns = [v for n, v in found.coordinates.items() if n not in found.slides | set(check.get("not", ()))]
         return bool(np.degrees(max(np.abs(np.diff(v)).max() for v in turns)) <= check["at_most_deg"])
-    true = trace_model(box / check["model"], box / check["truth"])
-    rows = match_times(found.times, true.times)
+    true = parts.trace_model(box / check["model"], box / check["truth"])
+    rows = parts.match_times(found.times, true.times)
     for name in check["names"]:
         off = found.coordinates[name][rows] - true.coordinates[name]
         if name in true.slides:
-            if MM * np.abs(off).max() > check.get("within_mm", 1.0):
+            if parts.MM * np.abs(off).max() > check.get("within_mm", 1.0):
                 return False
-        elif np.degrees(np.abs(off if check.get("turns_count") else wrap(off)).max()) > check["within_deg"]:
+        elif (
+            np.degrees(np.abs(off if check.get("turns_count") else parts.wrap(off)).max())
+            > check["within_deg"]
+        ):
             return False
     return True
 
 
-def _is_apart(found: Traced, pair: Mapping[str, Any], within_mm: float) -> bool:
-    distance = MM * float(np.linalg.norm(found.joint(pair["from"])[0] - found.joint(pair["to"])[0]))
+def _is_apart(found: parts.Traced, pair: Mapping[str, Any], within_mm: float) -> bool:
+    distance = parts.MM * float(np.linalg.norm(found.joint(pair["from"])[0] - found.joint(pair["to"])[0]))
     return bool(abs(distance - pair["mm"]) <= within_mm)
 
 
-def _follows(found: Traced, recording: Path, check: Mapping[str, Any]) -> bool:
+def _follows(found: parts.Traced, recording: Path, check: Mapping[str, Any]) -> bool:
     """Whether the motion brings the model's markers to the recorded ones."""
     seen = read_trc(recording)
-    rows = match_times(found.times, seen.times)
+    rows = parts.match_times(found.times, seen.times)
     both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
     if not both:
-        raise NoAnswer("the model has none of the recording's markers")
-    gaps = MM * np.array(
+        raise parts.NoAnswer("the model has none of the recording's markers")
+    gaps = parts.MM * np.array(
         [np.linalg.norm(found.markers[n][rows] - seen.markers[:, seen.labels.index(n)], axis=1) for n in both]
     )
     return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
 
 
-TASK = Task(
+TASK = parts.Task(
     name="wild_models",
     title="Models as they are found",
     truth="poses that the recordings were made from, or OpenSim's tools started at the true pose",
     needs=("wild/models",),
-    metrics=(WRONG,),
+    metrics=(parts.WRONG,),
     cases=make_cases,
 )

@@ -16,31 +16,8 @@ import numpy as np
 from scaling_service.core.errors import InputError
 from scaling_service.files.trc import write_trc
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import (
-    MM,
-    WRONG,
-    Answer,
-    Case,
-    NoAnswer,
-    ProgramFailed,
-    Run,
-    Task,
-    read_answer,
-    rms,
-    trace_model,
-    wrap,
-)
-from scaling_service.studies.benchmark.tasks._legs import (
-    scale_by_opensim,
-    scale_by_ours,
-    write_subject,
-)
-from scaling_service.studies.benchmark.tasks.images import (
-    MARKERS,
-    describe_jia,
-    take_markers,
-    write_jia,
-)
+from scaling_service.studies.benchmark import parts
+from scaling_service.studies.benchmark.tasks import _legs, images
 
 WITHIN_MM, WITHIN_DEG = 2.0, 1.0
 """Chosen: rounding and another smoothing move no more."""
@@ -69,7 +46,7 @@ def _prefix(trial: Trial) -> Trial:
 
 
 def _rename(trial: Trial) -> Trial:
-    own = {marker: label for label, marker in MARKERS.items()}
+    own = {marker: label for label, marker in images.MARKERS.items()}
     return replace(trial, labels=tuple(own.get(label, label) for label in trial.labels))
 
 
@@ -109,66 +86,68 @@ TEXTS: Mapping[str, Callable[[str], str]] = {
 """How the plain files are written anew."""
 
 
-def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[Case]:
+def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """Standing and walking of jia_mri, in every way; the scale tool's set-up and model stay the same."""
-    trials = {name: take_markers(data / "jia_mri" / file) for name, file in _FILES.items()}
+    trials = {name: images.take_markers(data / "jia_mri" / file) for name, file in _FILES.items()}
     cases = []
     ways = [*CHANGES, "metres", *TEXTS]
     for way in ways:
         box = folder / way
-        write_jia(data, box)
+        images.write_jia(data, box)
         change, answerable = CHANGES.get(way, (CHANGES[PLAIN][0], True))
         for name, trial in trials.items():
             path = box / f"{name}.trc"
             write_trc(path, change(trial), "m" if way == "metres" else "mm")
             if way in TEXTS:
                 path.write_bytes(TEXTS[way](path.read_text(encoding="utf-8")).encode())
-        write_subject(box, describe_jia())
+        _legs.write_subject(box, images.describe_jia())
         cases.append(
-            Case(
+            parts.Case(
                 name=way,
                 judge=partial(judge_way, answerable),
-                ours=partial(answer_or_refuse, partial(scale_by_ours, "MB", box, "walking02")),
-                opensim=partial(answer_or_refuse, partial(scale_by_opensim, box, "walking02")),
+                ours=partial(answer_or_refuse, partial(_legs.scale_by_ours, "MB", box, "walking02")),
+                opensim=partial(answer_or_refuse, partial(_legs.scale_by_opensim, box, "walking02")),
             )
         )
     return cases
 
 
-def answer_or_refuse(make: Answer, answer: Path, run: Run) -> None:
+def answer_or_refuse(make: parts.Answer, answer: Path, run: parts.Run) -> None:
     """An answer, or that the files were refused."""
     try:
         make(answer, run)
-    except (ProgramFailed, InputError) as reason:
+    except (parts.ProgramFailed, InputError) as reason:
         (answer / "answer.json").write_text(json.dumps({"refused": str(reason)}), encoding="utf-8")
 
 
 def judge_way(answerable: bool, answer: Path, _opensim: Path) -> Mapping[str, float]:
     """The same femora and the same angles as of the plain files; or a refusal."""
     if not (answer / "walking02.mot").is_file():
-        if "refused" not in read_answer(answer):
-            raise NoAnswer("neither a motion nor a refusal")
+        if "refused" not in parts.read_answer(answer):
+            raise parts.NoAnswer("neither a motion nor a refusal")
         return {"wrong": 100.0 if answerable else 0.0}
     if not answerable:
         return {"wrong": 100.0}
     plain = answer.parent / PLAIN
-    here, there = (trace_model(f / "model.osim", f / "walking02.mot") for f in (answer, plain))
+    here, there = (parts.trace_model(f / "model.osim", f / "walking02.mot") for f in (answer, plain))
     if len(here.times) != len(there.times):
         return {"wrong": 100.0}
     gaps, angles = [], []
     for side in "rl":
         femora = [t.joint(f"hip_{side}")[0] - t.joint(f"knee_{side}")[0] for t in (here, there)]
-        gaps.append(MM * abs(np.linalg.norm(femora[0]) - np.linalg.norm(femora[1])))
+        gaps.append(parts.MM * abs(np.linalg.norm(femora[0]) - np.linalg.norm(femora[1])))
         names = [n for n in there.coordinates if n.startswith(("hip", "knee")) and n.endswith(side)]
-        angles += [np.degrees(rms(wrap(here.coordinates[n] - there.coordinates[n]))) for n in names]
+        angles += [
+            np.degrees(parts.rms(parts.wrap(here.coordinates[n] - there.coordinates[n]))) for n in names
+        ]
     return {"wrong": 0.0 if max(gaps) <= WITHIN_MM and max(angles) <= WITHIN_DEG else 100.0}
 
 
-TASK = Task(
+TASK = parts.Task(
     name="wild_recordings",
     title="One recording as laboratories write it, and break it",
     truth="the program's own answer for the plain files; mirrored or ambiguous ones must be refused",
     needs=("jia_mri/Static.c3d", "jia_mri/Walking02.c3d"),
-    metrics=(WRONG,),
+    metrics=(parts.WRONG,),
     cases=make_cases,
 )

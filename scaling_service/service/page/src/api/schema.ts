@@ -452,7 +452,6 @@ export interface DynamicsRequest {
   free_mass?: boolean;
   sides_apart?: boolean;
   despite_verdict?: boolean;
-  samples?: number;
   subject: string;
   settings?: Settings;
 }

@@ -13,8 +13,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-LONGEST = 400
-"""Lines; a longer file asks to be split."""
 
 CHANGING = ("add", "append", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update")
 """Methods that change a list, a set or a mapping."""
@@ -40,15 +38,6 @@ def test_check(name: str) -> None:
     command = [str(Path(sys.executable).with_name(program)), *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_files_are_short() -> None:
-    long = {
-        path.relative_to(ROOT).as_posix(): count
-        for path in (ROOT / "scaling_service").rglob("*.py")
-        if (count := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST
-    }
-    assert long == {}
 
 
 def test_functions_are_verbs() -> None:

@@ -20,8 +20,10 @@ from scaling_service.model.forces import CONTACT_N, PlateRecording, RawPlate, li
 from scaling_service.model.trial import (
     MeasuredSizes,
     Repair,
+    Rotations,
     Trial,
     is_unlabelled,
+    repair_each,
 )
 
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
@@ -41,6 +43,11 @@ _KINDS = {1: "FFFLLM", 2: "FFFMMM", 3: "FFFFFFFF", 4: "FFFMMM"}
 
 GROUPS = ("PROCESSING", "SUBJECTS", "SUBJECT", "ANTHROPOMETRY")
 """Groups that may hold sizes (Vicon's, and others that use its names); the first that states one counts."""
+
+POSE_SUFFIX = "_4x4"  # lower case: what a segment's label ends in where it names a pose
+
+_SQUARE = 0.02  # chosen: most that the products of a rotation's columns may be off; files hold seven digits
+_THIGH_M = (0.1, 0.8)  # chosen: infants to the tallest
 
 _HEIGHT_M, _MASS_KG = (0.4, 2.5), (2.0, 400.0)  # chosen: infants to the tallest and heaviest
 
@@ -65,13 +72,13 @@ _HEIGHTS, _MASSES = ("height", "bodyheight"), ("bodymass", "mass", "weight", "bo
 
 
 def read_c3d(path: str | os.PathLike[str]) -> Recording:
-    """Read the markers, force plates and measured sizes of a C3D file.
+    """Read the markers, segment poses, force plates and measured sizes of a C3D file.
 
     Positions are m in the laboratory's axes, NaN where not seen (residual below zero or exact zeros); time
     starts at 0 with the first frame of the file. ``repairs`` names the points that were left out (computed
     ones and those without a label), and what header, parameters and length disagree on. Raises
-    FileUnreadable if it is absent, empty, damaged or not C3D; TrialUnusable if it has no marker, no frame or
-    no frame rate, or only segment poses (Theia).
+    FileUnreadable if it is absent, empty, damaged or not C3D; TrialUnusable if it has neither a marker nor
+    a segment's pose, no frame or no frame rate.
     """
     file = Path(path)
     content = read_c3d_file(file)
@@ -82,6 +89,7 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
     descriptions = [content.descriptions[k] for k in kept] if content.descriptions else ()
     labels, twice = separate_duplicates(labels, markers, descriptions)
     times = np.arange(len(markers)) / content.rate_hz
+    rotations, of_poses = _read_rotations(content, scale, file)
     nobodys = tuple(content.labels[k] for k in unlabelled)
     theirs, _ = clean_positions(content.points[:, unlabelled] * scale, nobodys)
     return Recording(
@@ -90,7 +98,8 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
         labels=labels,
         markers=markers,
         rate_hz=content.rate_hz,
-        repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice),
+        repairs=(*content.repairs, *repairs, *of_unit, *lost, *twice, *of_poses),
+        rotations=rotations,
         sizes=read_stated_sizes(content.parameters),
         unit=content.point_unit or NOT_STATED,
         plates=_read_plates_or_refusal(content),
@@ -102,17 +111,10 @@ def read_c3d(path: str | os.PathLike[str]) -> Recording:
 
 def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], list[Repair]]:
     """Indices of the points that are markers and of those that nobody labelled, and notes on all others."""
-    if not content.labels and content.has_rotations:
-        raise TrialUnusable(
-            "the file holds segment rotations of a markerless system and no markers",
-            file=file,
-            field="ROTATION",
-            remedy="Export marker positions",
-        )
     results = [label for label in content.labels if label in content.computed]
     others = [k for k, label in enumerate(content.labels) if label not in content.computed]
     kept = [k for k in others if content.labels[k] and not is_unlabelled(content.labels[k])]
-    if not kept:
+    if not kept and content.poses is None:
         raise TrialUnusable(
             "the file holds no labelled marker", file=file, field="POINT", remedy="Export markers"
         )
@@ -134,6 +136,58 @@ def _sort_points(content: C3dFile, file: Path) -> tuple[list[int], list[int], li
             )
         )
     return kept, [k for k in others if content.labels[k] and k not in kept], repairs
+
+
+def _read_rotations(
+    content: C3dFile, scale: float, file: Path
+) -> tuple[Rotations | None, tuple[Repair, ...]]:
+    """Segments' rotations and origins, m, where the file has any, and what was left out.
+
+    ``scale``: what a unit of length of the file's points is in m. Where thighs' and shanks' origins then lie
+    no thigh's length apart, and would in mm or m, that is the unit.
+    """
+    if content.poses is None:
+        return None, ()
+    matrices = content.poses[:, :, :16].reshape(*content.poses.shape[:2], 4, 4).swapaxes(2, 3)
+    labels = content.pose_labels
+    if len(labels) != matrices.shape[1] or len(set(labels)) < len(labels) or "" in labels:
+        raise TrialUnusable(
+            f"{matrices.shape[1]} segment poses have {len(set(labels) - {''})} different labels",
+            file=file,
+            field="ROTATION:LABELS",
+            remedy="Export it again",
+        )
+    turns, origins = matrices[:, :, :3, :3], matrices[:, :, :3, 3]
+    with np.errstate(invalid="ignore"):
+        square = np.abs(turns.swapaxes(2, 3) @ turns - np.eye(3)).max(axis=(2, 3)) < _SQUARE
+        square &= np.nan_to_num(np.linalg.det(np.where(square[..., None, None], turns, np.nan))) > 0.0
+    seen = square & np.isfinite(origins).all(axis=2)
+    if not seen.any():
+        raise TrialUnusable(
+            "no segment pose of the file holds a rotation",
+            file=file,
+            field="ROTATION",
+            remedy="Export it again",
+        )
+    notes = list(repair_each(~seen, labels, "lost_pose", "no rotation there, which counts as not measured"))
+    row = {label.lower().removesuffix(POSE_SUFFIX): k for k, label in enumerate(labels)}
+    thighs = [
+        np.nanmedian(np.linalg.norm(origins[:, row[f"{s}_thigh"]] - origins[:, row[f"{s}_shank"]], axis=1))
+        for s in "rl"
+        if {f"{s}_thigh", f"{s}_shank"} <= row.keys()
+    ]
+    fitting = [
+        unit
+        for unit in dict.fromkeys((scale, METRES["mm"], METRES["m"]))
+        if all(_THIGH_M[0] < unit * length < _THIGH_M[1] for length in thighs)
+    ]
+    if fitting and fitting[0] != scale:
+        said = f"segment origins are in {'mm' if fitting[0] == METRES['mm'] else 'm'}, by a thigh's length"
+        notes.append(Repair(what="unit", where="ROTATION", detail=said))
+        scale = fitting[0]
+    whole = np.where(seen[..., None, None], turns, np.nan)
+    placed = np.where(seen[..., None], scale * origins, np.nan) if fitting else None
+    return Rotations(labels=labels, matrices=whole, of="segments", origins=placed), tuple(notes)
 
 
 def _find_unit(content: C3dFile, file: str | Path) -> tuple[float, tuple[Repair, ...]]:

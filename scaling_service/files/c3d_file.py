@@ -18,7 +18,7 @@ import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
-from scaling_service.files.c3d_layout import SAME, Layout, find_layout, find_rate
+from scaling_service.files.c3d_layout import NO_POINTS, SAME, Layout, find_layout, find_rate
 from scaling_service.files.c3d_parameters import (
     BLOCK,
     Facts,
@@ -33,6 +33,7 @@ COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS", "MO
 """Parameters of POINT in which Vicon Nexus lists the points that are results, not markers."""
 
 _KIND = "a C3D file"
+_POSE = 17  # numbers of one segment's pose: a 4x4 matrix, and how reliable it is
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -51,7 +52,10 @@ class C3dFile:
     analog: Array  # (n_samples, n_channels); scaled to the units of ``ANALOG:UNITS``
     parameters: Mapping[str, Mapping[str, Any]]
     descriptions: tuple[str, ...] = ()  # of the points, as far as they have any
-    has_rotations: bool = False  # whether it holds segment poses (markerless systems)
+    # (n_frames, n, 17): of segment poses (markerless systems) the 4x4 matrices, column by column, and how
+    # reliable each is; None where the file has none
+    poses: Array | None = None
+    pose_labels: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()  # what its statements disagree on, and what was decided
 
     @property
@@ -75,9 +79,22 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
             "this is not a C3D file, or it is cut off", file=file, remedy="Export it again as C3D"
         )
     facts = read_facts(content, file)
-    layout, of_layout = find_layout(facts, len(content), file)
-    rate, of_rate = find_rate(facts, layout, file)
-    points, analog = _decode(content, facts, layout, file)
+    poses = _read_poses(content, facts, file)
+    of_layout: tuple[Repair, ...] = ()
+    of_rate: tuple[Repair, ...] = ()
+    if poses is not None and not (facts.points or facts.analogs):
+        # Nothing but poses: there is no layout of points to be found.
+        layout = NO_POINTS
+        rate, points, analog = (
+            facts.number("ROTATION", "RATE"),
+            np.empty((len(poses), 0, 3)),
+            np.empty((0, 0)),
+        )
+        rate = rate if np.isfinite(rate) else facts.rate
+    else:
+        layout, of_layout = find_layout(facts, len(content), file)
+        rate, of_rate = find_rate(facts, layout, file)
+        points, analog = _decode(content, facts, layout, file)
     about = facts.parameters.get("POINT", {})
 
     def list_texts(name: str) -> tuple[str, ...]:
@@ -95,9 +112,35 @@ def read_c3d_file(path: str | os.PathLike[str]) -> C3dFile:
         rate_hz=rate,
         analog=analog,
         parameters=facts.parameters,
-        has_rotations="ROTATION" in facts.parameters,
+        poses=poses,
+        pose_labels=tuple(
+            str(name).strip() for name in join_numbered(facts.parameters.get("ROTATION", {}), "LABELS")
+        ),
         repairs=(*facts.repairs, *of_layout, *of_rate),
     )
+
+
+def _read_poses(content: bytes, facts: Facts, file: Path) -> Array | None:
+    """The numbers of the group ROTATION (Has-Motion, C3D documentation, "ROTATION data type")."""
+    if "ROTATION" not in facts.parameters:
+        return None
+    count, start = facts.count("ROTATION", "USED") or 0, facts.count("ROTATION", "DATA_START")
+    ratio = facts.count("ROTATION", "RATIO") or 1
+    frames = facts.count("ROTATION", "FRAMES") or facts.count("POINT", "FRAMES")
+    frames = (frames or facts.last - facts.first + 1) * (1 if facts.count("ROTATION", "FRAMES") else ratio)
+    if not count:
+        return None
+    at = BLOCK * ((start or facts.start) - 1)
+    held = max(len(content) - at, 0) // (4 * _POSE * count)
+    if frames < 1 or held < frames:
+        raise FileUnreadable(
+            f"the file is cut off: {frames} frames of {count} segment poses are stated, it holds {held}",
+            file=file,
+            field="ROTATION:DATA_START",
+            remedy="Copy or export it again",
+        )
+    numbers = facts.processor.read_reals(content, at, frames * count * _POSE).astype(float)
+    return numbers.reshape(frames, count, _POSE)[:: ratio if facts.points else 1]
 
 
 def _decode(content: bytes, facts: Facts, layout: Layout, file: Path) -> tuple[Array, Array]:

@@ -49,6 +49,10 @@ class Layout:
         return self.channels * self.per_frame
 
 
+NO_POINTS = Layout(points=0, channels=0, per_frame=1, frames=0, start=1, real=True)
+"""Of a file that holds neither points nor analog signals."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Witness:
     """One statement of a file on its layout."""

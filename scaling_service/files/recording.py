@@ -27,6 +27,7 @@ READERS: Mapping[str, EntryPoint] = MappingProxyType(
             ".trc": "scaling_service.files.trc:read_trc",
             ".csv": "scaling_service.files.delimited:read_delimited",
             ".tsv": "scaling_service.files.delimited:read_delimited",
+            ".sto": "scaling_service.files.orientations:read_orientations",
         }.items()
     }
 )
@@ -70,7 +71,8 @@ def read_recording(path: str | os.PathLike[str]) -> Recording:
     Parameters
     ----------
     path : path
-        A C3D or TRC file, a CSV or TSV table of markers, or one in a format that another distribution adds.
+        A C3D or TRC file, a CSV or TSV table of markers, a STO table of sensors' orientations, or one in a
+        format that another distribution adds.
 
     Returns
     -------

@@ -82,8 +82,8 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
         raise FileUnreadable(
             f"this is not {_KIND}: there is no line 'endheader'", file=file, remedy="Export it as STO or MOT"
         )
-    header = _read_header([line for _, line in lines[:end]])
-    kind = _look_up(header, "datatype")
+    header = read_header([line for _, line in lines[:end]])
+    kind = look_up(header, "datatype")
     if kind is not None and kind.lower() not in ("double", "float"):
         raise FileUnreadable(
             f"cells of type {kind[:20]} are not supported, only plain numbers",
@@ -92,7 +92,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
             remedy="Flatten the table to DataType=double",
         )
     rows = [line for line in lines[end + 1 :] if line[1].strip()]
-    columns = _read_columns(rows, file)
+    columns = read_columns(rows, file)
     body, cut = tables.trim_cut_line(text, rows[1:], len(columns))
     data, row_repairs = tables.parse_rows(body, columns, file)
     if not len(data):
@@ -110,7 +110,7 @@ def read_sto(path: str | os.PathLike[str]) -> Table:
     )
 
 
-def _read_header(lines: Sequence[str]) -> dict[str, str]:
+def read_header(lines: Sequence[str]) -> dict[str, str]:
     """Keys and values; of version 1 and later (``key=value``) and of SIMM motions (``datarows 100``)."""
     header: dict[str, str] = {}
     for line in lines:
@@ -124,11 +124,16 @@ def _read_header(lines: Sequence[str]) -> dict[str, str]:
     return header
 
 
-def _look_up(header: Mapping[str, str], key: str) -> str | None:
+def look_up(header: Mapping[str, str], key: str) -> str | None:
+    """A key's value, whatever its case; ``key`` is in lower case."""
     return next((value for name, value in header.items() if name.lower() == key), None)
 
 
-def _read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
+def read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
+    """Names of the columns from the line after the header.
+
+    Raises FileUnreadable: there is none, the first is not time, one has no name, or two have the same.
+    """
     if not rows:
         raise FileUnreadable("the file ends after its header", file=file, remedy="Export it again")
     cells = tables.split_cells(rows[0][1])
@@ -154,7 +159,7 @@ def _read_columns(rows: list[tables.Line], file: Path) -> tuple[str, ...]:
 
 
 def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, ...]]:
-    stated = _look_up(header, "indegrees")
+    stated = look_up(header, "indegrees")
     word = (stated or "").strip().lower()
     if word in _TRUE or word in _FALSE:
         return word in _TRUE, ()
@@ -171,7 +176,7 @@ def _in_degrees(header: Mapping[str, str]) -> tuple[bool | None, tuple[Repair, .
 def _check_counts(header: Mapping[str, str], rows: int, columns: int) -> tuple[Repair, ...]:
     repairs = []
     for key, found in (("nRows", rows), ("nColumns", columns)):
-        stated = _look_up(header, key.lower())
+        stated = look_up(header, key.lower())
         if stated is not None and stated != str(found):
             repairs.append(
                 Repair(

@@ -39,6 +39,7 @@ PARTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "own-recording",
             "verdict",
             "joint-angles",
+            "rotations",
             "forces",
             "missing-effect",
             "cohort",

@@ -205,6 +205,11 @@ class Marker:
     weight: float = 1.0  # its weight in inverse kinematics
     anatomical: bool = True  # on a bony landmark (True) or a tracking marker on soft tissue (False)
     follows_size: bool = True  # whether its local coordinates follow the segment's scale factors
+    # whether it is a direction, a point at infinity: it turns with its segment, and where that is does not
+    # matter. Its length is that of the arm by which a rotation is weighed, m
+    is_direction: bool = False
+    noise: float | None = None
+    """Standard deviation of one coordinate, m, of what is measured otherwise than over skin."""
 
     @classmethod
     def at(

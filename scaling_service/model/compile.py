@@ -191,6 +191,9 @@ def _compile_cached(same: _Same, markers: tuple[str, ...]) -> Tree:
         marker_link=on,
         marker_local=local,
         marker_terms=terms,
+        placed=np.array([not m.is_direction for m in chosen], dtype=float)
+        if any(m.is_direction for m in chosen)
+        else None,
     )
 
 

@@ -27,6 +27,8 @@ class Motion:
     residuals: Array  # (n_frames, n_markers, 3), m: measured minus model; NaN where the marker was not seen
     estimated: tuple[str, ...]  # coordinates that the recording determines; the others stand at their default
     iterations: int = 0
+    turns: Mapping[str, Array] = field(default_factory=dict)
+    """Measured rotation to how far the model's is from it, (n_frames,), rad; NaN where not measured."""
 
     def __repr__(self) -> str:
         determined = f"{len(self.estimated)} of {len(self.coordinates)} coordinates determined"

@@ -149,6 +149,9 @@ class Session:
     scale_setup: ScaleSetup | None = None
     notes: tuple[Note, ...] = ()
     images: ImageEvidence | None = None
+    # Recordings of rotations without markers, which no method is fitted to, and what tells their mounting
+    rotations: tuple[Trial, ...] = ()
+    standing_rotations: Trial | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:

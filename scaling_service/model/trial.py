@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,9 +123,30 @@ def repair_each(flags: NDArray[np.bool_], labels: Sequence[str], what: str, deta
     ]
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Rotations:
+    """Measured rotations of segments, or of sensors on them, frame by frame of their trial."""
+
+    labels: tuple[str, ...]
+    matrices: Array  # (n_frames, n_rotations, 3, 3): map each frame to ground; NaN where not measured
+    # of segments, by a markerless system whose frames have anatomical axes, or of sensors put on anyhow
+    of: Literal["segments", "sensors"]
+    origins: Array | None = None  # (n_frames, n_rotations, 3), m: of the frames, where the system knows them
+
+    def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Rotations:
+        """Only these frames."""
+        origins = None if self.origins is None else self.origins[rows]
+        return replace(self, matrices=self.matrices[rows], origins=origins)
+
+    def turn(self, turn: Array) -> Rotations:
+        """The same in a laboratory that is turned: ``turn`` (3, 3) maps vectors to the new axes."""
+        origins = None if self.origins is None else self.origins @ turn.T
+        return replace(self, matrices=turn @ self.matrices, origins=origins)
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class Trial:
-    """Marker trajectories on one clock."""
+    """Marker trajectories on one clock, and rotations where a system measures them."""
 
     name: str  # the file's stem
     times: Array  # (n_frames,), s: strictly increasing
@@ -135,6 +157,7 @@ class Trial:
     rate_hz: float
     repairs: tuple[Repair, ...] = field(default=())
     sizes: MeasuredSizes = NOT_MEASURED  # of the person, as the file states them
+    rotations: Rotations | None = None
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -151,7 +174,9 @@ class Trial:
 
     def __repr__(self) -> str:
         what, count = type(self).__name__, len(self.labels)
-        return f"{what} '{self.name}': {self.n_frames} frames at {self.rate_hz:g} Hz, {count} markers"
+        held = f"{count} markers" if self.rotations is None else f"{len(self.rotations.labels)} rotations"
+        held = f"{count} markers and {held}" if self.rotations is not None and count else held
+        return f"{what} '{self.name}': {self.n_frames} frames at {self.rate_hz:g} Hz, {held}"
 
     @property
     def n_frames(self) -> int:
@@ -193,7 +218,8 @@ class Trial:
 
     def frames(self, rows: Sequence[int] | NDArray[np.intp] | slice) -> Trial:
         """Only these frames."""
-        return replace(self, times=self.times[rows], markers=self.markers[rows])
+        turned = None if self.rotations is None else self.rotations.frames(rows)
+        return replace(self, times=self.times[rows], markers=self.markers[rows], rotations=turned)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

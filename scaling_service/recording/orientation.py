@@ -156,7 +156,15 @@ def apply(orientation: Orientation, trial: Trial) -> Trial:
     """
     factor, unit_repairs = find_unit_factor(trial)
     axes = tuple(r for r in orientation.repairs if r.what != "unit")
-    return trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
+    turned = trial.with_markers(orientation.rotate(trial.markers * factor), *axes, *unit_repairs)
+    return turn_rotations(orientation, turned)
+
+
+def turn_rotations(orientation: Orientation, trial: Trial) -> Trial:
+    """The recording with its rotations, if it has any, in the new axes; its markers as they are."""
+    if trial.rotations is None:
+        return trial
+    return replace(trial, rotations=trial.rotations.turn(orientation.R_new_old))
 
 
 def stand_along(orientation: Orientation, vertical: int) -> Orientation:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from scaling_service.bones.images import assemble, read_bones
 from scaling_service.bones.results import MeshRefused
 from scaling_service.bones.whole import find_landmarks
-from scaling_service.capabilities.subject.loading import gather_images
+from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.cli.app import app
 from scaling_service.core.errors import FileUnreadable

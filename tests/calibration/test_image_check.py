@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scaling_service.capabilities.scaling.methods.image_check import doubt_landmarks
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import SubjectInvalid
-from scaling_service.model.body import to_vector
+from scaling_service.model.body import Vector, to_vector
 from scaling_service.model.trial import ImageEvidence, Trial
 from tests.calibration.people import person
 
@@ -51,3 +52,21 @@ def test_a_landmark_that_the_image_leaves_open_is_not_held_against_it() -> None:
     trial = stand()
     poor = replace(image(trial, 1.25), deviations={"RASIS": 0.06, "LASIS": 0.06})
     assert doubt_landmarks(poor, trial) == []
+
+
+def test_hips_above_their_spines_are_refused_and_far_ones_said() -> None:
+    """A pelvis of Puchaud's mean person: 173 mm between the hips; upside down it is no person's."""
+    spines = {"RASIS": (0.0, 0.0, 0.117), "LASIS": (0.0, 0.0, -0.117)}
+    spines |= {"RPSIS": (-0.15, 0.0, 0.045), "LPSIS": (-0.15, 0.0, -0.045)}
+    for turn in (np.eye(3), np.array([[0, 0, 1.0], [-1, 0, 0], [0, -1, 0]])):
+        landmarks = {name: to_vector(turn @ np.array(at)) for name, at in spines.items()}
+
+        def doubt(y: float, landmarks: dict[str, Vector] = landmarks, turn: Array = turn) -> list[str]:
+            hips = {f"hip_{s}": to_vector(turn @ [-0.048, y, z]) for s, z in (("r", 0.0865), ("l", -0.0865))}
+            return doubt_landmarks(ImageEvidence(landmarks=landmarks, centres=hips), None)
+
+        assert doubt(-0.080) == []
+        assert doubt(-0.095) == []
+        assert len(doubt(-0.120)) == 2
+        with pytest.raises(SubjectInvalid, match=r"hip_r lies 1\d\d mm from where people's hips lie"):
+            doubt(0.080)

@@ -44,7 +44,8 @@ def test_a_hidden_effect_is_named(
     level = result.findings.held_out.levels["markers"]
     assert level.after < 1.5 * NOISE_M  # what the cameras' noise leaves
     before, after = (
-        sum(i.square for i in a.tracked if i.role == "held_out") for a in (result.before, result.after)
+        sum(np.nansum(np.square(i.residuals)) for i in a.tracked if i.role == "held_out")
+        for a in (result.before, result.after)
     )
     assert after < before
 

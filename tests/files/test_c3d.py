@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaling_service.core.errors import FileUnreadable, InputError, TrialUnusable
-from scaling_service.files import c3d
 from scaling_service.files.c3d import read_c3d
-from scaling_service.files.c3d_file import C3dFile, read_c3d_file
+from scaling_service.files.c3d_file import read_c3d_file
 from tests.files.c3d_writing import write_c3d
 from tests.files.made import SHARED_FOLDER, outcome, random_trial
 
@@ -82,23 +81,6 @@ def test_files_without_markers(tmp_path):
     _raw(tmp_path / "a.c3d", ["*1", "*2"], np.ones((3, 2, 4)))
     with pytest.raises(TrialUnusable, match="no labelled marker"):
         read_c3d(tmp_path / "a.c3d")
-
-
-def test_rotations_without_markers_are_refused_by_name(tmp_path, monkeypatch):
-    empty = C3dFile(
-        name="theia",
-        points=np.zeros((4, 0, 3)),
-        labels=(),
-        computed=frozenset(),
-        point_unit="mm",
-        rate_hz=100.0,
-        analog=np.zeros((0, 0)),
-        parameters={"ROTATION": {}},
-        has_rotations=True,
-    )
-    monkeypatch.setattr(c3d, "read_c3d_file", lambda _: empty)
-    with pytest.raises(TrialUnusable, match="rotations of a markerless system"):
-        read_c3d(tmp_path / "theia.c3d")
 
 
 def test_analog_signals_and_parameters(tmp_path):

@@ -31,7 +31,7 @@ from tests.jobs.laboratory import laboratory
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     file = force_laboratory(tmp_path_factory.mktemp("forces"))
-    return prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    return prepare(open_subject(file, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED)
 
 
 def test_recordings_with_forces_have_contacts(prepared: Prepared) -> None:

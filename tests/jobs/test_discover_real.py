@@ -36,7 +36,7 @@ def squat(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
         calibration=(folder / "squats1.trc",),
         forces={"squats1.trc": without},
     )
-    prepared = prepare(open_subject(subject, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(open_subject(subject, AS_MEASURED), DiscoverSettings(start="none"), AS_MEASURED)
     vertical = np.column_stack([table.times, table.column(f"{WITHHELD}vy")])
     return prepared, vertical
 

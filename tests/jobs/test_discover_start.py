@@ -13,11 +13,9 @@ from scaling_service.capabilities.discovery.checks import (
     UNSCALED_M,
     check_fits,
     check_lengths,
-    describe_limits,
     measure_typical_distance,
     mirror_labels,
 )
-from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.options import AS_MEASURED, DiscoverSettings
 from scaling_service.capabilities.discovery.start import prepare
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -36,7 +34,7 @@ def test_recordings_are_neither_smoothed_nor_filled(tmp_path: Path) -> None:
 
 
 def test_roles_follow_the_subject_file() -> None:
-    prepared = prepare(Loaded(session=session()), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(session=session()), DiscoverSettings(start="none"), AS_MEASURED)
     assert prepared.roles == {"static": "fit", "knee_r": "fit", "knee_l": "fit", "gait_1": "held_out"}
     assert any("no recording has forces" in note for note in prepared.notes)
 
@@ -54,7 +52,7 @@ def test_a_few_frames_are_refused_with_what_to_do() -> None:
 
 def test_without_held_out_recordings_all_fit() -> None:
     only = replace(session(), calibration=())
-    prepared = prepare(Loaded(session=only), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+    prepared = prepare(Loaded(session=only), DiscoverSettings(start="none"), AS_MEASURED)
     assert prepared.roles == {"static": "fit", "gait_1": "fit"}
 
 
@@ -71,7 +69,7 @@ def test_a_model_in_other_units_is_refused_first() -> None:
         load_builtin("lower_limb_14dof"), dict.fromkeys(whole.model.segment_names, (1e-3,) * 3)
     )
     with pytest.raises(TrialUnusable, match="does not fit this recording at all") as caught:
-        prepare(Loaded(session=replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED, 0.5)
+        prepare(Loaded(session=replace(whole, model=small)), DiscoverSettings(start="none"), AS_MEASURED)
     assert caught.value.file == "knee_r"
     assert "units" in str(caught.value.remedy)
 
@@ -99,18 +97,6 @@ def test_a_model_of_another_size_is_not_taken_for_exchanged_sides(size: float) -
         check_fits(whole.model, [t.relabel(mirror_labels(t.labels)) for t in whole.dynamic], scaled=True)
 
 
-def test_short_recordings_say_so() -> None:
-    def recording(seconds: float) -> SearchTrial:
-        times = np.arange(round(seconds * 100)) / 100.0
-        return SearchTrial(
-            Trial(name="t", times=times, labels=("A",), markers=np.zeros((len(times), 1, 3)), rate_hz=100.0),
-            "fit",
-        )
-
-    assert "2.0 s" in describe_limits([recording(2.01)], 0.5)[0]
-    assert describe_limits([recording(6.0)], 0.5) == ()
-
-
 def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> None:
     """Two markers of the pelvis in each other's place for a third of the recording to fit."""
     whole = session()
@@ -122,7 +108,7 @@ def test_a_scaling_does_not_take_exchanged_labels_for_places_of_markers() -> Non
     trials = tuple(replace(t, markers=markers) if t is faulty else t for t in whole.calibration)
     settings = DiscoverSettings(start="MB_am")
     right, wrong = (
-        prepare(Loaded(session=replace(whole, calibration=some)), settings, AS_MEASURED, 0.5)
+        prepare(Loaded(session=replace(whole, calibration=some)), settings, AS_MEASURED)
         for some in (whole.calibration, trials)
     )
     assert any("look exchanged" in note and "scaled without" in note for note in wrong.notes)

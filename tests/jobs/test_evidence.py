@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from scaling_service.capabilities.scaling.run import compare
-from scaling_service.capabilities.subject.loading import gather_images
+from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.model.builtin import load_builtin

@@ -1,4 +1,4 @@
-"""What is refused before the search, and what is said of recordings too short to decide much."""
+"""What is refused before the search."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
@@ -35,7 +34,6 @@ fortieth is left where the model is theirs. Where it is not scaled yet up to nin
 as in a model of another size with the right labels: of such a model it cannot be said."""
 
 _FRAMES = 24  # chosen: poses enough to tell a model that never fits from one that strays
-_FEW_BLOCKS = 8  # chosen: with fewer an effect of three numbers has at most five degrees of freedom left
 _OTHER_SIDE = str.maketrans("rlRL", "lrLR")
 
 
@@ -57,18 +55,6 @@ def check_lengths(trials: Sequence[Trial]) -> None:
             )
 
 
-def describe_limits(recordings: Sequence[SearchTrial], block_s: float) -> tuple[str, ...]:
-    """Plain sentences on what recordings cannot decide in blocks of ``block_s`` (s) each."""
-    lengths = [float(r.trial.times[-1] - r.trial.times[0]) for r in recordings if r.role == "fit"]
-    count = sum(max(2, int(length / block_s)) for length in lengths)
-    if count >= _FEW_BLOCKS:
-        return ()
-    return (
-        f"{sum(lengths):.1f} s to fit are {count} blocks of {block_s:g} s that count as independent: "
-        "only strong effects can be told from chance, and hardly any from their likes",
-    )
-
-
 def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> None:
     """Refuse a model that is metres, sizes, sides or persons away from its recordings (TrialUnusable).
 
@@ -84,32 +70,36 @@ def check_fits(model: BodyModel, trials: Sequence[Trial], *, scaled: bool) -> No
                 field="markers",
                 remedy="Exchange the labels in the recording, or map them under `markers:`",
             )
-        if not scaled and UNSCALED_M < away <= LARGEST_M:
-            raise TrialUnusable(
-                f"the model does not have this person's size: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="model",
-                remedy="Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
-            )
-        if scaled and MISFIT_M < away <= LARGEST_M:
-            raise TrialUnusable(
-                f"the scaled model does not follow this recording: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="model",
-                remedy="Look at the scaling first (`scale`), at the labels under `markers:`, and at whether "
-                "the static trial is of this person and day",
-            )
-        if away > LARGEST_M:
-            raise TrialUnusable(
-                f"the model does not fit this recording at all: half of the markers are more than "
-                f"{1e3 * away:.0f} mm away from the model's, so no single effect is looked for",
-                file=trial.name,
-                field="markers",
-                remedy="Check that model and recording are of the same person, that the files' units are "
-                "right, and that no labels are exchanged",
-            )
+        for wrong, what, field, remedy in (
+            (
+                away > LARGEST_M,
+                "the model does not fit this recording at all",
+                "markers",
+                "Check that model and recording are of the same person, that the files' units are right, and "
+                "that no labels are exchanged",
+            ),
+            (
+                scaled and away > MISFIT_M,
+                "the scaled model does not follow this recording",
+                "model",
+                "Look at the scaling first (`scale`), at the labels under `markers:`, and at whether the "
+                "static trial is of this person and day",
+            ),
+            (
+                not scaled and away > UNSCALED_M,
+                "the model does not have this person's size",
+                "model",
+                "Scale it first: leave --start out (`start` over HTTP) or name a method, such as MB",
+            ),
+        ):
+            if wrong:
+                said = f"half of the markers are more than {1e3 * away:.0f} mm away from the model's"
+                raise TrialUnusable(
+                    f"{what}: {said}, so no single effect is looked for",
+                    file=trial.name,
+                    field=field,
+                    remedy=remedy,
+                )
 
 
 def measure_typical_distance(model: BodyModel, trial: Trial) -> float:

@@ -62,7 +62,7 @@ class QuantityDocument(Part):
     usual: tuple[Number, Number] | None = Field(
         default=None, description="What laboratories meet, lowest and highest; null where that is not known."
     )
-    at_bound: bool = Field(default=False, description="Whether it stands at a bound of the search.")
+    at_bound: bool = Field(default=False, description="False: the search has no bounds any more.")
     determined: bool = Field(default=True, description="Whether the recordings tell it at all.")
 
     @property
@@ -97,7 +97,7 @@ class BeliefDocument(Part):
     sign: Known = Field(description="That it points this way; null where it has no direction.")
     size: Known = Field(description="That its size is one that laboratories meet; null where none is known.")
     summary: str = Field(description="The same in a sentence.")
-    cautions: list[str] = Field(description="Sizes that are implausible or stand at a bound.")
+    cautions: list[str] = Field(description="Sizes that are implausible.")
 
 
 class EffectDocument(PlacedEffect):

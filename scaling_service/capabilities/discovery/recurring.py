@@ -22,8 +22,7 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.members import read_members
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Estimate
-from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
-from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.models import apply_everywhere
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings

@@ -12,6 +12,7 @@ from scaling_service.report.onefile import Report, collect_files
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 
+_LINES = 3  # effects that are told in a sentence each (chosen: as many as are read in a minute)
 _MOST_LEFT = 12  # places with something left over (chosen); discovery.json has all
 
 
@@ -33,7 +34,8 @@ def summarise(document: DiscoveryDocument) -> Summary:
     """The verdict, what it rests on, what to doubt, the effects, the gap, and what is left."""
     held = f"; held out: {', '.join(document.held_out_trials)}" if document.held_out_trials else ""
     single = [effect for effect in document.effects if not text.is_class_named(effect)]
-    why = [_write_sentence(effect) for effect in document.effects]
+    why = [_write_sentence(effect) for effect in document.effects[:_LINES]]
+    why += [f"And {more} more, in the table."] if (more := len(document.effects) - _LINES) > 0 else []
     why += text.describe_classes(single)
     if document.unexplained:
         left = list_few([place for u in document.unexplained for place in u.where])

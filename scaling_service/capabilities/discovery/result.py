@@ -37,13 +37,7 @@ from scaling_service.capabilities.discovery.document import (
 from scaling_service.capabilities.discovery.effects.sizes import Range, look_up_usual_sizes
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
-from scaling_service.capabilities.discovery.laws.candidates import (
-    DAMPINGS,
-    FREQUENCIES_HZ,
-    SHAPES,
-    Candidate,
-    FreeMotion,
-)
+from scaling_service.capabilities.discovery.laws.candidates import Candidate, FreeMotion
 from scaling_service.capabilities.discovery.options import DiscoverSettings
 from scaling_service.capabilities.discovery.search.findings import (
     Disagreement,
@@ -86,14 +80,6 @@ def estimate_sign_probability(values: Array, covariance: Array) -> float | None:
     z, spread = values[known] / sd[known], covariance[np.ix_(known, known)] / np.outer(sd[known], sd[known])
     length = float(z @ spread @ z)
     return float(scipy.special.ndtr(z @ z / math.sqrt(length))) if length > 0.0 else 0.5
-
-
-def list_bounds(named: NamedEffect) -> Mapping[str, Range]:
-    """By its name in the results, what the search lets a number be."""
-    found = {c.name: Range(c.low, c.high) for c in named.candidate.columns}
-    if named.candidate.oscillation is not None:
-        found |= {n: Range(*ends) for n, ends in zip(SHAPES, (FREQUENCIES_HZ, DAMPINGS), strict=True)}
-    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
@@ -257,16 +243,13 @@ def _place(candidate: Candidate) -> dict[str, Any]:
 
 
 def _make_effect(named: NamedEffect, model: BodyModel) -> EffectDocument:
-    # Every number beside what laboratories meet and what the search allows.
-    usual, bounds, found = look_up_usual_sizes(named.candidate, model), list_bounds(named), {}
+    # Every number beside what laboratories meet.
+    usual, numbers = look_up_usual_sizes(named.candidate, model), {}
     for name, quantity in list_quantities(named).items():
-        if not isinstance(quantity.value, tuple):
-            known, bound = usual(name), bounds.get(name)
-            ends = None if known is None else (known.low, known.high)
-            at_bound = bound is not None and bound.at_end(quantity.value)
-            quantity = QuantityDocument(**dict(quantity) | {"usual": ends, "at_bound": at_bound})
-        found[name] = quantity
-    candidate, numbers = named.effect.candidate, found
+        known = None if isinstance(quantity.value, tuple) else usual(name)
+        ends = None if known is None else (known.low, known.high)
+        numbers[name] = QuantityDocument(**dict(quantity) | {"usual": ends})
+    candidate = named.effect.candidate
     others = [PlacedEffect(**_place(other)) for other in named.equivalents]
     return EffectDocument(
         **_place(candidate),

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from scaling_service.capabilities.discovery.checks import check_fits, check_lengths, describe_limits
-from scaling_service.capabilities.discovery.effects.plates import MOST_BIAS_N
+from scaling_service.capabilities.discovery.checks import check_fits, check_lengths
 from scaling_service.capabilities.discovery.evidence.fit import SearchTrial
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, choose_band_hz
 from scaling_service.capabilities.discovery.options import DiscoverSettings
@@ -46,10 +44,6 @@ NOT_TRIED = "effects of forces, masses and gravity were not tried"
 _NOTED = ("two_feet", "no_foot", "pressure_astray", "force_sign", "not_recorded", *FAULTS)
 """Repairs of forces that bear on what the search may say."""
 
-_READ = 0.99  # of a frame, from readings: an export's zeros tell nothing (chosen)
-_RELEASED_S = 0.1  # chosen: what the filter smears of a step off a plate is gone by then
-
-
 _OWN_INERTIA = "height_m or mass_kg is not given: the model's own inertia was taken"
 
 PLAIN_METHODS = ("MB", "EB")
@@ -82,18 +76,7 @@ def read_ground_forces(loaded: Loaded, model: BodyModel) -> tuple[dict[str, Tria
 
 def assign_contacts(forces: TrialForces, cutoff_hz: float) -> ContactAssignment:
     """Forces with the frames in which they are all that touches the body."""
-    usable = find_usable_frames(forces.ground, forces.contacts)
-    # Where a plate is read with nobody on it, and long before and after, (n, n_plates). A load that was given
-    # to nobody, for its fault moves the pressure off the foot, is more than any bias.
-    least = np.linalg.norm(forces.ground.force, axis=2) < MOST_BIAS_N
-    free = (forces.ground.readings > _READ) & (forces.contacts.foot == NOBODY) & least
-    reach = int(np.ceil(_RELEASED_S / float(np.median(np.diff(forces.ground.times))))) if len(free) > 1 else 1
-    return ContactAssignment(
-        forces.ground,
-        usable,
-        cutoff_hz,
-        np.asarray(ndimage.binary_erosion(free, np.ones((2 * reach + 1, 1)))),
-    )
+    return ContactAssignment(forces.ground, find_usable_frames(forces.ground, forces.contacts), cutoff_hz)
 
 
 def _describe_lack(model: BodyModel, mass_kg: float | None) -> str:
@@ -180,13 +163,12 @@ def prepare(
     loaded: Loaded,
     chosen: DiscoverSettings,
     settings: Settings,
-    block_s: float,
     progress: Progress | None = None,
 ) -> Prepared:
     """Scale the model, read the forces, and refuse a model that does not follow the recordings at all.
 
-    ``loaded``: recordings neither smoothed nor filled. ``block_s``: length of the blocks of time that count
-    as independent, s. Refuses whatever cannot be used of model, recordings and forces (InputError).
+    ``loaded``: recordings neither smoothed nor filled. Refuses whatever cannot be used of model, recordings
+    and forces (InputError).
     """
     session, subject = loaded.session, loaded.session.subject
     check_lengths(session.dynamic)
@@ -221,7 +203,6 @@ def prepare(
         *unmeasured,
         *(of_inertia if forces else ()),
         *notes,
-        *describe_limits(used, block_s),
     )
     return Prepared(
         loaded=loaded,

@@ -170,9 +170,9 @@ def _is_worse(level: LevelDocument) -> bool:
 
 
 def choose_tone(verdict: str, effects: Sequence[EffectDocument], worse: str) -> Tone:
-    """Whether a headline is good news: not where a size is to doubt, or something was made worse."""
+    """Whether a headline is good news, as nothing is: not where a size is to doubt or something got worse."""
     if verdict == "nothing":
-        return "plain"
+        return "good"
     doubtful = worse or any(has_doubtful_size(effect) for effect in effects)
     return "good" if verdict == "found" and not doubtful else "fair"
 
@@ -220,12 +220,10 @@ def describe_belief(effect: float, member: float, sign: float | None, size: floa
 
 
 def describe_cautions(candidate: Candidate, parameters: Mapping[str, QuantityDocument]) -> Iterator[str]:
-    """Numbers of an effect that are implausible, and those that stand at a bound of the search."""
+    """Numbers of an effect that are implausible."""
     for name, quantity in parameters.items():
-        said = f"{list_few(candidate.where)}: {format_quantity(name, quantity)}"
-        if quantity.at_bound:
-            yield f"{said} is a bound of the search, not an estimate"
-        elif quantity.usual is not None and quantity.implausible:
+        if quantity.usual is not None and quantity.implausible:
+            said = f"{list_few(candidate.where)}: {format_quantity(name, quantity)}"
             met = " to ".join(map(format_figures, quantity.usual))
             yield f"{said} is implausible: {met} is met ({cite_source_of_sizes(candidate.kind)})"
 
@@ -241,7 +239,7 @@ def list_cautions(effects: Sequence[EffectDocument]) -> list[str]:
 
 
 def has_doubtful_size(effect: EffectDocument) -> bool:
-    """Whether a number of an effect is implausible or stands at a bound."""
+    """Whether a number of an effect is implausible."""
     return effect.belief is not None and bool(effect.belief.cautions)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError
+from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.documents.reading import check_document, read_content
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files import recording
@@ -22,6 +22,7 @@ from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
+from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map
 from scaling_service.model.anatomy.markers import find_canonical
@@ -34,6 +35,7 @@ from scaling_service.recording.plates import compute_ground_forces
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
 
 _TABLES = (".csv", ".tsv")
+_ROTATIONS = "rotations"  # field of the error about a recording without markers
 _MESHES = (".stl", ".ply", ".obj", ".vtp")
 _PLACES = ("model", "marker_set", "scale_setup", "image_markers", "trials", "forces", "bones")
 """Keys of a subject document under which files are named."""
@@ -84,6 +86,13 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     Raises InputError: its markers cannot be used at all. What is wrong with its plates stands in the result.
     """
     trial = repair_markers(recording.read_recording(file))
+    if not trial.labels:
+        raise TrialUnusable(
+            "rotations without markers, which `ik` follows with a model that is scaled",
+            file=file,
+            field=_ROTATIONS,
+            remedy="Follow it by `scaling-service ik MODEL`, or by “Use a model again” in the page",
+        )
     seen = RecordingFile(file=file.name, trial=trial, axes=decide_axes(trial, up, forward))
     if trial.plates is None:
         return seen
@@ -169,9 +178,12 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     suffix = file.suffix.lower()
     if suffix in _TABLES:
         return _read_markers(file, up, forward)
-    if suffix in recording.READERS:
+    if suffix in recording.READERS and (suffix != ".sto" or is_orientation_file(file)):
         guess = InputFile(name=file.name, kind="recording", why=f"a recording, by its suffix {suffix}")
-        return _try_reading(guess, file, lambda: look_at(file, up, forward))
+        found = _try_reading(guess, file, lambda: look_at(file, up, forward))
+        if found.problem is not None and found.problem.field == _ROTATIONS:
+            return InputFile(name=file.name, kind="other", why=found.problem.problem)
+        return found
     if file.name.lower().endswith(MAP_SUFFIXES):
         return _read_label_map(file)
     reader = _READERS.get(suffix)

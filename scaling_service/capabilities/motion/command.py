@@ -39,13 +39,23 @@ def ik(
     ],
     recordings: Annotated[
         list[Path],
-        typer.Argument(metavar="RECORDING…", help="C3D or TRC files.", show_default=False, readable=False),
+        typer.Argument(
+            metavar="RECORDING…", help="C3D, TRC or STO files.", show_default=False, readable=False
+        ),
     ],
     out: Out,
     options: MotionOptions,
     marker_set: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="OpenSim markers to add to an .osim model.", readable=False),
+    ] = None,
+    standing: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Sensors' orientations while the person stands as the model does; else the first frame.",
+            readable=False,
+        ),
     ] = None,
     tables: Tables = "",
 ) -> None:
@@ -54,6 +64,7 @@ def ik(
     Writes under --out for every recording TRIAL_ik.mot and, with the same columns, TRIAL_ik_sd.mot: the
     standard deviation of each coordinate in each frame; and ik.json with the kinematic errors. With --angles
     TRIAL_clinical.csv, too: the angles of the conventional gait model and their standard deviations.
+    Rotations of a markerless system (Theia3D's C3D) and of sensors (OpenSense's STO) are followed, too.
 
     [bold]Example[/bold]: scaling-service ik scaled/MB_am/model.json walk2.c3d walk3.c3d --out followed
     """
@@ -63,7 +74,9 @@ def ik(
         from scaling_service.capabilities.shared.tables import make_table_writer
 
         write_tables = make_table_writer(tables, out)
-        tracked = compute(model, recordings, options, marker_set=marker_set, progress=progress)
+        tracked = compute(
+            model, recordings, options, marker_set=marker_set, standing=standing, progress=progress
+        )
         document = save_motions(tracked, out)
         write_tables(tracked.tables, document)
     show(document, out)
@@ -79,9 +92,14 @@ def show(document: MotionDocument, out: Path) -> None:
     for name, trial in document.trials.items():
         error = trial.kinematic_error_mm
         lost = list_few([*trial.not_determined, *(f"{n} at times" for n in trial.frames_not_determined)])
-        numbers = [f"{value:.1f}" for value in (error.mean, error.rms, error.max)]
+        numbers = ["–" if v is None else f"{v:.1f}" for v in (error.mean, error.rms, error.max)]
         rows.append(Row(name, [str(trial.frames), *numbers, lost or "nothing"]))
     columns = ["Kinematic error, mm", "frames", "mean", "rms", "max", "not determined"]
     print_table(console, Table(caption="", columns=columns, rows=rows))
+    turned = {name: t.rotation_error_deg for name, t in document.trials.items() if t.rotation_error_deg}
+    if turned:
+        labels = list(dict.fromkeys(label for errors in turned.values() for label in errors))
+        rows = [Row(x, [f"{e[x]:.1f}" if x in e else "–" for e in turned.values()]) for x in labels]
+        print_table(console, Table(caption="", columns=["Rotation error, deg, RMS", *turned], rows=rows))
     say(console, "Note", "yellow", document.warnings)
     list_files(console, out, [", ".join([*document.files, "ik.json"])])

@@ -11,11 +11,11 @@ from scaling_service.documents.results import Provenance
 
 
 class KinematicErrorDocument(Part):
-    """Distances between measured and model markers over one trial, mm."""
+    """Distances between measured and model markers over one trial, mm; null where it has no marker."""
 
-    mean: float = Field(description="Over frames and markers.")
-    rms: float
-    max: float
+    mean: float | None = Field(description="Over frames and markers.")
+    rms: float | None
+    max: float | None
     per_marker: dict[str, float] = Field(description="Marker to mean distance.")
 
 
@@ -47,6 +47,10 @@ class TrackedTrialDocument(Part):
     marker_noise_mm: dict[str, float] = Field(
         description="Standard deviation of one coordinate of each marker about the model, from this trial's "
         "residuals; the standard deviations of the coordinates come from it and from the motion of skin."
+    )
+    rotation_error_deg: dict[str, float] = Field(
+        default={},
+        description="Measured rotation to the RMS angle between it and the model's, mounting included.",
     )
     frames: int
     summary: dict[str, CoordinateSummary] = Field(

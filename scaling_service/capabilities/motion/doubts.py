@@ -131,7 +131,8 @@ def find_outlying(task: Task, q: Array, rows: Index) -> NDArray[np.bool_]:
 def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
     """Which limbs are farther from their markers than skin moves and than the root is, (n_frames, n_limbs).
 
-    All limbs where the root has too few markers of its own to be placed by: where it starts is then a guess.
+    All limbs where the root has too few markers of its own to be placed by: where it starts is then a guess;
+    not where rotations are measured, which turn the whole body.
     """
     limbs = list_limbs(task.tree, task.free)
     squares = _measure_markers(task, np.arange(len(q)), q)
@@ -140,7 +141,7 @@ def find_far(task: Task, q: Array) -> NDArray[np.bool_]:
     limit = 3.0 * SKIN_M**2 + _WORSE * squares[:, root].sum(axis=1) / (heavy[:, root].sum(axis=1) + _TINY)
     groups = [limb.markers for limb in limbs]
     far = [squares[:, own].sum(axis=1) > heavy[:, own].sum(axis=1) * limit for own in groups]
-    guessed = (heavy[:, root] > 0.0).sum(axis=1) < MIN_POINTS
+    guessed = (heavy[:, root] > 0.0).sum(axis=1) < (MIN_POINTS if task.tree.placed is None else 0)
     return np.asarray(np.stack(far, axis=1) | guessed[:, None])
 
 

@@ -6,10 +6,11 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.motion.uncertainty import (
@@ -54,6 +55,10 @@ def pose_problem(
     for segment in dict.fromkeys(owners):
         rows = np.flatnonzero([owner == segment for owner in owners])
         names = [task.markers[k] for k in rows]
+        stated = [noise for name in names if (noise := freed.marker(name).noise) is not None]
+        if len(stated) == len(names):
+            groups.append(ErrorGroup(rows, np.diag(np.repeat(np.square(stated), 3))))
+            continue
         share = people.loose_share if lawful else 1.0
         skin = cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
         groups.append(ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
@@ -112,13 +117,33 @@ def unpack_covariance(posterior: ParameterPosterior, names: tuple[str, ...]) -> 
     return np.asarray((alike * np.outer(sds, sds))[np.ix_(rows, rows)])
 
 
+def pack_posterior(model: BodyModel, names: Sequence[str], covariance: Array) -> BodyModel:
+    """The model with how well these of its parameters are known, beside what was known of others before.
+
+    ``covariance`` (n, n). Those of both are taken as independent.
+    """
+    known = _take_posterior(model)
+    before = unpack_covariance(known, known.names)
+    whole = block_diag(before, covariance) if known.names else covariance
+    sds = np.sqrt(np.diag(whole))
+    alike = whole / np.outer(sds, sds)
+    told = replace(
+        known,
+        names=(*known.names, *names),
+        sds=tuple(sds.tolist()),
+        correlations=tuple(alike[np.tril_indices(len(sds), -1)].tolist()),
+    )
+    return replace(model, posterior=told)
+
+
 def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task, tuple[str, ...]]:
     known = _take_posterior(model)
     freed = free_named(model, known.names)
     names = tuple(p.name for p in freed.parameters)
     ones = np.ones(trial.n_frames)
     people = read_people().with_skin(known.skin)
-    prior, lawful = GaussianPrior(names), model.posterior is not None
+    prior = GaussianPrior(names)
+    lawful = holds_skin(model)
     problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
     return problem, task, names
 
@@ -126,6 +151,12 @@ def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task,
 def knows_people(model: BodyModel) -> bool:
     """Whether a model holds more of its person than plain inverse kinematics uses."""
     return model.posterior is not None or bool(model.expectations)
+
+
+def holds_skin(model: BodyModel) -> bool:
+    """Whether a model was estimated with how skin follows its joints, not only how frames are mounted."""
+    mounted = {p.name for p in model.parameters if p.group == "mounting"}
+    return model.posterior is not None and not mounted.issuperset(model.posterior.names)
 
 
 def _take_posterior(model: BodyModel) -> ParameterPosterior:
@@ -138,7 +169,7 @@ def follow_everyday(model: BodyModel, trial: Trial, q: Array) -> Array:
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
     people, ones = read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
-    prior, lawful = GaussianPrior(()), model.posterior is not None
+    prior, lawful = GaussianPrior(()), holds_skin(model)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
         q = solve_poses(_expect(problem, task, q), q, task.p)
@@ -172,6 +203,7 @@ def estimate_everyday_sd(
     noise = np.full(len(task.markers), np.nan)
     for group in problem.groups:
         noise[group.markers] = np.sqrt(np.diag(group.covariance).reshape(-1, 3).mean(axis=1))
+    noise = noise[[not task.model.marker(name).is_direction for name in task.markers]]
     combined = None
     if rates is not None:
         change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])

@@ -7,7 +7,7 @@ coarse motion, so that two or three steps are left for each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -254,15 +254,28 @@ def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
     sometimes = np.asarray(known.any(axis=0))
     q = np.where(known | ~sometimes, solution.q, np.nan)
     names = task.model.coordinate_names
+    # Tips of directions say by how much a rotation is missed; they are no markers.
+    points = np.array([not task.model.marker(name).is_direction for name in task.markers], dtype=bool)
     return Motion(
         trial=trial.name,
         times=trial.times,
         coordinates=names,
         q=q,
-        markers=task.markers,
-        residuals=residual,
+        markers=tuple(name for name, point in zip(task.markers, points, strict=True) if point),
+        residuals=residual[:, points],
+        turns=dict(_measure_turns(task, residual)),
         estimated=tuple(
             n for n, known, free in zip(names, sometimes, task.free, strict=True) if known and free
         ),
         iterations=int(solution.steps.max(initial=0)),
     )
+
+
+def _measure_turns(task: Task, residual: Array) -> Iterator[tuple[str, Array]]:
+    """How far each measured rotation is from the model's, (n_frames,), rad; see ``motion/mounting.py``."""
+    own = [name for name in task.markers if task.model.marker(name).is_direction]
+    for label in dict.fromkeys(name.rpartition("@")[0] for name in own):
+        tips = [k for k, name in enumerate(task.markers) if name in own and name.rpartition("@")[0] == label]
+        arm = float(np.linalg.norm(task.model.marker(task.markers[tips[0]]).nominal))
+        gap = np.linalg.norm(residual[:, tips].reshape(len(residual), -1), axis=1)
+        yield label, 2.0 * np.arcsin(np.minimum(gap / (np.sqrt(8.0) * arm), 1.0))

@@ -36,6 +36,13 @@ class MotionRequest(OfOneSubject, MotionOptions):
         examples=[["walk.trc"]],
     )
 
+    standing: str | None = Field(
+        default=None,
+        description="Uploaded orientations of sensors while the person stands as the model does; the "
+        "subject's static trial unless given, where that is such a file.",
+        examples=["standing.sto"],
+    )
+
     def list_needed(self, documents: Documents) -> Needed:
         """The model, where it is a file, with its marker set, and the recordings."""
         document = check_document(documents[self.subject])
@@ -43,9 +50,11 @@ class MotionRequest(OfOneSubject, MotionOptions):
         model = self.choose_model(document)
         if model.lower().endswith(MODEL_SUFFIXES):
             named["model"] = model
-        marker_set = self.marker_set(document)
+        marker_set, standing = self.marker_set(document), self.choose_standing(document)
         if marker_set is not None:
             named["marker_set"] = marker_set
+        if standing is not None:
+            named["standing"] = standing
         return {self.subject: {field: require_plain_name(name, field) for field, name in named.items()}}
 
     def choose_model(self, document: SubjectDocument) -> str:
@@ -55,6 +64,13 @@ class MotionRequest(OfOneSubject, MotionOptions):
     def marker_set(self, document: SubjectDocument) -> str | None:
         """The subject's markers to add, where the model is the subject's own."""
         return document.marker_set if self.choose_model(document) == document.model else None
+
+    def choose_standing(self, document: SubjectDocument) -> str | None:
+        """What tells how sensors are put on."""
+        static = document.trials.static
+        if self.standing is not None or static is None:
+            return self.standing
+        return static if static.lower().endswith(".sto") else None
 
     def select_recordings(self, document: SubjectDocument) -> list[str]:
         """The recordings asked for, else the subject's movements, else what stands still.
@@ -87,6 +103,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     name, marker_set = request.choose_model(document), request.marker_set(document)
     model = folder / name if name.lower().endswith(MODEL_SUFFIXES) else name
     added = None if marker_set is None else folder / marker_set
+    standing = request.choose_standing(document)
     files = [folder / recording for recording in request.select_recordings(document)]
     # Of the subject's labels those that this model and these recordings have.
     known = read_model(model, added).marker_names
@@ -108,6 +125,7 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
         files,
         options,
         marker_set=added,
+        standing=None if standing is None else folder / standing,
         subject=request.subject,
         subject_file=folder / DOCUMENT,
         progress=progress,

@@ -22,6 +22,7 @@ from scaling_service.capabilities.motion.everyday import (
 )
 from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
+from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.motion.task import Task
@@ -34,16 +35,19 @@ from scaling_service.capabilities.motion.uncertainty import (
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded, load
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
+from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
-from scaling_service.model.subject import Subject
+from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.settings import ProcessingSettings
@@ -131,6 +135,7 @@ def ik(
     options: MotionOptions = MotionOptions(),
     *,
     marker_set: str | Path | None = None,
+    standing: str | Path | None = None,
     subject: str = "",
     subject_file: Path | None = None,
     progress: Progress | None = None,
@@ -143,11 +148,16 @@ def ik(
         A built-in name, an ``.osim`` file, or the ``model.json`` that scaling, dynamics, consistent or
         discovery wrote.
     recordings : sequence of path
-        C3D or TRC files. One decision on the laboratory's axes is taken for all.
+        C3D or TRC files of markers, C3D files of segment poses (Theia3D), STO files of sensors' orientations
+        (OpenSense). One decision on the laboratory's axes is taken for all.
     options : MotionOptions
         How recordings are read and followed.
     marker_set : path, optional
         OpenSim markers to add; ``.osim`` only.
+    standing : path, optional
+        Sensors' orientations while the person stands as the model does by default: they tell how sensors are
+        put on. The first frame of the first recording is taken so unless it is given, or sensors have the
+        axes of their segments.
     subject : str
         Whose recordings they are, for the document.
     subject_file : Path, optional
@@ -185,6 +195,7 @@ def ik(
         model=_name_model(model, marker_set),
         marker_set=None if marker_set is None else Path(marker_set),
         marker_map=dict(options.markers),
+        static=None if standing is None else Path(standing).absolute(),
         evaluation=files,
     )
     report("reading the recordings", 0.0)
@@ -192,12 +203,18 @@ def ik(
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
         loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
-        trials, found = loaded.session.evaluation, {}
+        session, found = loaded.session, {}
+        trials, mounted = session.evaluation, None
+        if any(trial.rotations is not None for trial in trials):
+            stood = session.static if session.static and session.static.rotations else None
+            placed = _list_frames(session.subject)
+            mounted = mount(session.model, trials, stood, placed=placed, turned=options.up is not None)
+            trials = mounted.trials
+            loaded = replace(loaded, session=replace(session, notes=(*session.notes, *mounted.notes)))
         for k, trial in enumerate(trials):
             report(f"following {trial.name}", _READING + (1.0 - _READING) * k / len(trials))
-            found[trial.name] = track(
-                loaded.session.model, trial, skin=not options.bone_pins, angles=options.angles
-            )
+            own = session.model if mounted is None or trial.rotations is None else mounted.model
+            found[trial.name] = track(own, trial, skin=not options.bone_pins, angles=options.angles)
     report("done", 1.0)
     return Tracked(loaded, found, options, time.perf_counter() - clock)
 
@@ -210,7 +227,7 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = solve_task(task, trial.times)
-    everyday = skin and knows_people(model)
+    everyday = (skin or any(m.is_direction for m in model.markers)) and knows_people(model)
     if everyday:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     motion = make_motion(task, trial, solution)
@@ -229,6 +246,26 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
         uncertainty = count_departures(uncertainty, own, solution.q, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     return _gather(model, motion, uncertainty, names)
+
+
+def follow_rotations(
+    model: BodyModel, session: Session, *, turned: bool
+) -> tuple[dict[str, TrackedTrial], tuple[Note, ...]]:
+    """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
+
+    ``turned``: whether the session's axes are those of the sensors' world.
+    """
+    if not session.rotations:
+        return {}, ()
+    placed = _list_frames(session.subject)
+    mounted = mount(model, session.rotations, session.standing_rotations, placed=placed, turned=turned)
+    return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
+
+
+def _list_frames(subject: Subject) -> dict[str, tuple[str, Array]]:
+    """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
+    model = subject.model
+    return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
 
 
 def _gather(
@@ -277,7 +314,9 @@ def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
 def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
-        raise InputError("no recording is given", field="recordings", remedy="Name at least one C3D or TRC")
+        raise InputError(
+            "no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO"
+        )
     by_stem: dict[str, Path] = {}
     for file in files:
         if file.stem in by_stem:

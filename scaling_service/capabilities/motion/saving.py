@@ -205,9 +205,9 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
     error = tracked.error
     return TrackedTrialDocument(
         kinematic_error_mm=KinematicErrorDocument(
-            mean=_to_mm(error.mean),
-            rms=_to_mm(error.rms),
-            max=_to_mm(error.max),
+            mean=_to_mm_or_none(error.mean),
+            rms=_to_mm_or_none(error.rms),
+            max=_to_mm_or_none(error.max),
             per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
         ),
         not_determined=[n for n in motion.coordinates if n in list_unshown_names(motion, model)],
@@ -219,6 +219,11 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
             name: _to_mm(sd)
             for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
             if np.isfinite(sd)
+        },
+        rotation_error_deg={
+            label: round(float(np.degrees(np.sqrt(np.nanmean(np.square(angles))))), 4)
+            for label, angles in motion.turns.items()
+            if np.isfinite(angles).any()
         },
         frames=len(motion.times),
         summary=dict(_summarise(motion, spread, model)),
@@ -251,3 +256,7 @@ def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str
 
 def _to_mm(metres: float) -> float:
     return round(1e3 * metres, 4)
+
+
+def _to_mm_or_none(metres: float) -> float | None:
+    return _to_mm(metres) if np.isfinite(metres) else None

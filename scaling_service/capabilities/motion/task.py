@@ -29,7 +29,7 @@ from scaling_service.numerics.multibody.laws import (
     Turn,
 )
 from scaling_service.numerics.multibody.plan import is_plain
-from scaling_service.numerics.multibody.rigid import fit_rigid
+from scaling_service.numerics.multibody.rigid import find_nearest_rotation, fit_rigid
 from scaling_service.numerics.multibody.sweep import is_articulated
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
@@ -167,6 +167,8 @@ def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int
     poses = pose_links(tree, neutral[:, None], p)
     placed = place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
+    if tree.placed is not None:
+        return _turn_root(tree, measured, placed, axes, origin)
     local = (placed - origin) @ axes.T
     own = tree.marker_rows[root]
     rotation, position = fit_rigid(local[own], measured[:, own])
@@ -174,6 +176,28 @@ def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int
     if lost.any():
         rotation[lost], position[lost] = fit_rigid(local, measured[lost])
     return rotation, position
+
+
+def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: Array) -> tuple[Array, Array]:
+    """As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle kept.
+
+    ``placed`` (n_markers, 3), ``axes`` (3, 3): rows, and ``origin`` (3,): of the neutral body.
+    """
+    assert tree.placed is not None
+    seen = find_seen(measured)
+    is_point = np.asarray(tree.placed > 0.0)
+    ahead, point = seen & ~is_point, seen & is_point
+    filled = np.where(seen[..., None], measured, 0.0)
+    turn = find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
+    turn[~ahead.any(axis=1)] = np.nan
+    count = np.maximum(point.sum(axis=1), 1)[:, None]
+    middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
+    before = point @ (placed - origin) / count
+    reached = middle - np.einsum("nij,nj->ni", turn, before)
+    known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
+    some = np.asarray(point.any(axis=1))
+    position = np.where(some[:, None], reached, origin)
+    return turn @ axes.T, np.where(known[:, None], position, np.nan)
 
 
 def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
+from scaling_service.capabilities.motion.run import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
@@ -62,6 +63,8 @@ class Scaling:
         The text of the model's file for OpenSim, where it is made already.
     attachments : mapping of str to MovedAttachments
         Segment to its muscles' attachments, where they follow the person's bone.
+    followed : mapping of str to TrackedTrial
+        Recordings of rotations without markers, which nothing is compared on, by their names.
 
     Examples
     --------
@@ -82,6 +85,7 @@ class Scaling:
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
     attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
+    followed: Mapping[str, TrackedTrial] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
@@ -189,7 +193,10 @@ class Results:
                 trial, motion, scaling.calibration.model, system=method
             )
             for method, scaling in self.scalings.items()
-            for trial, motion in scaling.motions.items()
+            for trial, motion in [
+                *scaling.motions.items(),
+                *((name, one.motion) for name, one in scaling.followed.items()),
+            ]
         }
         return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 

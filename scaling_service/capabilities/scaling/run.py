@@ -13,7 +13,7 @@ import numpy as np
 
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.motion.kinematic_error import kinematic_error
-from scaling_service.capabilities.motion.run import TrackedTrial, track
+from scaling_service.capabilities.motion.run import TrackedTrial, follow_rotations, track
 from scaling_service.capabilities.scaling.comparison.geometry import (
     compute_angle_errors,
     compute_centre_errors,
@@ -33,6 +33,10 @@ from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling
+from scaling_service.capabilities.scaling.sizes.without_markers import (
+    has_rotations_alone,
+    refuse_without_markers,
+)
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -147,7 +151,8 @@ def compare(
     report = progress or show_nothing
     check_methods(methods or ())
     report("reading the recordings", 0.0)
-    return run(open_subject(subject, settings), methods, settings, options, progress=report, started=clock)
+    loaded = open_subject(subject, settings, rotations=True)
+    return run(loaded, methods, settings, options, progress=report, started=clock)
 
 
 def run(
@@ -167,11 +172,14 @@ def run(
     check_methods(methods or ())
     session = loaded.session
     chosen, warnings = (tuple(dict.fromkeys(methods)), ()) if methods else _choose_possible(session)
+    turned = settings.up is not None
     report = progress or show_nothing
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with loaded.blame_files():
-        if session.scale_setup is None and session.images is None:
+        if has_rotations_alone(session):
+            refuse_without_markers(chosen)
+        elif session.scale_setup is None and session.images is None:
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
@@ -182,6 +190,9 @@ def run(
                 session, method, settings.calibration, calibrations, _report_steps(part, method)
             )
             scalings[method] = _evaluate(with_mass(found, session), session, part)
+            followed, notes = follow_rotations(scalings[method].calibration.model, session, turned=turned)
+            scalings[method] = replace(scalings[method], followed=followed)
+            warnings = tuple(dict.fromkeys((*warnings, *map(str, notes))))
             if options.muscle_points == "surface":
                 scalings[method] = _put_on_surfaces(scalings[method], session)
             if options.muscle_parameters == "range":
@@ -275,6 +286,8 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
+    if has_rotations_alone(session):
+        return ("MB",), ()
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:
         return tuple(imaged), ()

@@ -19,7 +19,7 @@ from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.saving import HELD, write_motion
+from scaling_service.capabilities.motion.saving import HELD, write_motion, write_motion_sd
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.capabilities.scaling.clinical_gait import (
@@ -162,6 +162,11 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
         write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
+    for name, tracked in scaling.followed.items():
+        write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
+        write_motion_sd(
+            folder / f"{name}_ik_sd.mot", tracked.motion, tracked.uncertainty.sd, calibration.model
+        )
     if any(folder.glob(f"*{HELD}")):
         warnings.append(_NUMBERS_ONLY)
     gait = describe_clinical_gait(scaling, results)

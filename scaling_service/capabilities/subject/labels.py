@@ -19,6 +19,7 @@ from scaling_service.model.anatomy.markers import (
     match_labels,
     strip_prefix,
 )
+from scaling_service.model.anatomy.rotations import match_rotation
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
@@ -200,10 +201,13 @@ def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, 
 
 
 def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
-    """Every marker that a recording shows, to its segment."""
+    """Every marker that a recording shows, and every rotation that is measured, to its segment."""
     segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
-    shown = {label for trial in trials for label in trial.shown_labels}
-    return {name: segment for name, segment in segments.items() if name in shown}
+    given = list(trials)
+    shown = {label for trial in given for label in trial.shown_labels}
+    turned = {label for trial in given if trial.rotations is not None for label in trial.rotations.labels}
+    on = {label: segment for label in sorted(turned) if (segment := match_rotation(label, model)) is not None}
+    return on | {name: segment for name, segment in segments.items() if name in shown}
 
 
 def list_used_labels(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:

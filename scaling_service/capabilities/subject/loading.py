@@ -9,12 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.bones.images import SEGMENTATION, read_bones
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import check_joined, collect_evidence, find_landmarks
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels
-from scaling_service.capabilities.subject.axes import decide_axes, list_level_corners
+from scaling_service.capabilities.subject.axes import (
+    decide_axes,
+    list_level_corners,
+)
+from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.persons import select_person
 from scaling_service.capabilities.subject.reading import (
     apply_to_each,
@@ -23,36 +24,39 @@ from scaling_service.capabilities.subject.reading import (
     load_subject,
     with_stated_sizes,
 )
+from scaling_service.capabilities.subject.rotations import (
+    decide_axes_of_rotations,
+    part_rotations,
+    turn_alone,
+)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
-from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.model_json import SUFFIX, read_model_json
 from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
-from scaling_service.model.anatomy.bones import assign_bones, find_body
-from scaling_service.model.anatomy.markers import match_labels
-from scaling_service.model.body import GROUND, BodyModel, Vector
-from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin, lock_unmarked
+from scaling_service.model.anatomy.bones import assign_bones
+from scaling_service.model.body import GROUND, BodyModel
+from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
-from scaling_service.model.trial import Bone, ImageEvidence, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
 from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.identity.identify import Identification
-from scaling_service.recording.orientation import Orientation, apply, check_axes, stand_along
+from scaling_service.recording.orientation import (
+    Orientation,
+    apply,
+    check_axes,
+    stand_along,
+    turn_rotations,
+)
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
 
 _NOTHING: Mapping[Path, Recording] = MappingProxyType({})
-
-_BONES_UNUSED = Note(
-    code="bones_unused",
-    problem="bones are used with built-in and .osim models only: image-based methods were left out",
-    remedy="Choose a built-in model of the legs to use the bones",
-)
 
 
 def _tell_lying(vertical: int) -> Note:
@@ -119,14 +123,23 @@ class Understood:
 
 
 def open_subject(
-    subject: Subject | str | Path, settings: Settings = Settings(), *, facing: bool = False
+    subject: Subject | str | Path,
+    settings: Settings = Settings(),
+    *,
+    facing: bool = False,
+    rotations: bool = False,
 ) -> Loaded:
-    """Read a subject, from its file where a path is given, and all that it names; see :func:`load`."""
+    """Read a subject, from its file where a path is given, and all that it names; see :func:`load`.
+
+    ``rotations``: whether recordings of rotations without markers are wanted, apart from the others.
+    Raises TrialUnusable where they are not, and there are any.
+    """
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
     known = subject if isinstance(subject, Subject) else load_subject(subject)
     with blame_file(file):
-        return replace(load(known, settings, facing=facing), file=file)
+        loaded = load(known, settings, facing=facing)
+        return replace(loaded, session=part_rotations(loaded.session, wanted=rotations), file=file)
 
 
 def load(
@@ -183,12 +196,13 @@ def understand(
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     model = labels.without_computed(read.model, read.subject)
-    labels.check_explicit(read.subject, model, list(read.recordings.values()))
-    subject, of_tracking = labels.with_tracking_markers(read.subject, model, read.recordings, who)
+    marked = {path: found for path, found in read.recordings.items() if found.labels}
+    if not marked:
+        return _understand_rotations(read, model, settings)
+    labels.check_explicit(read.subject, model, list(marked.values()))
+    subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
-    named = apply_to_each(
-        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), read.recordings
-    )
+    named = apply_to_each(lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked)
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
         {path: list_level_corners(found) for path, found in read.recordings.items()},
@@ -203,12 +217,31 @@ def understand(
     return Understood(
         subject=subject,
         model=model,
-        trials=apply_to_each(lambda _, one: apply(axes, one[0]), named),
+        trials={
+            path: apply(axes, named[path][0]) if path in named else turn_alone(found.trial, settings)
+            for path, found in read.recordings.items()
+        },
         labels={path: used for path, (_, used) in named.items()},
         clusters=labels.sort_by_segment(model, subject),
         axes=axes,
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
         notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
+    )
+
+
+def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
+    """As :func:`understand`, where no recording has a marker."""
+    axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
+    first = next(iter(axes.values()))
+    return Understood(
+        subject=read.subject,
+        model=model,
+        trials={path: turn_rotations(axes[path], found.trial) for path, found in read.recordings.items()},
+        labels={path: {} for path in axes},
+        clusters={},
+        axes=first,
+        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
+        notes=read.notes,
     )
 
 
@@ -218,13 +251,16 @@ def question(understood: Understood) -> tuple[Finding, ...]:
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
     NotAPerson: a finding beyond doubt.
     """
-    subject, trials = understood.subject, understood.trials
+    subject = understood.subject
+    trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
+    if not trials:
+        return ()
     apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
     checks.refuse_repeated(trials, subject)
     given = Recordings(
         trials=list(trials.values()),
         clusters=understood.clusters,
-        static=None if subject.static is None else trials[subject.static].name,
+        static=trials[subject.static].name if subject.static in trials else None,
         stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=understood.model,
     )
@@ -235,8 +271,12 @@ def question(understood: Understood) -> tuple[Finding, ...]:
 def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
-    ready = apply_to_each(lambda _, trial: clean(trial, understood.clusters, settings), understood.trials)
+    ready = apply_to_each(
+        lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
+        understood.trials,
+    )
     placed = labels.list_placed(understood.model, subject, ready.values())
+    marked = [trial for trial in understood.trials.values() if trial.labels]
     model, of_freedoms = lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
@@ -252,7 +292,7 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
             *of_freedoms,
             *of_setup,
             *of_images,
-            *checks.summarise_recordings(model, subject, list(understood.trials.values())),
+            *(checks.summarise_recordings(model, subject, marked) if marked else ()),
             *findings,
         ),
         images=images,
@@ -352,55 +392,3 @@ def _scale_setup(
         return setup, of_setup
     fixed = frozenset(marker.name for marker in model.markers if marker.anatomical)
     return replace(setup, placement=replace(setup.placement, fixed=fixed)), of_setup
-
-
-def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[Note, ...]]:
-    """What a subject's bones and image markers say, and what to tell of it.
-
-    Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
-    InputError: a file cannot be read, or a mesh is not the bone that it is said to be.
-    """
-    if not subject.bones:
-        return None, ()
-    if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
-        return None, (_BONES_UNUSED,)
-    imaged = read_bones(subject.bones, subject.bone_units)
-    try:
-        found = imaged.widen(find_landmarks(imaged.meshes))
-        of_image = (*check_joined(found), *imaged.tell())
-    except MeshRefused as error:
-        file = subject.bones.get(error.field or "", subject.bones.get(SEGMENTATION))
-        field = f"bones.{error.field}" if error.field in subject.bones else error.field
-        raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in imaged.meshes.items()}
-    evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
-    notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
-    return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
-
-
-def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:
-    for text in bone.warnings:
-        yield Note(code="bone", place=name, problem=text)
-    for point, why in bone.refused.items():
-        yield Note(
-            code="landmark_refused",
-            place=name,
-            problem=f"{point} was not taken: {why}",
-            remedy="Look at the surface of the bone there; without the point, the others are used",
-        )
-
-
-def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
-    """Image markers under the model's names, those on segments that the model has."""
-    if subject.image_markers is None:
-        return {}
-    seen = read_image_markers(subject.image_markers)
-    wanted = list(dict.fromkeys([*model.marker_names, *subject.extra_markers]))
-    explicit = {marker: label for marker, label in subject.marker_map.items() if label in seen}
-    names = match_labels(list(seen), wanted, explicit).mapped
-    placed = {marker: seen[label] for marker, label in names.items()}
-    return {
-        marker: (segment, at)
-        for marker, (bone, at) in placed.items()
-        if (segment := find_body(model, bone) or bone) in model.segment_names
-    }

@@ -8,6 +8,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from scipy.spatial.transform import Rotation
+
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import FileUnreadable
 from scaling_service.documents.subject import HEIGHT_RANGE_M
 from scaling_service.files.tables import read_bytes
@@ -46,6 +49,29 @@ def parse_xml(path: Path) -> Element:
         raise FileUnreadable(
             f"is not well-formed XML ({first})", file=path, remedy="Export or save it again from OpenSim"
         ) from first
+
+
+def read_body_frames(path: Path) -> dict[str, tuple[str, Array]]:
+    """Offset frames on the bodies of an OpenSim model: name to the body, and the frame's axes there, (3, 3).
+
+    Columns are the axes. OpenSim's ``orientation`` are body-fixed X-Y-Z angles, rad. Frames on frames, and
+    those whose numbers cannot be read, are left out. Raises FileUnreadable as :func:`parse_xml` does.
+    """
+    found = {}
+    for body in parse_xml(path).iter("Body"):
+        for frame in body.iter("PhysicalOffsetFrame"):
+            parent = (frame.findtext("socket_parent") or "..").strip().rpartition("/")[2]
+            name, angles = (
+                frame.get("name"),
+                _SEPARATORS.sub(" ", frame.findtext("orientation") or "0 0 0").split(),
+            )
+            try:
+                turn = Rotation.from_euler("XYZ", [float(angle) for angle in angles]).as_matrix()
+            except ValueError:
+                continue
+            if name and parent in ("..", body.get("name")):
+                found[name] = str(body.get("name")), turn
+    return found
 
 
 def read_scale_setup(path: Path) -> ScaleSetup:

@@ -47,7 +47,12 @@ class Clusters:
 
 
 def gather_clusters(
-    carrier: NDArray[np.intp], count: int, local: Array, measured: Array, weight: Array
+    carrier: NDArray[np.intp],
+    count: int,
+    local: Array,
+    measured: Array,
+    weight: Array,
+    placed: Array | None = None,
 ) -> Clusters:
     """Gather the markers of each of ``count`` links; a link without markers gets a cluster without weight.
 
@@ -55,15 +60,21 @@ def gather_clusters(
     ``local``: (n_markers, 3, n|1), m.
     ``measured`` (n_markers, 3, n), m: anything where the weight is zero.
     ``weight``: (n_markers, n).
+    ``placed``: see :class:`scaling_service.numerics.multibody.tree.Tree`. Directions have second and cross
+    moments about the origin, and neither weight nor centroid.
     """
     member = np.equal(carrier, np.arange(count)[:, None]).astype(float)
-    total = member @ weight
-    share = weight / np.where(total > 0.0, total, 1.0)[carrier]
+    heavy = weight if placed is None else placed[:, None] * weight
+    total = member @ heavy
+    share = heavy / np.where(total > 0.0, total, 1.0)[carrier]
     constant = local.shape[-1] == 1 and bool((weight == weight[:, :1]).all())
     width = 1 if constant else weight.shape[1]
     centre = _sum_by_cluster(member, share[:, None, :width] * local)
     middle = _sum_by_cluster(member, share[:, None] * measured)
-    inner, outer = local - centre[carrier], measured - middle[carrier]
+    around, about = centre[carrier], middle[carrier]
+    if placed is not None:
+        around, about = placed[:, None, None] * around, placed[:, None, None] * about
+    inner, outer = local - around, measured - about
     weighted = weight[:, None, :width] * inner
     second = _sum_by_cluster(member, weighted[:, :, None] * inner[:, None])
     cross_moment = _sum_by_cluster(member, weighted[:, :, None] * outer[:, None])

@@ -197,10 +197,15 @@ def _take_block(
     heavy = weight_markers(measured, weights)
     filled = np.where((heavy > 0.0).T[:, :, None], measured, 0.0)
     total = heavy.sum(axis=0)
-    middle = np.einsum("mn,nmc->cn", heavy, filled) / np.where(total > 0.0, total, 1.0)
-    placed = np.moveaxis(filled, 0, -1) - middle
+    of_points = heavy if tree.placed is None else tree.placed[:, None] * heavy
+    count = of_points.sum(axis=0)
+    middle = np.einsum("mn,nmc->cn", of_points, filled) / np.where(count > 0.0, count, 1.0)
+    moved = np.moveaxis(filled, 0, -1)
+    moved = moved - (middle if tree.placed is None else tree.placed[:, None, None] * middle)
     carrier = plan.row_of_link[tree.marker_link]
-    clusters = gather_clusters(carrier, len(tree.links), evaluate_local_positions(tree, p), placed, heavy)
+    clusters = gather_clusters(
+        carrier, len(tree.links), evaluate_local_positions(tree, p), moved, heavy, tree.placed
+    )
     tasks = None if prior is None else (np.ascontiguousarray(prior[0].T), np.ascontiguousarray(prior[1].T))
     lower, upper = (bound[plan.variables, None] for bound in bounds)
     floor = _TINY * total + 1e-300

@@ -43,6 +43,9 @@ class Tree:
     marker_link: NDArray[np.intp]  # (n_markers,)
     marker_local: Array  # (n_markers, 3), m: the constant part of the local positions
     marker_terms: tuple[MarkerTerm, ...] = ()
+    # (n_markers,): 0 for a marker that is a direction, a point at infinity: it turns with its link, and where
+    # the link is does not matter; 1 for the others. None where all are points
+    placed: Array | None = None
 
     @property
     def n_markers(self) -> int:
@@ -221,14 +224,17 @@ def evaluate_local_positions(tree: Tree, p: Array) -> Array:
 
 
 def place_tree_markers(tree: Tree, poses: Poses) -> Array:
-    """Marker positions in ground, shape (n_markers, 3, n_frames), m."""
+    """Marker positions in ground, shape (n_markers, 3, n_frames), m; of directions where they point."""
     n = poses.frames.shape[-1]
     result = np.empty((tree.n_markers, 3, n))
     for k, rows in enumerate(tree.marker_rows):
         if len(rows):
             node = poses.plan.link_node[k]
             spread = tree.marker_local[rows] @ poses.node_axes[node].reshape(3, -1)
-            result[rows] = spread.reshape(-1, 3, n) + poses.node_origins[node]
+            origins = poses.node_origins[node]
+            if tree.placed is not None:
+                origins = tree.placed[rows, None, None] * origins
+            result[rows] = spread.reshape(-1, 3, n) + origins
     for marker, terms in tree.terms_of_marker.items():
         node = poses.plan.link_node[tree.marker_link[marker]]
         result[marker] += turn_to_ground(poses.node_axes[node], poses.values.vector(np.zeros(3), terms))
@@ -263,9 +269,11 @@ def compute_jacobian(tree: Tree, poses: Poses, placed: Array, variables: NDArray
         motions = poses.directions(moving)[:, None]
         turns = [k for k, entry in enumerate(moving) if entry.is_turn]
         centres = poses.frames[[moving[k].node for k in turns], 3]
-        turned = dict(zip(turns, cross(motions[turns], placed[below] - centres[:, None]), strict=True))
+        points = None if tree.placed is None else tree.placed[below, None, None]
+        centres = centres[:, None] if points is None else centres[:, None] * points
+        turned = dict(zip(turns, cross(motions[turns], placed[below] - centres), strict=True))
         for k, entry in enumerate(moving):
-            moved = turned.get(k, motions[k])
+            moved = turned.get(k, motions[k] if points is None else motions[k] * points)
             for variable, rate in list_rates(tree, poses.values, entry.term):
                 if variable in row:
                     result[row[variable], below] += moved * rate

@@ -12,8 +12,6 @@ from scaling_service.capabilities.discovery.laws.spots import LETTERS, JointSpot
 MM = 1e3
 DEG = 180.0 / math.pi
 MM_PER_DEG = MM / DEG
-MOST_MM_PER_DEG = 3.0
-"""Chosen: over 60 degrees of knee flexion this is 180 mm, far more than skin moves."""
 
 Spots = Callable[[int], Sequence[Spot]]
 """What moves together along an axis (0, 1, 2)."""
@@ -34,29 +32,21 @@ def turn_of(segment: str) -> Spots:
     return lambda axis: [JointSpot(segment, "before", "rotation", axis)]
 
 
-def make_shifts(spots: Spots, *, most: float, driver: str | None = None) -> tuple[Column, ...]:
-    """A column for each axis, of ``most`` mm at most: constant, or per degree of a coordinate."""
+def make_shifts(spots: Spots, *, driver: str | None = None) -> tuple[Column, ...]:
+    """A column for each axis: constant, or per degree of a coordinate."""
     if driver is None:
-        return _make_along_axes(spots, "_mm", MM, ALWAYS, most)
-    return _make_along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver), most)
+        return _make_along_axes(spots, "_mm", MM, ALWAYS)
+    return _make_along_axes(spots, "_mm_per_deg", MM_PER_DEG, Following(driver))
 
 
 def make_turns(spots: Spots, *, driver: str) -> tuple[Column, ...]:
-    """A column for each axis, of a degree per degree of a coordinate at most."""
-    return _make_along_axes(spots, "_deg_per_deg", 1.0, Following(driver), 1.0)
+    """A column for each axis."""
+    return _make_along_axes(spots, "_deg_per_deg", 1.0, Following(driver))
 
 
-def _make_along_axes(
-    spots: Spots, suffix: str, unit: float, profile: Profile, most: float
-) -> tuple[Column, ...]:
+def _make_along_axes(spots: Spots, suffix: str, unit: float, profile: Profile) -> tuple[Column, ...]:
     """``spots`` gives what moves together along an axis."""
     return tuple(
-        Column(
-            name=f"{LETTERS[k]}{suffix}",
-            unit=unit,
-            parts=tuple(Part(s, profile) for s in spots(k)),
-            low=-most,
-            high=most,
-        )
+        Column(name=f"{LETTERS[k]}{suffix}", unit=unit, parts=tuple(Part(s, profile) for s in spots(k)))
         for k in range(3)
     )

@@ -20,7 +20,7 @@ from scaling_service.capabilities.discovery.laws.contacts import (
 )
 from scaling_service.capabilities.discovery.observations.wrench import WrenchFit
 from scaling_service.capabilities.discovery.ordinary.forces import Touch
-from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
+from scaling_service.capabilities.discovery.ordinary.sums import find_best_span
 from scaling_service.capabilities.kinetics.forces import find_feet
 from scaling_service.core.arrays import Array
 
@@ -50,7 +50,7 @@ def find_contacts(fit: Fit, noise: Array) -> list[tuple[float, Candidate]]:
         names = [s.name for s in item.model.segments if s.name in shown]
         weight = min(1.0, item.step / (2.0 * _LASTING_S))
         for name in names:
-            point = fit_point([Spell(item, rows, noise)], name).point
+            point = fit_point([Spell(item, rows, noise)], name)
             # Logarithm of the Bayes factor of each frame of a force of any direction at a point, (n,).
             columns = _press(item, name, point) / noise[:, None]
             gap, sd = item.residuals / noise, _FORCE_N_PER_KG * item.mass

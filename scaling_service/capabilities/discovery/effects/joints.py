@@ -8,7 +8,6 @@ import numpy as np
 
 from scaling_service.capabilities.discovery.effects._columns import (
     DEG,
-    MOST_MM_PER_DEG,
     make_shifts,
     make_turns,
     shift_of,
@@ -18,6 +17,7 @@ from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS, At, JointSpot, SizeSpot
+from scaling_service.capabilities.discovery.ordinary.body import list_sized
 from scaling_service.model.body import Segment
 
 _THIRD = 2  # of a joint of two turns: the axis about which neither is taken to go
@@ -29,7 +29,7 @@ _AROUND: tuple[At, At] = ("before", "after")
 def propose_centre_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every joint that turns."""
     for segment in scene.jointed:
-        columns = make_shifts(shift_of(segment.name), most=80.0)
+        columns = make_shifts(shift_of(segment.name))
         yield Candidate(kind="joint_centre_offset", where=(segment.joint_name,), columns=columns)
 
 
@@ -43,13 +43,7 @@ def propose_axis_tilts(scene: Scene) -> Iterator[Candidate]:
         across = list_across(segment)
         if len(across) < 3:
             columns = tuple(
-                Column(
-                    name=f"{LETTERS[k]}_deg",
-                    unit=DEG,
-                    parts=_shift_and_return(segment.name, k),
-                    low=-45.0,
-                    high=45.0,
-                )
+                Column(name=f"{LETTERS[k]}_deg", unit=DEG, parts=_shift_and_return(segment.name, k))
                 for k in across
             )
             yield Candidate(kind=AXIS_TILT, where=(segment.joint_name,), columns=columns)
@@ -74,7 +68,7 @@ def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.jointed:
         for driver in scene.coordinates_of(segment):
             where = (segment.joint_name,)
-            gliding = make_shifts(shift_of(segment.name), most=MOST_MM_PER_DEG, driver=driver)
+            gliding = make_shifts(shift_of(segment.name), driver=driver)
             turning = tuple(make_turns(turn_of(segment.name), driver=driver)[k] for k in list_across(segment))
             yield Candidate(kind="coupled_motion", where=where, columns=gliding, driver=(driver,))
             yield Candidate(
@@ -84,13 +78,9 @@ def propose_coupled_motions(scene: Scene) -> Iterator[Candidate]:
 
 def propose_segment_lengths(scene: Scene) -> Iterator[Candidate]:
     """Every segment that has a size."""
-    sized = {joint.scales_with for _, joint in scene.model.joints() if joint.scales_with}
-    sized |= {m.segment for m in scene.model.markers if m.follows_size}
-    for segment in scene.bearing:
-        if segment.name in sized:
-            part = Part(SizeSpot(segment.name))
-            column = Column(name="factor", unit=1.0, parts=(part,), neutral=1.0, low=0.7, high=1.4)
-            yield Candidate(kind="segment_length", where=(segment.name,), columns=(column,))
+    for name in list_sized(scene):
+        column = Column(name="factor", unit=1.0, parts=(Part(SizeSpot(name)),), neutral=1.0)
+        yield Candidate(kind="segment_length", where=(name,), columns=(column,))
 
 
 EFFECTS = (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -16,8 +15,8 @@ from scaling_service.capabilities.discovery.laws.candidates import Candidate, Es
 from scaling_service.capabilities.discovery.laws.spots import Generators
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit
 from scaling_service.capabilities.discovery.ordinary.body import make_clusters
-from scaling_service.capabilities.discovery.ordinary.spans import find_best_span
 from scaling_service.capabilities.discovery.ordinary.sums import (
+    find_best_span,
     list_patterns,
     place_in_segments,
     turn_vectors,
@@ -50,9 +49,9 @@ def find_exchanges(item: MotionFit) -> list[tuple[float, Candidate]]:
     covariance = _PLACE_M**2 * np.eye(3 * len(item.markers))
     for cluster in make_clusters(item, share=1.0):
         covariance[np.ix_(cluster.numbers, cluster.numbers)] += cluster.covariance
-    generators, plain = Generators.of(item, ()), replace(item, floor=np.ones(len(item.markers)))
+    generators = Generators.of(item, ())
     gains = np.concatenate(
-        [_gain(plain, generators, covariance, rows, first, second) for rows in item.chunks(_CHUNK)]
+        [_gain(item, generators, covariance, rows, first, second) for rows in item.chunks(_CHUNK)]
     )
     spans = [find_best_span(gains[:, k]) for k in range(len(pairs))]
     weight = weigh_frames(item, item.step)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from scaling_service.capabilities.discovery.effects._columns import MOST_MM_PER_DEG, make_shifts, of_markers
+from scaling_service.capabilities.discovery.effects._columns import make_shifts, of_markers
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Part
 from scaling_service.capabilities.discovery.laws.scene import Scene
@@ -16,7 +16,7 @@ from scaling_service.capabilities.discovery.laws.spots import VolumeSpot
 def propose_marker_offsets(scene: Scene) -> Iterator[Candidate]:
     """Every marker, in all trials, in each one and since each one: it may have been stuck on again."""
     for marker in scene.markers:
-        columns = make_shifts(of_markers(marker), most=80.0)
+        columns = make_shifts(of_markers(marker))
         for trials in scene.scopes:
             yield Candidate(kind="marker_offset", where=(marker,), columns=columns, trials=trials)
 
@@ -27,7 +27,7 @@ def propose_skin_artefacts(scene: Scene) -> Iterator[Candidate]:
         groups = scene.groups_on(segment.name)
         for driver in scene.drivers_of(segment.name):
             for group in groups:
-                columns = make_shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+                columns = make_shifts(of_markers(*group), driver=driver)
                 yield Candidate(kind="soft_tissue_artefact", where=group, columns=columns, driver=(driver,))
         for drivers in combinations(scene.drivers_of(segment.name), 2):
             for group in groups:
@@ -45,13 +45,13 @@ def _make_following_shifts(group: Sequence[str], drivers: Sequence[str]) -> tupl
     return tuple(
         replace(column, name=column.name.replace("_", f"_{driver}_", 1))
         for driver in drivers
-        for column in make_shifts(of_markers(*group), most=MOST_MM_PER_DEG, driver=driver)
+        for column in make_shifts(of_markers(*group), driver=driver)
     )
 
 
 def propose_capture_scale(scene: Scene) -> Iterator[Candidate]:
     """Whole recordings: a calibration wand of another length."""
-    column = Column(name="factor", unit=1.0, parts=(Part(VolumeSpot()),), neutral=1.0, low=0.8, high=1.25)
+    column = Column(name="factor", unit=1.0, parts=(Part(VolumeSpot()),), neutral=1.0)
     for trials in scene.scopes:
         yield Candidate(kind="capture_scale", where=("markers",), columns=(column,), trials=trials)
 

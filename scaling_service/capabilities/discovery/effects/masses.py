@@ -10,14 +10,14 @@ from scaling_service.capabilities.discovery.effects._columns import MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate, Column, Estimate
-from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
-from scaling_service.capabilities.discovery.laws.loads import Inertial
+from scaling_service.capabilities.discovery.laws.loads import Inertial, differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_neutral_frames
 
+_MOMENT_KGMM = 1e4  # chosen: some 10 kg at the reach of an arm
 _REACH_M = 1.0  # chosen: an arm holds a load 0.7 m from the middle of the trunk
 
 
@@ -25,7 +25,7 @@ def propose_segment_masses(scene: Scene) -> Iterator[Candidate]:
     """Every segment with mass, its inertia in proportion."""
     for segment in scene.heavy:
         load = scale_segment(segment)
-        column = Column(name="kg", unit=1.0, load=load, low=-0.9 * segment.mass, high=20.0)
+        column = Column(name="kg", unit=1.0, load=load)
         yield Candidate(kind="segment_mass", where=(segment.name,), columns=(column,))
 
 
@@ -34,7 +34,7 @@ def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
     for segment in scene.heavy:
         loads = [Inertial(segment.name, differentiate_centre(segment, k)) for k in range(3)]
         columns = tuple(
-            Column(name=f"{letter}_mm", unit=MM, load=load, low=-200.0, high=200.0)
+            Column(name=f"{letter}_mm", unit=MM, load=load)
             for letter, load in zip(LETTERS, loads, strict=True)
         )
         yield Candidate(kind="segment_com", where=(segment.name,), columns=columns)
@@ -43,17 +43,17 @@ def propose_centres_of_mass(scene: Scene) -> Iterator[Candidate]:
 def propose_carried_loads(scene: Scene) -> Iterator[Candidate]:
     """Every segment: a mass at its origin, and first moments that say where it is."""
     unit, near = np.eye(10), make_nearest_bone_test(scene.model)
-    names = (("kg", 1.0, 0.0, 60.0), *((f"{axis}_kgmm", 1e3, -3e4, 3e4) for axis in LETTERS))
+    names = (("kg", 1.0, 0.0), *((f"{axis}_kgmm", 1e3, _MOMENT_KGMM) for axis in LETTERS))
     for segment in scene.heavy:
         columns = tuple(
             Column(
                 name=name,
                 unit=scale,
                 load=Inertial(segment.name, tuple(unit[k].tolist())),
-                low=low,
-                high=high,
+                low=-most,
+                high=most,
             )
-            for k, (name, scale, low, high) in enumerate(names)
+            for k, (name, scale, most) in enumerate(names)
         )
         yield Candidate(
             kind="carried_load", where=(segment.name,), columns=columns, together=near(segment.name)

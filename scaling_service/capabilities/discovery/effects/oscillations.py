@@ -34,7 +34,7 @@ def propose_wobbling_masses(scene: Scene) -> Iterator[Candidate]:
         long = np.linalg.norm(segment.com) > _LONG_M
         for pair, along in product(TRIED, (1.0, 0.5) if long else (1.0,)):
             load = Wobbling(segment.name, *pair, along)
-            column = Column(name="kg", unit=1.0, load=load, low=0.0, high=segment.mass)
+            column = Column(name="kg", unit=1.0, load=load)
             yield Candidate(
                 kind="wobbling_mass",
                 where=(segment.name,),

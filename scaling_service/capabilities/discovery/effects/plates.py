@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from scaling_service.capabilities.discovery.effects._columns import DEG, MM
 from scaling_service.capabilities.discovery.effects.catalogue import Effect
@@ -21,77 +21,62 @@ from scaling_service.capabilities.discovery.laws.spots import LETTERS
 from scaling_service.core.arrays import Array
 
 _BIASES = ("fx_N", "fy_N", "fz_N")
-MOST_BIAS_N = 300.0  # chosen: half a person's weight is no bias
 
 _LEAST_TURN = math.radians(1.0)  # chosen: plates are laid and surveyed to less
 
-_MOST_SHIFT_MM = (300.0, 100.0, 300.0)  # chosen: half a plate, and a floor that was laid over it
+_Choice = tuple[Sequence[Column], str, Callable[[Array], bool] | None]
+"""Columns, what is noted of them, and whether sizes are plausible together."""
 
 
-def propose_plate_biases(scene: Scene) -> Iterator[Candidate]:
-    """Every plate, of its forces, in all recordings and in each."""
-    for plate in scene.plates:
-        columns = tuple(
-            Column(name=name, unit=1.0, load=PlateBias(plate, k), low=-MOST_BIAS_N, high=MOST_BIAS_N)
-            for k, name in enumerate(_BIASES)
-        )
-        for trials in scene.scopes_with_forces:
-            yield Candidate(kind="plate_bias", where=(plate,), columns=columns, trials=trials)
-
-
-def propose_plate_gains(scene: Scene) -> Iterator[Candidate]:
+def _at_plates(
+    kind: str, choose: Callable[[str], Iterable[_Choice]]
+) -> Callable[[Scene], Iterator[Candidate]]:
     """Every loaded plate, in all recordings and in each."""
-    for plate in scene.plates:
-        column = Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate), low=0.7, high=1.4)
-        for trials in scene.scopes_with_forces:
-            yield Candidate(kind="plate_gain", where=(plate,), columns=(column,), trials=trials)
+
+    def propose(scene: Scene) -> Iterator[Candidate]:
+        for plate in scene.plates:
+            for columns, note, together in choose(plate):
+                for trials in scene.scopes_with_forces:
+                    yield Candidate(
+                        kind=kind,
+                        where=(plate,),
+                        columns=tuple(columns),
+                        trials=trials,
+                        note=note,
+                        together=together,
+                    )
+
+    return propose
 
 
-def propose_plate_positions(scene: Scene) -> Iterator[Candidate]:
-    """Every loaded plate, in all recordings and in each."""
-    for plate in scene.plates:
-        columns = tuple(
-            Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k), low=-most, high=most)
-            for k, most in enumerate(_MOST_SHIFT_MM)
-        )
-        for trials in scene.scopes_with_forces:
-            yield Candidate(kind="plate_position", where=(plate,), columns=columns, trials=trials)
+def _shift(plate: str, *axes: int) -> list[Column]:
+    return [Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in axes]
 
 
-def propose_plate_rotations(scene: Scene) -> Iterator[Candidate]:
-    """Every loaded plate, about the vertical and leaning, in all recordings and in each.
+def _choose_bias(plate: str) -> Iterator[_Choice]:
+    yield [Column(name=name, unit=1.0, load=PlateBias(plate, k)) for k, name in enumerate(_BIASES)], "", None
+
+
+def _choose_gain(plate: str) -> Iterator[_Choice]:
+    yield [Column(name="factor", unit=1.0, neutral=1.0, load=PlateGain(plate))], "", None
+
+
+def _choose_place(plate: str) -> Iterator[_Choice]:
+    yield _shift(plate, 0, 1, 2), "", None
+
+
+def _choose_rotations(plate: str) -> Iterator[_Choice]:
+    """About the vertical and leaning.
 
     Readings without the plate's place do not tell about which point it is turned: about the vertical one is
     tried, too, that also shifts, the shift being that of the ground's origin.
     """
-    for plate in scene.plates:
-        vertical = (
-            Column(name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1), low=-45.0, high=45.0),
-        )
-        elsewhere = (
-            Column(
-                name="about_vertical_deg", unit=DEG, load=PlateTurn(plate, 1, "ground"), low=-45.0, high=45.0
-            ),
-            # without bounds: far from the ground's origin a small turn goes with a large shift there
-            *(Column(name=f"{LETTERS[k]}_mm", unit=MM, load=PlateShift(plate, k)) for k in (0, 2)),
-        )
-        leaning = tuple(
-            Column(name=f"tilt_{letter}_deg", unit=DEG, load=PlateTurn(plate, k), low=-20.0, high=20.0)
-            for k, letter in ((0, "x"), (2, "z"))
-        )
-        for trials in scene.scopes_with_forces:
-            yield Candidate(kind="plate_rotation", where=(plate,), columns=vertical, trials=trials)
-            yield Candidate(
-                kind="plate_rotation",
-                where=(plate,),
-                columns=elsewhere,
-                trials=trials,
-                note="about another point",
-                together=_is_turn_alone,
-            )
-            yield Candidate(
-                kind="plate_rotation", where=(plate,), columns=leaning, trials=trials, note="leaning"
-            )
+    name = "about_vertical_deg"
+    elsewhere = [Column(name=name, unit=DEG, load=PlateTurn(plate, 1, "ground")), *_shift(plate, 0, 2)]
+    leaning = [Column(name=f"tilt_{LETTERS[k]}_deg", unit=DEG, load=PlateTurn(plate, k)) for k in (0, 2)]
+    yield [Column(name=name, unit=DEG, load=PlateTurn(plate, 1))], "", None
+    yield elsewhere, "about another point", _is_turn_alone
+    yield leaning, "leaning", None
 
 
 def _is_turn_alone(size: Array) -> bool:
@@ -102,7 +87,7 @@ def _is_turn_alone(size: Array) -> bool:
 def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
     """All recordings with forces, and each by itself."""
     if scene.plates:
-        columns = (Column(name="delay_s", unit=1.0, load=Late(), low=-0.3, high=0.3),)
+        columns = (Column(name="delay_s", unit=1.0, load=Late()),)
         for trials in scene.scopes_with_forces:
             yield Candidate(kind="force_delay", where=("forces",), columns=columns, trials=trials)
 
@@ -110,10 +95,7 @@ def propose_force_delays(scene: Scene) -> Iterator[Candidate]:
 def propose_gravity_tilt(scene: Scene) -> Iterator[Candidate]:
     """The whole world, about its two level axes."""
     if scene.plates:
-        columns = tuple(
-            Column(name=name, unit=DEG, load=Tilt(k), low=-15.0, high=15.0)
-            for k, name in ((0, "x_deg"), (2, "z_deg"))
-        )
+        columns = tuple(Column(name=name, unit=DEG, load=Tilt(k)) for k, name in ((0, "x_deg"), (2, "z_deg")))
         yield Candidate(kind="gravity_tilt", where=("world",), columns=columns)
 
 
@@ -121,19 +103,23 @@ EFFECTS = (
     Effect(
         kind="plate_bias",
         meaning="something constant is added to what the plate measures",
-        candidates=propose_plate_biases,
+        candidates=_at_plates("plate_bias", _choose_bias),
     ),
     Effect(
         kind="plate_gain",
         meaning="the plate measures a multiple of the true force",
-        candidates=propose_plate_gains,
+        candidates=_at_plates("plate_gain", _choose_gain),
     ),
     Effect(
         kind="plate_position",
         meaning="the plate lies elsewhere, so that its centre of pressure is shifted",
-        candidates=propose_plate_positions,
+        candidates=_at_plates("plate_position", _choose_place),
     ),
-    Effect(kind="plate_rotation", meaning="the plate is turned", candidates=propose_plate_rotations),
+    Effect(
+        kind="plate_rotation",
+        meaning="the plate is turned",
+        candidates=_at_plates("plate_rotation", _choose_rotations),
+    ),
     Effect(
         kind="force_delay",
         meaning="the forces come later (or earlier) than the markers",

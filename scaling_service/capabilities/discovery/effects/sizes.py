@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -16,8 +15,6 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.reference import find_reference_folder, read_reference
-
-_AT_BOUND = 0.01  # of the range of a number: nearer to an end than this it stands at it (chosen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +31,6 @@ class Range:
         return float(
             scipy.special.ndtr((self.high - value) / sd) - scipy.special.ndtr((self.low - value) / sd)
         )
-
-    def at_end(self, value: float) -> bool:
-        """Whether a number stands at one of its ends."""
-        near = _AT_BOUND * (self.high - self.low)
-        return math.isfinite(near) and not self.low + near < value < self.high - near
 
 
 def look_up_usual_sizes(candidate: Candidate, model: BodyModel) -> Callable[[str], Range | None]:
@@ -76,7 +68,7 @@ def list_usual_deviations(candidate: Candidate, model: BodyModel) -> Array | Non
     """
     usual, found = look_up_usual_sizes(candidate, model), []
     for column in candidate.columns:
-        known = _MOMENTS.get(column.name) or usual(column.name) or Range(column.low, column.high)
+        known = usual(column.name) or Range(column.low, column.high)
         far = max(abs(known.low - column.neutral), abs(known.high - column.neutral))
         found.append(0.5 * far / column.unit)
     sds = np.array(found)
@@ -95,7 +87,3 @@ def is_met(candidate: Candidate, size: Array, model: BodyModel) -> bool:
         if known is not None and not known.low <= shown <= known.high:
             return False
     return True
-
-
-_MOMENTS = {f"{axis}_kgmm": Range(-1e4, 1e4) for axis in "xyz"}
-"""Of a carried load: some 10 kg at the reach of an arm (chosen)."""

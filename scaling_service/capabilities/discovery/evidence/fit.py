@@ -21,7 +21,6 @@ from scaling_service.capabilities.discovery.laws.contacts import compute_wrench
 from scaling_service.capabilities.discovery.laws.loads import Wobbling
 from scaling_service.capabilities.discovery.laws.scene import Scene
 from scaling_service.capabilities.discovery.laws.swinging import still_skin
-from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoadCache
 from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
 from scaling_service.capabilities.discovery.observations.wrench import ContactAssignment, WrenchFit
 from scaling_service.core.progress import report_nothing
@@ -41,7 +40,7 @@ class SearchTrial:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SearchContext:
-    """What a search is about, and what it keeps: the model it started from, recordings, settings, caches.
+    """What a search is about, and what it keeps: the model it started from, recordings, settings.
 
     ``advance`` is called whenever a part of the work is done.
     """
@@ -49,7 +48,6 @@ class SearchContext:
     model: BodyModel
     recordings: Sequence[SearchTrial] = ()
     settings: DiscoverySettings = field(default_factory=DiscoverySettings)
-    cache: InertialLoadCache = field(default_factory=InertialLoadCache)
     advance: Callable[[], None] = report_nothing
 
 
@@ -73,10 +71,6 @@ class Fit:
         """How strict the search is."""
         return self.context.settings
 
-    def model_in(self, trial: str) -> BodyModel:
-        """The model as it is in one trial."""
-        return with_effects(self.model, self.effects, trial)
-
     def without(self, keys: Collection[str]) -> Fit:
         """The same tracking, no longer with effects of some keys; not estimated anew."""
         return replace(self, effects=tuple(e for e in self.effects if e.candidate.key not in keys))
@@ -95,7 +89,10 @@ class Fit:
             for c, spread in zip(model.coordinates, q.std(axis=0), strict=True)
             if c.kind == "rotation" and c.name not in roots and spread > self.settings.moving_rad
         )
-        plates = dict.fromkeys(name for item in self.wrenches for name in _list_loaded(item))
+        grounds = [item.contacts.ground for item in self.wrenches]
+        plates = dict.fromkeys(  # that bear something
+            name for g in grounds for k, name in enumerate(g.plates) if g.in_contact()[:, k].any()
+        )
         trials, wrenches = (tuple(item.name for item in items) for items in (self.tracked, self.wrenches))
         return Scene(
             model=model, markers=names, moving=moving, trials=trials, plates=tuple(plates), wrenches=wrenches
@@ -112,7 +109,11 @@ def fit_recordings(
     astray = near.astray if near else {}
 
     def track_again(recording: SearchTrial) -> MotionFit:
-        return _track(context.model, recording, effects, starts.get(recording.trial.name), astray)
+        trial, start = correct_trial(recording.trial, effects), starts.get(recording.trial.name)
+        if start is not None:
+            trial = still_skin(trial, start, effects)
+        known = with_effects(context.model, effects, trial.name)
+        return MotionFit.of(known, trial, recording.role, start, astray)
 
     found = tuple(map_parallel(track_again, context.recordings))
     context.advance()
@@ -137,30 +138,15 @@ def fit_wrenches(fit: Fit) -> Fit:
     return replace(fit, wrenches=wrenches)
 
 
-def _track(
-    model: BodyModel,
-    recording: SearchTrial,
-    effects: Sequence[Estimate],
-    near: MotionFit | None,
-    astray: Mapping[str, float],
-) -> MotionFit:
-    trial = correct_trial(recording.trial, effects)
-    if near is not None:
-        trial = still_skin(trial, near, effects)
-    known = with_effects(model, effects, trial.name)
-    return MotionFit.of(known, trial, recording.role, near, astray)
-
-
 def _fit_wrench(item: MotionFit, fit: Fit, contacts: ContactAssignment) -> WrenchFit:
     """Bring a tracked trial and its forces together, effects of known size taken into account."""
     here = [s for s in fit.effects if s.candidate.holds_in(item.name)]
     made = WrenchFit(
         tracked=item,
-        model=with_inertial_changes(fit.model_in(item.name), here, item.name),
+        model=with_inertial_changes(with_effects(fit.model, here, item.name), here, item.name),
         contacts=replace(contacts, ground=correct_forces(contacts.ground, item.trial.times, here)),
         gravity=tilt_gravity(here),
         oscillating=tuple(list_loads(here, Wobbling)),
-        cache=fit.context.cache,
     )
     for effect in fit.effects:
         contact = effect.candidate.change
@@ -168,9 +154,3 @@ def _fit_wrench(item: MotionFit, fit: Fit, contacts: ContactAssignment) -> Wrenc
             before = np.zeros((len(item.q), 6)) if made.touched is None else made.touched
             made = replace(made, touched=before + compute_wrench(made, contact))
     return made
-
-
-def _list_loaded(item: WrenchFit) -> list[str]:
-    """The plates that bear something in a trial."""
-    ground = item.contacts.ground
-    return [name for k, name in enumerate(ground.plates) if ground.in_contact()[:, k].any()]

@@ -46,12 +46,8 @@ class Column:
     parts: tuple[Part, ...] = ()  # of the motion
     neutral: float = 0.0  # the number in the results where the effect is absent: 1 for a factor
     load: Load | None = None  # of the ground wrench, in place of parts
-    low: float = -math.inf  # low, high: what is plausible, as in the results
+    low: float = -math.inf  # low, high: 95 of 100, as in the results, where ``effect_sizes.yaml`` has none
     high: float = math.inf
-
-    def plausible(self, size: float) -> bool:
-        """Whether a coefficient (SI) is one that a laboratory could meet."""
-        return self.low <= self.neutral + self.unit * size <= self.high
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,17 +117,12 @@ class Candidate:
     note: str = ""  # what a person should know of this one: the frequency it was tried at
     # for what is not a sum of columns
     change: FreeMotion | Exchange | Contact | Reweighed | Swinging | None = None
-    # whether coefficients, each in its range, are plausible together
+    # whether coefficients (SI) are such as a laboratory could meet together
     together: Callable[[Array], bool] | None = field(default=None, compare=False)
 
     def holds_in(self, trial: str) -> bool:
         """Whether it is in a trial."""
         return not self.trials or trial in self.trials
-
-    def plausible(self, size: Array) -> bool:
-        """Whether coefficients (SI) are such as a laboratory could meet, each and together."""
-        each = all(c.plausible(value) for c, value in zip(self.columns, size.tolist(), strict=True))
-        return each and (self.together is None or self.together(size))
 
     @property
     def seen_in(self) -> Seen:

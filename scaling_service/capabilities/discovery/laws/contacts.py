@@ -54,23 +54,13 @@ def compute_wrench(item: WrenchFit, contact: Contact) -> Array:
     found = np.zeros((len(item.times), 6))
     if len(rows):
         spell = Spell(item, rows, np.array(contact.noise))
-        force, moment, _ = solve_force(spell, contact.segment, np.array(contact.point))
+        force, moment = solve_force(spell, contact.segment, np.array(contact.point))
         found[rows] = np.concatenate([force, moment], axis=1)
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Fitting:
-    """The best point of a segment, what is left, and twice the negative logarithm of its likelihood."""
-
-    segment: str
-    point: Array  # (3,), m: in the segment's frame
-    left: float  # whitened square of the moment
-    misfit: float
-
-
-def fit_point(spells: Sequence[Spell], segment: str) -> Fitting:
-    """The point within reach of the segment about which the disagreement has least moment.
+def fit_point(spells: Sequence[Spell], segment: str) -> Array:
+    """The point (3,), m, within a segment's reach about which the disagreement has least moment, in its axes.
 
     Noise of the motion acts like forces at the centre of mass, so it would draw the point there; what its
     products come to on average is taken off (errors in variables: Nakamura 1990, Biometrika 77:127). Along a
@@ -84,13 +74,7 @@ def fit_point(spells: Sequence[Spell], segment: str) -> Fitting:
     middle = point = 0.5 * (low + high)
     for _round in range(_ROUNDS):
         point = _step_point(spells, segment, point, middle, (low, high))
-    parts = [_compute_cost(spell, segment, point) for spell in spells]
-    left, spread = np.sum(parts, axis=0).tolist()
-    count = 3 * sum(len(s.rows) for s in spells)
-    # frames are not independent: the likelihood counts one of them for each period of the filter
-    share = spells[0].wrench.step * 2.0 * spells[0].wrench.cutoff_hz
-    misfit = min(1.0, share) * (count * np.log(max(left, 1e-12) / count) + spread)
-    return Fitting(segment, point, left, misfit)
+    return np.asarray(point)
 
 
 def _step_point(
@@ -122,23 +106,15 @@ def _step_point(
     return middle + minimise_within(steep, vector, slope, low, high)
 
 
-def _compute_cost(spell: Spell, segment: str, point: Array) -> tuple[float, float]:
-    """Whitened square of the moment about a point, and minus the logarithm of its weights' determinants."""
-    _, _, square = solve_force(spell, segment, point)
-    weight = _compute_weights(spell, segment, point)
-    return float(square.sum()), -float(np.linalg.slogdet(weight)[1].sum())
-
-
-def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array, Array]:
-    """Force on the body, its moment about the ground origin, and the whitened square left, (n,)."""
+def solve_force(spell: Spell, segment: str, point: Array) -> tuple[Array, Array]:
+    """Force on the body and its moment about the ground origin, (n, 3)."""
     item, rows = spell.wrench, spell.rows
     force = -item.residuals[rows, :3]
     place = _place(item, segment, rows, point)
     left = item.residuals[rows, 3:] - np.cross(place - item.about[rows], item.residuals[rows, :3])
     weight = _compute_weights(spell, segment, point)
-    square = np.einsum("na,nab,nb->n", left, weight, left)
     wandering = np.einsum("nab,nbc,nc->na", _compute_wandering(force, segment), weight, left)
-    return force, np.cross(place, force) - wandering, square
+    return force, np.cross(place, force) - wandering
 
 
 def _place(item: WrenchFit, segment: str, rows: NDArray[np.intp], point: Array) -> Array:

@@ -16,6 +16,9 @@ import numpy as np
 from scaling_service.capabilities.discovery.observations.oscillator import simulate_oscillator
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.core.arrays import Array
+from scaling_service.model.body import Segment
+from scaling_service.model.inertia import to_matrix
+from scaling_service.numerics.multibody.motion import TENSOR
 from scaling_service.numerics.multibody.rigid import rotate_about
 from scaling_service.numerics.wrench import GRAVITY
 
@@ -197,13 +200,8 @@ def compute_columns(loads: Sequence[Load], fit: WrenchFit) -> Array:
             changing[k] = load
         elif isinstance(load, Wobbling):
             oscillating.setdefault(load.shape, {})[k] = load.segment
-        elif isinstance(load, Tilt):
+        else:
             made[:, :, k] = load.column(fit)
-        else:  # the motion has no part in it: made once for all draws of its noise
-            kept = fit.contacts.columns
-            if load not in kept:
-                kept[load] = load.column(fit)
-            made[:, :, k] = kept[load]
     if changing:
         segments, changes = [x.segment for x in changing.values()], [x.change for x in changing.values()]
         made[:, :, list(changing)] = fit.compute_needed_more(segments, np.array(changes))
@@ -221,3 +219,23 @@ def _compute_oscillating(fit: WrenchFit, segments: Sequence[str], shape: tuple[f
     force = pull - 2.0 * damping * w * speed - w * w * displaced
     moment = np.cross(place, force) + np.cross(displaced, force - pull - fit.gravity)
     return np.concatenate([force, moment], axis=2).transpose(0, 2, 1)
+
+
+def scale_segment(segment: Segment) -> Inertial:
+    """A segment that is heavier, of the same shape: per kilogram."""
+    com = np.array(segment.com)
+    tensor = to_matrix(segment.inertia) + segment.mass * _spread(com, com)
+    every = np.concatenate([[segment.mass], segment.mass * com, [tensor[i, j] for i, j in TENSOR]])
+    return Inertial(segment.name, tuple((every / segment.mass).tolist()))
+
+
+def differentiate_centre(segment: Segment, axis: int) -> tuple[float, ...]:
+    """Change of the ten inertial parameters about the segment's origin per metre of its centre of mass."""
+    com, unit = np.array(segment.com), np.eye(3)[axis]
+    tensor = 2.0 * segment.mass * _spread(com, unit)
+    return tuple(np.concatenate([[0.0], segment.mass * unit, [tensor[i, j] for i, j in TENSOR]]).tolist())
+
+
+def _spread(a: Array, b: Array) -> Array:
+    """The mixed part of a unit mass' tensor at a + b, halved: ``a.b 1 - (a b' + b a') / 2``."""
+    return np.asarray(a @ b * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))

@@ -173,7 +173,7 @@ class Generators:
         )
 
     def at(self, item: MotionFit, rows: Frames) -> tuple[Array, Array, Array]:
-        """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), by floors."""
+        """Residuals (n, r), the pose's columns (n, n_free, r) and the spots' (n, n_spots, r), m."""
         poses = pose_links(self.tree, np.ascontiguousarray(item.q[rows].T), self.p)
         placed = place_tree_markers(self.tree, poses)
         rates = compute_jacobian(self.tree, poses, placed, self.variables)
@@ -185,9 +185,8 @@ class Generators:
             every[of_body], every[at] = rates, [spot.field(placed) for _, spot in self.volumes]
             rates = every
         measured = item.task.measured[rows]
-        scale = np.repeat(1.0 / item.floor, 3)
         shown = np.isfinite(measured).reshape(n, -1)
-        gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0) * scale
-        white = order_by_frame(rates)
-        white *= (shown * scale)[:, None]
-        return gap, white[:, :count], white[:, count:]
+        gap = np.where(shown, (measured - np.moveaxis(placed, -1, 0)).reshape(n, -1), 0.0)
+        moved = order_by_frame(rates)
+        moved *= shown[:, None]
+        return gap, moved[:, :count], moved[:, count:]

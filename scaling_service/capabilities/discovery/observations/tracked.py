@@ -1,10 +1,10 @@
-"""A recording as the search sees it: tracked by the model, with the noise floor of its markers."""
+"""A recording as the search sees it: tracked by the model."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Literal
@@ -12,38 +12,65 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.discovery.observations.inertial_loads import InertialLoads
+from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
+from scaling_service.model.compile import list_parameter_values
+from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.tree import (
     Poses,
     place_tree_markers,
     pose_links,
 )
+from scaling_service.numerics.wrench import compute_regressor_blocks
 
 Role = Literal["fit", "held_out"]
 ROLES: tuple[Role, ...] = ("fit", "held_out")
 _FEWEST_BLOCKS = 4  # of a trial; chosen: a spread needs three, and one may be empty
-LEAST_M = 2e-4
-"""m; the least noise of a moving marker that is believed (chosen: cameras tell moving markers to some tenths
-of a millimetre). Recordings that show less were smoothed before."""
-
-_NORMAL = 1.4826
-"""Standard deviation over median absolute deviation of a normal distribution."""
-
-_UNLIKE = 2.0
-"""How many times more or less noise than the median a marker may have (chosen: in real recordings 0.9 to 1.3
-times). What shows less was smoothed, what shows more is no noise of the cameras."""
-
-_THIRD = 20.0  # variance of third differences of white noise of unit variance
-
-_ENOUGH = 30
-"""Third differences from which a spread is estimated (chosen: its own error is then 15 %)."""
-
 _NULL = 1e-9  # of a column's own curvature, so that a frame may leave a direction of its pose open
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InertialLoads:
+    """A motion (model with mass, times, coordinates) under a gravity; the masses count for nothing here."""
+
+    model: BodyModel
+    times: Array
+    q: Array
+    gravity: Array  # (3,), m/s2
+    cutoff_hz: float  # of the light filter of coordinates
+
+    @cached_property
+    def rated(self) -> RatedMotion:
+        """The motion with its rates, filtered."""
+        return differentiate_motion(self.model, self.times, self.q, cutoff_hz=self.cutoff_hz)
+
+    @cached_property
+    def root(self) -> Array:
+        """The trunk's origin, (n, 3), m."""
+        poses = pose_links(self.mechanism.tree, self.rated.rates.q, list_parameter_values(self.model))
+        return np.ascontiguousarray(poses.origins[0].T)
+
+    @cached_property
+    def per_number(self) -> Array:
+        """Wrench about the ground origin per inertial number of each segment, (n, 6, 10 n_segments)."""
+        p = list_parameter_values(self.model)
+        found = compute_regressor_blocks(self.mechanism, self.rated.rates, p, gravity=self.gravity)
+        made = np.concatenate([block.ground for block in found])
+        made[:, 3:] += np.cross(self.root[:, :, None], made[:, :3], axis=1)
+        return made
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The model, compiled."""
+        return _compiled(self.model)
+
+
+_compiled = lru_cache(8)(compile_mechanism)  # chosen: bodies of as many recordings, if each has its own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,7 +81,6 @@ class MotionFit:
     role: Role
     task: Task  # the model as tracked, with the markers used
     q: Array  # (n_frames, n_coordinates), rad or m
-    floor: Array  # (n_markers,), m: standard deviation of the noise of one coordinate of each marker
 
     @classmethod
     def of(
@@ -69,15 +95,13 @@ class MotionFit:
 
         ``astray``: markers that wander by some factor more than others, which draw the pose the less.
         """
-        plain = Task.of(model, trial, bounded=False)
-        floor = estimate_marker_noise(plain.measured)
-        task = Task.of(model, trial, bounded=False, weights=_weight_markers(plain, floor, astray))
+        weights = {m.name: astray.get(m.name, 1.0) ** -2 for m in model.markers if m.weight > 0.0}
+        task = Task.of(model, trial, bounded=False, weights=weights)
         return cls(
             trial=trial,
             role=role,
             task=task,
             q=solve_task(task, trial.times, _carry_over_motion(task, near)).q,
-            floor=floor,
         )
 
     @property
@@ -140,11 +164,6 @@ class MotionFit:
     def _inertial_loads(self) -> dict[tuple[bytes, float], InertialLoads]:
         return {}
 
-    @property
-    def square(self) -> float:
-        """Whitened sum of squares of all residuals."""
-        return float(np.nansum((self.residuals / self.floor[:, None]) ** 2))
-
     @cached_property
     def seen(self) -> NDArray[np.bool_]:
         """Where a marker was seen, (n_frames, n_markers)."""
@@ -168,34 +187,6 @@ def without_span(residuals: Array, basis: Array) -> Array:
     """Residuals (n, r) without what a basis (n, q, r) takes of them."""
     taken = basis @ residuals[:, :, None]
     return residuals - (basis.transpose(0, 2, 1) @ taken)[:, :, 0]
-
-
-def estimate_marker_noise(measured: Array) -> Array:
-    """Standard deviation (m) of one coordinate's noise for each marker, (n_markers,).
-
-    A body moves smoothly from frame to frame, a camera's noise does not: third differences of a marker's path
-    keep the noise and next to nothing of the movement. A marker seen too briefly gets the others' median.
-    ``measured``: not smoothed, (n_frames, n_markers, 3), m; NaN where not seen.
-    """
-    steps = np.diff(measured, n=3, axis=0)
-    spread = np.array([_spread(steps[:, m]) for m in range(measured.shape[1])])
-    typical = float(np.nanmedian(spread)) if np.isfinite(spread).any() else LEAST_M
-    known = np.where(np.isfinite(spread), spread, typical)
-    return np.asarray(np.maximum(np.clip(known, typical / _UNLIKE, typical * _UNLIKE), LEAST_M))
-
-
-def _spread(steps: Array) -> float:
-    known = steps[np.isfinite(steps).all(axis=1)]
-    if len(known) < _ENOUGH:
-        return float("nan")
-    return float(_NORMAL * np.median(np.abs(known)) / np.sqrt(_THIRD))
-
-
-def _weight_markers(task: Task, floor: Array, astray: Mapping[str, float]) -> dict[str, float]:
-    """One over the variance of each marker, the median marker's being one."""
-    typical = float(np.median(floor))
-    pairs = zip(task.markers, floor.tolist(), strict=True)
-    return {name: (typical / (astray.get(name, 1.0) * sd)) ** 2 for name, sd in pairs}
 
 
 def _carry_over_motion(task: Task, near: MotionFit | None) -> Array | None:

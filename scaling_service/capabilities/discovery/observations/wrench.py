@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -11,12 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.discovery.observations.inertial_loads import (
-    InertialLoadCache,
-    InertialLoads,
-)
 from scaling_service.capabilities.discovery.observations.oscillator import compute_pull
-from scaling_service.capabilities.discovery.observations.tracked import MotionFit, Role
+from scaling_service.capabilities.discovery.observations.tracked import InertialLoads, MotionFit, Role
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
@@ -56,9 +52,6 @@ class ContactAssignment:
     ground: GroundForces  # at the trial's times, in its axes, filtered by :func:`choose_band_hz`
     usable: NDArray[np.bool_]  # (n,): frames in which nothing but the plates is known to touch the body
     cutoff_hz: float = DYNAMICS_CUTOFF_HZ  # below which wrenches are compared
-    unloaded: NDArray[np.bool_] | None = None  # (n, n_plates): nobody stands on a plate that is read
-    # columns of loads in which the motion has no part, as they were asked for
-    columns: dict[Load, Array] = field(init=False, default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +65,6 @@ class WrenchFit:
     oscillating: tuple[tuple[Load, float], ...] = ()  # masses (kg) on springs
     # (n, 6): what touches the body beside the plates, moment about the ground origin
     touched: Array | None = None
-    cache: InertialLoadCache = field(default_factory=InertialLoadCache)
 
     @property
     def name(self) -> str:
@@ -144,10 +136,7 @@ class WrenchFit:
     @cached_property
     def needed(self) -> Array:
         """What the motion needs with the model's masses, (n, 6), moment about the ground origin."""
-        return np.asarray(self._per_number() @ gather_inertias(self.model).parameters().ravel())
-
-    def _per_number(self) -> Array:
-        return self.cache.per_number(self.inertial_loads)
+        return np.asarray(self.inertial_loads.per_number @ gather_inertias(self.model).parameters().ravel())
 
     @cached_property
     def residuals(self) -> Array:
@@ -167,7 +156,7 @@ class WrenchFit:
         """Wrench about the ground origin that changes (k, 10) of segments' numbers need, (n, 6, k)."""
         own = np.zeros((len(self.model.segments), N_PARAMETERS, len(segments)))
         own[self._numbers(segments), :, np.arange(len(segments))] = changes
-        return np.asarray(self._per_number() @ own.reshape(-1, len(segments)))
+        return np.asarray(self.inertial_loads.per_number @ own.reshape(-1, len(segments)))
 
     def _numbers(self, segments: Sequence[str]) -> list[int]:
         return [self.model.segment_names.index(segment) for segment in segments]

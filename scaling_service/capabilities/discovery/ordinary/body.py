@@ -30,6 +30,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
 """Parts of the body, each with levels of its own, to beginnings of names of bones; else it is the trunk."""
 
 _SHOULDER = ("humerus", "scapula", "clavicle")
+_THIGH = ("femur", "thigh")
 
 _FITTED_PLACE_M, _GENERIC_PLACE_M = 0.006, 0.015
 """Of a marker's place along an axis: where it was fitted (low: what skin leaves of it), and where it was
@@ -38,13 +39,13 @@ taken from the generic model (a mean error of 27 mm in space: Puchaud et al. 201
 _RESTUCK_M = 0.0025  # of one that is stuck on again on its mark, along an axis (low)
 
 _CENTRE_M = 0.008
-"""Of a joint's centre in a scaled model, along an axis (hips: Hara et al. 2016, Mantovani et al. 2016)."""
+"""Of a joint's centre in a scaled model, along an axis (low; of hips ``people.yaml`` tells it)."""
 
 _AXIS = math.radians(4.0)
 """Of a joint's axis in a scaled model (condyles found by hand turn the knee's by up to 15 deg: Schache
 2006)."""
 
-_GIVEN = 0.75  # of both in a model that was made for the person (low)
+_GIVEN = 0.75  # of both in a model that was made for the person (low; regressions of hips are as they are)
 _GLIDE_M, _SHOULDER_GLIDE_M, _TURN = 0.004, 0.015, math.radians(2.0)
 """By what a joint glides and turns along with its coordinates over an ordinary movement (knee: Walker 1988;
 shoulder: the scapula that many models do not have; low)."""
@@ -148,16 +149,17 @@ def _expect_joint(
     base: Base, common: Spread, scene: Scene, segment: Segment, means: Mapping[str, float], share: float
 ) -> None:
     """Its centre and axes, and how it glides and turns along with its own coordinates."""
-    name, bone = segment.name, scene.model.bone_of(segment.name)
+    name, bone, people = segment.name, scene.model.bone_of(segment.name), read_people()
     part = find_part(bone)
     start = [base.number(JointSpot(name, "start", "translation", k)) for k in range(3)]
     before = [base.number(JointSpot(name, "before", "rotation", k)) for k in range(3)]
     after = [base.number(JointSpot(name, "after", "rotation", k)) for k in range(3)]
-    common.add(start, (share * _CENTRE_M) ** 2 * np.eye(3), f"joint {part}")
+    centre = people.hip_sd if bone.lower().startswith(_THIGH) else (share * _CENTRE_M,) * 3
+    common.add(start, np.diag(np.square(centre)), f"joint {part}")
     for pair in zip(before, after, strict=True):
         there_and_back = np.array([[1.0, -1.0], [-1.0, 1.0]])
         common.add(pair, (share * _AXIS) ** 2 * there_and_back, f"joint {part}")
-    reach = {c: r for c, r in find_reach(segment, read_people()).items() if c in scene.moving}
+    reach = {c: r for c, r in find_reach(segment, people).items() if c in scene.moving}
     glide = _SHOULDER_GLIDE_M if bone.lower().startswith(_SHOULDER) else _GLIDE_M
     for driver, far in reach.items():
         one = 1.0 / (far * math.sqrt(len(reach)))

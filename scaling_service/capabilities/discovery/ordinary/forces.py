@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.discovery.evidence.fit import Fit
 from scaling_service.capabilities.discovery.laws.candidates import Candidate
-from scaling_service.capabilities.discovery.laws.inertial import differentiate_centre, scale_segment
 from scaling_service.capabilities.discovery.laws.loads import (
     Inertial,
     Late,
@@ -26,6 +25,8 @@ from scaling_service.capabilities.discovery.laws.loads import (
     PlateTurn,
     Tilt,
     compute_columns,
+    differentiate_centre,
+    scale_segment,
 )
 from scaling_service.capabilities.discovery.observations.wrench import Load, WrenchFit
 from scaling_service.capabilities.discovery.ordinary.body import find_part
@@ -93,7 +94,6 @@ class ForceEvidence:
         Array  # (n_columns, m): of unit variance at the likeliest levels, of what is ordinary and named
     )
     masses: float  # level of what masses differ by
-    unlearnt: float = -math.inf  # the value where all levels are one
 
 
 class WrenchTable:
@@ -238,8 +238,7 @@ class WrenchTable:
             directions=directions,
             masses=1.0,
         )
-        unlearnt = -math.inf
-        for turn in range(_PASSES):
+        for _ in range(_PASSES):
             for owner, at in owned.items():
                 scale[at] = levels[owner]
             by_noise = 1.0 / (self.sd * noise)
@@ -257,8 +256,6 @@ class WrenchTable:
             value = -0.5 * float(gap.ravel() @ (gap.ravel() - flat @ strength))
             value -= float(np.log(np.diag(factor)).sum() + self.weight.sum(axis=0) @ np.log(noise)) + cost
             value += sum(map(weigh_level, (*noise.tolist(), *levels.values())))
-            if not turn:
-                unlearnt = value
             if value > best.value:
                 last = slice(flat.shape[1] - k, None)
                 rms = np.sqrt(np.square(left / (by_noise * np.sqrt(self.weight))).mean(axis=0))
@@ -271,7 +268,6 @@ class WrenchTable:
                     left=rms,
                     directions=directions * scale[steady.shape[2] :],
                     masses=levels["masses"],
-                    unlearnt=unlearnt,
                 )
             unsure = np.einsum("nak,kl,nal->a", white, inverse, white, optimize=True)
             energy = np.square(left).sum(axis=0) + unsure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -83,7 +83,7 @@ class Look:
     def of(cls, item: MotionFit, base: Base, generators: Generators, clusters: Sequence[Cluster]) -> Look:
         """Frames at equal times."""
         rows = np.unique(np.linspace(0, len(item.q) - 1, min(FRAMES, len(item.q))).round().astype(np.intp))
-        gap, pose, columns = generators.at(replace(item, floor=np.ones(len(item.markers))), rows)
+        gap, pose, columns = generators.at(item, rows)
         axes = place_in_segments(item, rows)
         return cls(
             item=item,
@@ -185,3 +185,19 @@ class White:
         )
         pairs = zip(energy.tolist(), count.tolist(), strict=True)
         return dict(zip(self.look.item.markers, pairs, strict=True))
+
+
+def find_best_span(gains: Array) -> tuple[float, slice]:
+    """The neighbouring frames with the largest sum, and that sum; none where nothing is positive.
+
+    Kadane's algorithm (Bentley 1984, Commun ACM 27:865).
+
+    Examples
+    --------
+    >>> find_best_span(np.array([-1.0, 2.0, -1.0, 3.0, -5.0]))
+    (4.0, slice(1, 4, None))
+    """
+    total = np.concatenate([[0.0], np.cumsum(gains)])
+    above = total - np.minimum.accumulate(total)
+    end = int(np.argmax(above))
+    return float(above[end]), slice(int(np.argmin(total[: end + 1])), end)

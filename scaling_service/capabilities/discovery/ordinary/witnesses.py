@@ -23,16 +23,39 @@ def hear_declared(load: Scored, *, borne_kg: float, declared_kg: float) -> Score
     borne_kg : float
         What the plates bear, less loads that are named.
     """
-    value, alone = borne_kg - declared_kg, (DECLARED * declared_kg) ** 2
-    spread = load.covariance[:, 0]
-    told, missed = float(spread[0]) + alone, value - float(load.size[0])
+    return _hear(load, borne_kg - declared_kg, DECLARED * declared_kg)
+
+
+def hear_sum(mass: Scored, *, model_kg: float, declared_kg: float) -> Scored:
+    """A segment's mass with what was declared: the others and it weigh that together.
+
+    Or the model was given the declared sum, whatever its segments are: both are as likely beforehand.
+
+    Parameters
+    ----------
+    mass : Scored
+        What the segment lacks, kg.
+    model_kg : float
+        What the model's segments weigh together.
+    """
+    heard = _hear(mass, declared_kg - model_kg, DECLARED * declared_kg)
+    share = 1.0 / (1.0 + math.exp(min(mass.bayes - heard.bayes, 700.0)))
+    if share < 0.5:
+        return replace(mass, bayes=mass.bayes + math.log(0.5 / (1.0 - share)))
+    return replace(heard, bayes=heard.bayes + math.log(0.5 / share))
+
+
+def _hear(one: Scored, value: float, sd: float) -> Scored:
+    """With a reading of its first number."""
+    spread, alone = one.covariance[:, 0], sd**2
+    told, missed = float(spread[0]) + alone, value - float(one.size[0])
     bayes = 0.5 * (value**2 / alone + math.log(alone) - missed**2 / told - math.log(told))
-    information = load.information.copy()
+    information = one.information.copy()
     information[0, 0] += 1.0 / alone
     return replace(
-        load,
-        bayes=load.bayes + bayes,
-        size=load.size + spread * missed / told,
-        covariance=load.covariance - np.outer(spread, spread) / told,
+        one,
+        bayes=one.bayes + bayes,
+        size=one.size + spread * missed / told,
+        covariance=one.covariance - np.outer(spread, spread) / told,
         information=information,
     )

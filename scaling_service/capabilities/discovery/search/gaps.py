@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -237,20 +237,7 @@ def list_disagreements(fit: Fit, yardstick: Yardstick) -> tuple[Disagreement, ..
                 )
     above = {d.where: max(d.rms**2 / max(d.floor, 1e-12) ** 2 - 1.0, 0.0) for d in found}
     total = max(sum(above.values()), 1e-12)
-    made = [
-        Disagreement(
-            where=d.where,
-            observable=d.observable,
-            rms=d.rms,
-            floor=d.floor,
-            share=above[d.where] / total,
-            p=d.p,
-            trials=d.trials,
-            when=d.when,
-            along=d.along,
-        )
-        for d in found
-    ]
+    made = [replace(d, share=above[d.where] / total) for d in found]
     return tuple(sorted(made, key=lambda d: (-d.share, -d.rms / max(d.floor, 1e-12))))
 
 

@@ -1,4 +1,4 @@
-"""Bones against the standing trial: whether landmarks of a bone lie as far apart as the markers over them."""
+"""Bones against people and the standing trial: hips below their spines, landmarks as far apart as markers."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model.anatomy.frames import build_pelvis_frame
+from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.people import People, read_people
 from scaling_service.model.trial import ImageEvidence, Trial
 
 _DOUBTFUL, _IMPOSSIBLE = 3.0, 6.0  # deviations before it is said, and before it is refused; chosen
 _IMPOSSIBLE_SHARE = 0.3  # chosen: beside them, as of lengths between joints: what no marker is misplaced by
+_HIP_REMEDY = (
+    "look at the landmarks of the pelvis (`scaling-service landmarks`); give it whole, without the sacrum"
+)
 _REMEDY = "check that bones and recordings are of one person, the labels, and the unit of the bones"
 
 
@@ -51,14 +56,42 @@ _SPANS = _PELVIS + tuple(
 
 
 def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str]:
-    """A warning for each distance in the image that markers do not have, as far as they can be misplaced.
+    """A warning for hips where no person's are, and for each distance in the image that markers do not have.
 
-    Between the image's own markers where it shows them, else between landmarks: over spines with skin as
-    people have it, over knees and ankles with any, so that only markers nearer than the bone are told.
-    Palpation and what the image leaves open make the deviation (``people.yaml``). Raises SubjectInvalid: six
-    deviations and 30 % apart, so that bones and recordings are not of one person.
+    Hips: below the pelvis's own spines as a regression has them. Distances: between the image's own markers
+    where it shows them, else between landmarks: over spines with skin as people have it, over knees and
+    ankles with any, so that only markers nearer than the bone are told. Palpation and what the image leaves
+    open make the deviation (``people.yaml``). Raises SubjectInvalid: hips six deviations off, or a distance
+    six and 30 %, so that landmarks are wrong or bones and recordings not of one person.
     """
-    return [] if standing is None else list(_compare(evidence, standing))
+    return [*_compare_hips(evidence), *([] if standing is None else _compare(evidence, standing))]
+
+
+def _compare_hips(evidence: ImageEvidence) -> Iterator[str]:
+    """A warning for a hip that lies where no person's does in a pelvis of such spines."""
+    if not {"RASIS", "LASIS", "RPSIS", "LPSIS"} <= evidence.landmarks.keys():
+        return
+    people = read_people()
+    spines = [np.array(evidence.landmarks[name]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
+    usual = predict_hip_centres(*spines, regression="harrington2007_single")  # by the width alone
+    frame = build_pelvis_frame(*spines)
+    for side, expected in (("r", usual.right[0]), ("l", usual.left[0])):
+        if f"hip_{side}" not in evidence.centres:
+            continue
+        off = frame.to_local(np.array(evidence.centres[f"hip_{side}"]))[0] - expected
+        open_ = [evidence.deviations.get(name, 0.0) ** 2 / 3.0 for name in ("RASIS", "LASIS", f"hip_{side}")]
+        deviations = float(
+            np.linalg.norm(off / np.sqrt(np.square(people.hip_sd) + sum(open_))) / np.sqrt(3.0)
+        )
+        if deviations <= _DOUBTFUL:
+            continue
+        said = (
+            f"hip_{side} lies {1e3 * float(np.linalg.norm(off)):.0f} mm from where people's hips lie in "
+            "a pelvis of such spines"
+        )
+        if deviations > _IMPOSSIBLE:
+            raise SubjectInvalid(said, field="bones.pelvis", remedy=_HIP_REMEDY[0].upper() + _HIP_REMEDY[1:])
+        yield f"EB: {said}: {_HIP_REMEDY}"
 
 
 def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:

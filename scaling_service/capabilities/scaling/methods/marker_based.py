@@ -25,7 +25,15 @@ from scaling_service.capabilities.scaling.sizes.points import (
     with_sacrum,
     with_virtual_landmarks,
 )
-from scaling_service.capabilities.scaling.sizes.sizing import NO_BONES, Sizing, size_segments
+from scaling_service.capabilities.scaling.sizes.sizing import (
+    NO_BONES,
+    Sizing,
+    size_segments,
+)
+from scaling_service.capabilities.scaling.sizes.without_markers import (
+    has_rotations_alone,
+    size_without_markers,
+)
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.core.text import list_few
@@ -62,6 +70,8 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
+    if has_rotations_alone(session):
+        return _scale_without_markers(session, clock)
     standing = _require_standing(session)
     session = _with_knee(session, settings)
     notes: list[str] = []
@@ -101,6 +111,22 @@ def scale_linearly(
         warnings=tuple(notes),
         sizes={} if sizing is None else _widen_pelvis(model, sizing.sizes),
         centres={} if sizing is None else _state_hips(model, sizing),
+    )
+
+
+def _scale_without_markers(session: Session, clock: float) -> Calibration:
+    """The model of a person of whom there are rotations alone."""
+    sizing = size_without_markers(session)
+    return Calibration(
+        method="MB",
+        model=scale_model(session.model, sizing.factors),
+        generic=session.model,
+        scale_factors=dict(sizing.factors),
+        axis_tilts={},
+        wall_s=time.perf_counter() - clock,
+        warnings=sizing.notes,
+        sizes=sizing.sizes,
+        centres={},
     )
 
 

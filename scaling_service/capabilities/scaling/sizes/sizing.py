@@ -238,7 +238,7 @@ def size_segments(
     if not len(ratios.logs):
         return _size_by_own_markers(session, people)
     for measurement, log in zip(ratios.measurements, ratios.logs, strict=True):
-        _check(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
+        check_factor(float(np.exp(log)), next(bones[s] for s in measurement.segments if s in bones))
     sizes = estimate_sizes(model, ratios, prior, weighted=weighted)
     factors: dict[str, body.Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
     notes = [*_write_notes(model, ratios, sizes, subject)]
@@ -252,7 +252,7 @@ def size_segments(
         notes.extend(more)
     for segment, along in factors.items():
         for factor in along:
-            _check(factor, segment)
+            check_factor(factor, segment)
     return Sizing(
         factors=factors, sizes=sizes, centres=_list_centres(people), people=people, notes=tuple(notes)
     )
@@ -271,7 +271,7 @@ def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ..
         pairs = list(combinations([m for m in shown if m.segment == segment], 2))
         ours = np.array([np.linalg.norm(np.subtract(a.nominal, b.nominal)) for a, b in pairs])
         theirs = np.array(
-            [_measure_distance(standing.position(a.name), standing.position(b.name)) for a, b in pairs]
+            [measure_distance(standing.position(a.name), standing.position(b.name)) for a, b in pairs]
         )
         known = np.isfinite(theirs) & (ours > _SHORTEST_M)
         if known.any():
@@ -297,11 +297,12 @@ def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ..
     found = _with_followers(model, sizes)
     factors: dict[str, body.Vector] = {name: (size.factor,) * 3 for name, size in found.items()}
     for segment, (factor, *_) in factors.items():
-        _check(factor, segment)
+        check_factor(factor, segment)
     return Sizing(factors=factors, sizes=found, centres=_list_centres(people), people=people, notes=(note,))
 
 
-def _measure_distance(one: Array, other: Array) -> float:
+def measure_distance(one: Array, other: Array) -> float:
+    """The median distance of two points over the frames (n, 3) that show both, m; NaN where none does."""
     apart = np.linalg.norm(one - other, axis=1)
     known = apart[np.isfinite(apart)]
     return float(np.median(known)) if len(known) else float("nan")
@@ -360,7 +361,7 @@ def _write_notes(
     if unmeasured:
         notes.append(
             f"MB: {list_few(unmeasured)}: not measured; the size is that of {like}, as far as the other "
-            f"segments allow (standard deviation {_format_percent([sizes[n].sd for n in unmeasured])})"
+            f"segments allow (standard deviation {format_percent([sizes[n].sd for n in unmeasured])})"
         )
     following = [name for name in sizes if find_dimension(model.bone_of(name)) is None]
     if following:
@@ -370,12 +371,14 @@ def _write_notes(
     return notes
 
 
-def _format_percent(sds: Sequence[float]) -> str:
+def format_percent(sds: Sequence[float]) -> str:
+    """The range of some relative deviations."""
     low, high = (f"{100.0 * sd:.0f}" for sd in (min(sds), max(sds)))
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def _check(factor: float, segment: str) -> None:
+def check_factor(factor: float, segment: str) -> None:
+    """Refuse a factor that is no person's (TrialUnusable)."""
     if not _SMALLEST < factor < 1.0 / _SMALLEST:
         raise TrialUnusable(
             f"segment '{segment}' would be scaled by {factor:.3g}",

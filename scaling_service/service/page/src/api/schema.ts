@@ -761,9 +761,9 @@ export interface KinematicErrorComparison {
 }
 
 export interface KinematicErrorDocument {
-  mean: number;
-  rms: number;
-  max: number;
+  mean: number | null;
+  rms: number | null;
+  max: number | null;
   per_marker: Record<string, number>;
 }
 
@@ -976,6 +976,7 @@ export interface MotionRequest {
   subject: string;
   model?: string | null;
   recordings?: Array<string> | null;
+  standing?: string | null;
 }
 
 export interface MuscleCurve {
@@ -1508,6 +1509,7 @@ export interface TrackedTrialDocument {
   frames_not_determined: Record<string, number>;
   frames_at_range_end: Record<string, number>;
   marker_noise_mm: Record<string, number>;
+  rotation_error_deg: Record<string, number>;
   frames: number;
   summary: Record<string, CoordinateSummary>;
 }

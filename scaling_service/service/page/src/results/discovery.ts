@@ -12,6 +12,8 @@ import { unseen } from "./unseen.ts";
 import { what } from "./what.ts";
 import { where } from "./where.ts";
 
+const MOST = 3; // lines of the story that are open: as many as are read in a minute
+
 export const discovery: ResultView = async (found) => {
   const document = await getResult<DiscoveryDocument>(found.job.id, found.signal);
   const { hidden_in_example } = await vocabulary();
@@ -52,7 +54,8 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     h("p", { class: "quiet" }, inReport ? "" : subtitle(document)),
     summary(
       document,
-      effects.length > 0 && h("ol", null, ...effects.map(({ name, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), belief != null && h("div", { class: "quiet" }, belief.summary)))),
+      told(effects.slice(0, MOST), 1),
+      effects.length > MOST && folded(`${effects.length - MOST} more`, told(effects.slice(MOST), MOST + 1)),
       left !== "" && h("p", null, `Still beyond what is ordinary, and like no effect that is known: ${left}.`),
       law !== undefined && h("p", null, `Described best: ${law}.`),
     ),
@@ -62,6 +65,10 @@ function verdict(document: DiscoveryDocument, hidden: readonly string[], inRepor
     notes.length > 0 ? folded("What was not tried, or cannot be decided", bullets(notes)) : h("span"),
   ];
 }
+
+/** A line for each effect, counted from a number on. */
+const told = (effects: DiscoveryDocument["effects"], start: number): HTMLElement | false =>
+  effects.length > 0 && h("ol", { start: String(start) }, ...effects.map(({ name, belief, evidence }) => h("li", null, name, share(evidence.gain_held_out), belief != null && h("div", { class: "quiet" }, belief.summary))));
 
 /** How much of what did not fit an effect it takes off, as a bar. */
 function share(gain: number | null): HTMLElement | false {

@@ -23,6 +23,7 @@ function errors({ model, warnings, trials }: MotionDocument): HTMLElement[] {
     return [cell(name), cell(String(trial.frames), trial.frames), ...[mean, rms, max].map((value) => cell(number(value), value)),
       cell(few(lost.map(words)) || "nothing")];
   });
+  const turned = [...new Set(Object.values(trials).flatMap(({ rotation_error_deg: turns = {} }) => Object.keys(turns)))];
   return [
     ...warnings.map((warning) => h("p", { class: "note" }, warning)),
     table({
@@ -32,5 +33,14 @@ function errors({ model, warnings, trials }: MotionDocument): HTMLElement[] {
       rows,
       note: "Standard deviations of all coordinates in all frames: under “Angles and their bands”, and in the files that end in _ik_sd.mot.",
     }),
+    ...(turned.length === 0 ? [] : [table({
+      caption: "Measured rotations and the model's, mounting included: RMS angle, deg",
+      name: "rotations",
+      columns: ["rotation", ...Object.keys(trials)].map((title) => ({ title })),
+      rows: turned.map((name) => [cell(name), ...Object.values(trials).map(({ rotation_error_deg: turns = {} }) => {
+        const value = turns[name] ?? null;
+        return cell(number(value), value);
+      })]),
+    })]),
   ];
 }

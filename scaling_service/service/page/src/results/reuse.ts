@@ -19,7 +19,7 @@ export function reuse({ job, request: { subject } }: Finished, files: readonly F
   let chosen = models[0];
   if (chosen === undefined || typeof subject !== "string") return null;
   const id = newId("recordings");
-  const picked: HTMLInputElement = h("input", { id, type: "file", multiple: true, accept: ".c3d,.trc" });
+  const picked: HTMLInputElement = h("input", { id, type: "file", multiple: true, accept: ".c3d,.trc,.sto" });
   const failed = h("div");
   const start = (): void => void guarded(failed, async () => {
     if (chosen === undefined) return;

@@ -10,7 +10,6 @@ import pytest
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling import saving
-from scaling_service.capabilities.scaling.clinical_gait import describe_clinical_gait
 from scaling_service.capabilities.scaling.comparison.evidence import average_errors
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import make_method_document
@@ -56,14 +55,14 @@ def test_a_trial_that_shows_no_marker_does_not_count() -> None:
 def test_the_document_holds_both_means(tmp_path: Path) -> None:
     results = compare(laboratory(tmp_path), ("MB", "MB_am"))
     for scaling in results.scalings.values():
-        written = make_method_document(scaling, results, describe_clinical_gait(scaling, results))
+        written = make_method_document(scaling, results, results.gait[scaling.calibration.method])
         errors = written.kinematic_error_mm
         assert written.fitted_mean_mm == errors["hips"].mean
         assert written.held_out_mean_mm == errors["walk"].mean
         assert written.held_out_ratio == pytest.approx(errors["walk"].mean / errors["hips"].mean, abs=1e-3)
     alone = replace(results, loaded=replace(results.loaded, session=replace(results.session, calibration=())))
     scaling = results.scalings["MB"]
-    written = make_method_document(scaling, alone, describe_clinical_gait(scaling, alone))
+    written = make_method_document(scaling, alone, alone.gait[scaling.calibration.method])
     assert (written.fitted_mean_mm, written.held_out_ratio) == (None, None)
 
 

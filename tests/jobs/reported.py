@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from scaling_service.capabilities.scaling.clinical_gait import describe_clinical_gait
-from scaling_service.capabilities.scaling.comparison.verdict import judge
-from scaling_service.capabilities.scaling.result import Results, gather_evidence
+from scaling_service.capabilities.scaling.result import Results
 from scaling_service.capabilities.scaling.saving import (
     make_comparison_document,
     make_method_document,
@@ -21,10 +19,10 @@ MOST_BYTES = 5e6
 
 def document_of(results: Results, truth: TruthDocument | None = None) -> ComparisonDocument:
     methods = {
-        name: make_method_document(scaling, results, describe_clinical_gait(scaling, results))
+        name: make_method_document(scaling, results, results.gait[name])
         for name, scaling in results.scalings.items()
     }
-    return make_comparison_document(results, methods, truth, judge(gather_evidence(results)))
+    return make_comparison_document(results, methods, truth, results.verdict)
 
 
 def html_of(results: Results, document: ComparisonDocument) -> str:

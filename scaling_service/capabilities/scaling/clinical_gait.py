@@ -22,7 +22,6 @@ from scaling_service.capabilities.motion.saving import (
     write_numbers,
 )
 from scaling_service.capabilities.scaling.comparison.gait_cycles import find_gait_cycles
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.documents.results import ClinicalCurve, ClinicalCycle, ClinicalDocument, ClinicalSide
@@ -193,12 +192,6 @@ class ClinicalGait:
     def doubtful(self) -> tuple[str, ...]:
         """Which angles are there but rest on little."""
         return tuple(dict.fromkeys(said for angles in self.recordings.values() for said in angles.doubtful))
-
-
-def describe_clinical_gait(scaling: Scaling, results: Results) -> ClinicalGait:
-    """What one method's model says in a gait laboratory's terms."""
-    fitted = {trial.name for trial in results.session.calibration}
-    return compute_clinical_gait(scaling.calibration.model, scaling.motions, results.session.dynamic, fitted)
 
 
 def compute_clinical_gait(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from html import escape
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.run import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
+from scaling_service.capabilities.scaling.clinical_gait import ClinicalGait, compute_clinical_gait
 from scaling_service.capabilities.scaling.comparison.evidence import (
     Evidence,
     MethodEvidence,
@@ -92,7 +94,7 @@ class Scaling:
         return f"Scaling by {self.calibration.method}, {numbers} numbers fitted: {self.calibration.model!r}"
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Results:
     """What one or several methods made of a subject.
 
@@ -200,10 +202,21 @@ class Results:
         }
         return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 
-    @property
+    @cached_property
     def verdict(self) -> Verdict:
         """Which model to use for this person, why, and how far to trust it."""
         return judge(gather_evidence(self))
+
+    @cached_property
+    def gait(self) -> Mapping[str, ClinicalGait]:
+        """What each method's model says in a gait laboratory's terms."""
+        fitted = {trial.name for trial in self.session.calibration}
+        return {
+            method: compute_clinical_gait(
+                scaling.calibration.model, scaling.motions, self.session.dynamic, fitted
+            )
+            for method, scaling in self.scalings.items()
+        }
 
     def __repr__(self) -> str:
         said = f"\n{self.verdict.headline}" if self.scalings else ""

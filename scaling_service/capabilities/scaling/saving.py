@@ -24,18 +24,16 @@ from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.playback.scene import INSIDE
 from scaling_service.capabilities.scaling.clinical_gait import (
     ClinicalGait,
-    describe_clinical_gait,
     list_gait_angles,
     make_clinical_document,
     write_clinical,
 )
 from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
-from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.exporting import export_models
 from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence
+from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.scaling.words import summarise
@@ -123,13 +121,13 @@ def save(
     >>> list(document.methods)
     ['MB']
     """
-    tell = progress or show_nothing
+    tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
     with all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
-            methods[method] = _write_method(scratch / method, scaling, results)
-        document = make_comparison_document(results, methods, truth, judge(gather_evidence(results)))
+            methods[method] = _write_method(scratch / method, scaling, gait[method], results)
+        document = make_comparison_document(results, methods, truth, verdict)
         for method, own in make_scaling_documents(document).items():
             write_json(scratch / method / "scaling.json", own)
         if comparison:
@@ -154,7 +152,7 @@ def make_report(results: Results, document: ComparisonDocument) -> Report:
     )
 
 
-def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodResult:
+def _write_method(folder: Path, scaling: Scaling, gait: ClinicalGait, results: Results) -> MethodResult:
     """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
@@ -169,7 +167,6 @@ def _write_method(folder: Path, scaling: Scaling, results: Results) -> MethodRes
         )
     if any(folder.glob(f"*{HELD}")):
         warnings.append(_NUMBERS_ONLY)
-    gait = describe_clinical_gait(scaling, results)
     write_clinical(folder, gait)
     if results.muscles is not None:
         write_courses(folder, results.muscles.courses[calibration.method])

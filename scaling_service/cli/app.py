@@ -52,7 +52,11 @@ def _build_program() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     modules = [*import_modules_named("command"), newcomers, studies, service]
-    commands = [command for module in modules for command in getattr(module, "COMMANDS", ())]
+    commands = [
+        getattr(module, command) if isinstance(command, str) else command
+        for module in modules
+        for command in getattr(module, "COMMANDS", ())
+    ]
     names = (*_FIRST, *(command.__name__ for command in commands))
     for command in sorted(commands, key=lambda command: names.index(command.__name__)):
         program.command()(command)

@@ -13,6 +13,8 @@ from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 
+COMMANDS = ("demo", "example", "guide")
+
 
 @flags.with_flags
 def demo(
@@ -135,6 +137,3 @@ def guide(
             console.print(f"[bold]{part}[/bold]", highlight=False)
             for name in inside:
                 console.print(f"  {name:<16}{pages.read_title(name)}", highlight=False, soft_wrap=True)
-
-
-COMMANDS = (demo, example, guide)

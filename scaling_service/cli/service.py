@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+COMMANDS = ("serve",)
+
 if TYPE_CHECKING:
     from scaling_service.service.jobs.service import Service
 
@@ -153,6 +155,3 @@ def show(settings: SettingsFile = None) -> None:
     from scaling_service.service.jobs.settings import load_settings, without_passwords
 
     typer.echo(json.dumps(without_passwords(load_settings(settings)), indent=1))
-
-
-COMMANDS = (serve,)

@@ -12,7 +12,9 @@ from rich.markup import escape
 
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import CalibrationSettings, Settings
-from scaling_service.studies.benchmark.command import benchmark
+from scaling_service.studies.benchmark.command import benchmark as benchmark
+
+COMMANDS = ("reproduce", "benchmark")
 
 if TYPE_CHECKING:
     from scaling_service.report.tables import Table
@@ -149,6 +151,3 @@ def _show_study(document: StudyDocument, tables: Iterable[Table], out: Path, fil
     taken = f"{document.wall_s:.0f} s for {document.size} persons"
     console.print(f"{count_held(document)} claims hold; {taken}", highlight=False)
     screen.list_files(console, out, [", ".join(files)])
-
-
-COMMANDS = (reproduce, benchmark)

@@ -53,7 +53,7 @@ def ask(
             capture_output=True,
             text=True,
             cwd=scratch,
-            env=_environment(),
+            env=make_environment(),
             timeout=time_limit_s,
             check=False,
         )
@@ -114,7 +114,7 @@ def _started(worker: str, scratch: str, log: IO[str]) -> subprocess.Popen[str]:
         stderr=log,
         text=True,
         cwd=scratch,
-        env=_environment(),
+        env=make_environment(),
     )
 
 
@@ -127,7 +127,7 @@ def serve(function: Callable[[dict[str, Any]], Any]) -> None:
             out.flush()
 
 
-def _environment() -> dict[str, str]:
+def make_environment() -> dict[str, str]:
     """This process's, with the repository importable and one thread per library."""
     path = os.environ.get("PYTHONPATH")
     return {

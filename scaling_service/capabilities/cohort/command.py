@@ -11,6 +11,8 @@ from scaling_service.capabilities.shared import flags
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 
+COMMANDS = ("batch",)
+
 EXIT_SOME_FAILED = 1
 """Every subject has ended, and at least one of them in failure."""
 
@@ -78,6 +80,3 @@ def batch(
     show_cohort(result.document, out, result.files)
     if any(subject.status == "failed" for subject in result.document.subjects):
         raise typer.Exit(EXIT_SOME_FAILED)
-
-
-COMMANDS = (batch,)

@@ -9,6 +9,8 @@ from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 
+COMMANDS = ("consistent",)
+
 if TYPE_CHECKING:
     from scaling_service.capabilities.consistent.document import ConsistentDocument
 
@@ -52,6 +54,3 @@ def show(document: ConsistentDocument, out: Path) -> None:
     screen.say(console, "Note", "yellow", document.warnings)
     written = [*document.files, *(n for n in ("consistent.json", "report.html") if (out / n).is_file())]
     screen.list_files(console, out, [", ".join(written)])
-
-
-COMMANDS = (consistent,)

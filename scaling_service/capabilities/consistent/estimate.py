@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.consistent import geometric
 from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
-from scaling_service.capabilities.consistent.problem import PLAIN, ConsistentSettings, Objectives, State
+from scaling_service.capabilities.consistent.problem import ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
     ConsistentRecording,
@@ -80,7 +80,7 @@ def estimate_consistent(
     model: BodyModel,
     fitted: Sequence[ConsistentRecording],
     held_out: Sequence[ConsistentRecording] = (),
-    settings: ConsistentSettings = PLAIN,
+    settings: ConsistentSettings = ConsistentSettings(),
     identification: IdentificationSettings = FREE_MASS,
     *,
     progress: Progress | None = None,

@@ -80,10 +80,6 @@ class ConsistentSettings:
     moment_resolution_nm: float = 0.22
 
 
-PLAIN = ConsistentSettings()
-"""Nothing chosen."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchTargets:
     """The measured ground wrench."""

@@ -9,6 +9,8 @@ from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
 
+COMMANDS = ("dynamics",)
+
 if TYPE_CHECKING:
     from scaling_service.capabilities.dynamics.document import DynamicsDocument
 
@@ -57,6 +59,3 @@ def show(document: DynamicsDocument, out: Path) -> None:
     screen.say(console, "Verdict", "bold", [document.verdict])
     further = [name for name in ("dynamics.json", "report.html") if (out / name).is_file()]
     screen.list_files(console, out, [", ".join([*document.files, *further])])
-
-
-COMMANDS = (dynamics,)

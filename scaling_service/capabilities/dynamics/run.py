@@ -18,7 +18,7 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.settings import PLAIN, DynamicsSettings
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.unmeasured import (
@@ -114,7 +114,7 @@ class DynamicsResults:
 
 def dynamics(
     subject: Subject | str | Path,
-    chosen: DynamicsSettings = PLAIN,
+    chosen: DynamicsSettings = DynamicsSettings(),
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,

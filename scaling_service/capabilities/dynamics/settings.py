@@ -62,7 +62,3 @@ class DynamicsSettings(ForceSettings):
     despite_verdict: Annotated[bool, Flag(name="--despite-verdict")] = Field(
         default=False, description="Identify even where the verdict is that it would fit noise."
     )
-
-
-PLAIN = DynamicsSettings()
-"""Nothing chosen."""

@@ -16,6 +16,8 @@ from scaling_service.capabilities.shared.screen import running
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.text import list_few
 
+COMMANDS = ("proof",)
+
 if TYPE_CHECKING:
     from scaling_service.capabilities.intake.document import ProofDocument
 
@@ -150,6 +152,3 @@ def _describe_labels(found: ProofDocument) -> Iterator[str]:
         yield f"Labels that are not used: {', '.join(unused)}"
     if computed:
         yield f"Points that software computed, not used: {list_few(sorted(computed))}"
-
-
-COMMANDS = (proof,)

@@ -13,6 +13,8 @@ from scaling_service.capabilities.shared.flags import Out, Tables
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.report.tables import Row, Table
 
+COMMANDS = ("landmarks",)
+
 if TYPE_CHECKING:
     from scaling_service.capabilities.landmarks.document import LandmarksDocument
 
@@ -95,6 +97,3 @@ def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     screen.print_table(console, Table(caption=caption, columns=["", "x", "y", "z", "±"], rows=rows))
     screen.say(console, "Note", "yellow", notes)
     screen.list_files(console, out, [name])
-
-
-COMMANDS = (landmarks,)

@@ -21,6 +21,8 @@ from scaling_service.capabilities.shared.screen import (
 from scaling_service.core.text import list_few
 from scaling_service.report.tables import Row, Table
 
+COMMANDS = ("ik",)
+
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.document import MotionDocument
 
@@ -101,6 +103,3 @@ def show(document: MotionDocument, out: Path) -> None:
         print_table(console, Table(caption="", columns=["Rotation error, deg, RMS", *turned], rows=rows))
     say(console, "Note", "yellow", document.warnings)
     list_files(console, out, [", ".join([*document.files, "ik.json"])])
-
-
-COMMANDS = (ik,)

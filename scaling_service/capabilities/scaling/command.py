@@ -27,6 +27,8 @@ from scaling_service.capabilities.shared.screen import (
 )
 from scaling_service.capabilities.shared.settings import Settings
 
+COMMANDS = ("scale", "compare")
+
 if TYPE_CHECKING:
     from scaling_service.documents.results import ComparisonDocument
 
@@ -102,9 +104,6 @@ def _compare(
         document = save(results, out, comparison=comparison, report=report, progress=progress)
         write_tables(results.tables, document)
     show(document, out)
-
-
-COMMANDS = (scale, compare)
 
 
 def show(document: ComparisonDocument, out: Path) -> None:

@@ -14,7 +14,7 @@ from scaling_service.capabilities.scaling.comparison_views import (
     KinematicErrorComparison,
     SegmentLengthComparison,
 )
-from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions, ScaleOptions
+from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
 from scaling_service.capabilities.shared.job import Kind, OfRecordings
 from scaling_service.capabilities.shared.names import check_methods, list_method_names
 from scaling_service.core.progress import Progress, report_part
@@ -117,7 +117,7 @@ def _scale(
     inputs: Path,
     outputs: Path,
     progress: Progress,
-    options: ComparisonOptions = PLAIN,
+    options: ComparisonOptions = ComparisonOptions(),
     *,
     comparison: bool = True,
 ) -> tuple[Results, ComparisonDocument]:

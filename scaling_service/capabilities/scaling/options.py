@@ -43,7 +43,3 @@ class ComparisonOptions(ScaleOptions):
         description="Whether to compare what the methods make of the muscles: lengths and moment arms by "
         "OpenSim, and joint moments where there are forces. For .osim models.",
     )
-
-
-PLAIN = ComparisonOptions()
-"""Nothing chosen."""

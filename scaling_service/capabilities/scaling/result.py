@@ -28,7 +28,7 @@ from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
 from scaling_service.capabilities.scaling.muscles.surface import MovedAttachments
-from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
+from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.tables import ResultTable
@@ -134,7 +134,7 @@ class Results:
     warnings: tuple[str, ...] = ()
     wall_s: float = 0.0
     subject_file: Path | None = None
-    options: ComparisonOptions = PLAIN
+    options: ComparisonOptions = ComparisonOptions()
     muscles: MuscleComparison | None = None
 
     @property

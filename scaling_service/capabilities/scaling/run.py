@@ -31,7 +31,7 @@ from scaling_service.capabilities.scaling.methods.table import (
 from scaling_service.capabilities.scaling.muscles.compare import compare_muscles
 from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
-from scaling_service.capabilities.scaling.options import PLAIN, ComparisonOptions
+from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.sizes.without_markers import (
     has_rotations_alone,
@@ -109,7 +109,7 @@ def compare(
     subject: Subject | str | Path,
     methods: Sequence[str] | None = None,
     settings: Settings = Settings(),
-    options: ComparisonOptions = PLAIN,
+    options: ComparisonOptions = ComparisonOptions(),
     *,
     progress: Progress | None = None,
 ) -> Results:
@@ -159,7 +159,7 @@ def run(
     loaded: Loaded,
     methods: Sequence[str] | None = None,
     settings: Settings = Settings(),
-    options: ComparisonOptions = PLAIN,
+    options: ComparisonOptions = ComparisonOptions(),
     *,
     progress: Progress | None = None,
     started: float | None = None,

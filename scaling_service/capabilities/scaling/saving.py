@@ -34,7 +34,7 @@ from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.exporting import export_models
 from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
-from scaling_service.capabilities.scaling.options import PLAIN
+from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling, gather_evidence
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.scaling.scene import write_results_scene
@@ -216,7 +216,7 @@ def make_comparison_document(
     """``comparison.json``."""
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
-    chosen = {"comparison": results.options.resolved()} if results.options != PLAIN else {}
+    chosen = {"comparison": results.options.resolved()} if results.options != ComparisonOptions() else {}
     return ComparisonDocument(
         **record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
         sizes=read_stated_sizes(session.subject),

@@ -61,17 +61,7 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
     """
     with tempfile.TemporaryDirectory(prefix="osim-") as scratch:
         try:
-            done = subprocess.run(
-                [sys.executable, "-m", _WORKER],
-                input=json.dumps(request),
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-                cwd=scratch,
-                env=_make_environment(),
-                timeout=time_limit_s,
-                check=False,
-            )
+            done = work(request, scratch, time_limit_s)
         except subprocess.TimeoutExpired as error:
             raise FileUnreadable(
                 f"OpenSim gave no answer within {time_limit_s:g} s",
@@ -79,6 +69,21 @@ def ask(request: Mapping[str, Any], *, time_limit_s: float = TIME_LIMIT_S) -> di
                 remedy="Open the file in OpenSim itself to see where it hangs",
             ) from error
     return _answer(done, request)
+
+
+def work(request: Mapping[str, Any], scratch: str, time_limit_s: float) -> subprocess.CompletedProcess[str]:
+    """Start a worker in a scratch folder; its answer, or how it ended without one."""
+    return subprocess.run(
+        [sys.executable, "-m", _WORKER],
+        input=json.dumps(request),
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        cwd=scratch,
+        env=_make_environment(),
+        timeout=time_limit_s,
+        check=False,
+    )
 
 
 def _make_environment() -> dict[str, str]:

@@ -27,6 +27,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.core.threads import Serial
 from scaling_service.numerics.multibody.tree import cross
+from scaling_service.studies.muller2017.points import PointBody, compute_residual
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
@@ -63,6 +64,7 @@ class Level:
 
 
 def draw_database(
+    body: PointBody,
     reference: Reference,
     count: int,
     seed: int,
@@ -75,8 +77,8 @@ def draw_database(
     ``reach`` is the reconstruction error that must be covered, over the reference's.
     """
     error, dr = linear.compute_error_and_indicator(reference)
-    largest = _find_largest(reference, seed, error, reach + linear.BEYOND)
-    rows = _sample(executor, partial(_perturb, reference, seed, largest), count, progress)
+    largest = _find_largest(body, reference, seed, error, reach + linear.BEYOND)
+    rows = _sample(executor, partial(_perturb, body, reference, seed, largest), count, progress)
     return MotionDatabase(error_m=error, dr=dr, sizes=rows[:, 0], errors_m=rows[:, 1], indicators=rows[:, 2:])
 
 
@@ -99,16 +101,16 @@ def _list_rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
-def _perturb(reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _perturb(body: PointBody, reference: Reference, seed: int, largest: float, number: int) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
     noise = rng.standard_normal((len(reference.varied), reference.n_frames))
-    error, residual = reference.residual(reference.perturb(noise, size))
+    error, residual = compute_residual(body, reference, reference.perturb(noise, size))
     return np.concatenate([[size, error], reference.indicator(residual)])
 
 
-def _find_largest(reference: Reference, seed: int, error: float, reach: float) -> float:
+def _find_largest(body: PointBody, reference: Reference, seed: int, error: float, reach: float) -> float:
     """The size of perturbations whose error is ``reach`` times the reference's, in the mean of few motions.
 
     The squared error grows about as the squared size; two steps settle it.
@@ -119,7 +121,7 @@ def _find_largest(reference: Reference, seed: int, error: float, reach: float) -
         reached = []
         for number in range(_PILOTS):
             noise = stream(seed, "uncertainty", reference.trial, "pilot", number).standard_normal(shape)
-            reached.append(reference.residual(reference.perturb(noise, size))[0])
+            reached.append(compute_residual(body, reference, reference.perturb(noise, size))[0])
         size *= float(np.sqrt((reach**2 - 1.0) / ((np.mean(reached) / error) ** 2 - 1.0)))
     return size
 
@@ -208,8 +210,9 @@ def propagate_by_samples(
     """
     reference = Reference.of(recording, settings.noise_on)
     run = executor or Serial()
+    body = PointBody.of(recording.model, recording.motion.markers)
     database = draw_database(
-        reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
+        body, reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
     )
     levels = draw_levels(database, settings.levels, settings.samples, settings.seed)
     push = partial(_push, list_pressed(reference, settings.plates), settings.seed, reference.trial)

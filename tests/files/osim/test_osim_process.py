@@ -27,6 +27,21 @@ def stand_in(monkeypatch, folder, content):
     monkeypatch.setenv("PYTHONPATH", str(folder))
 
 
+def test_a_fresh_worker_answers_as_the_one_that_tests_keep(shared_data, tmp_path):
+    file = str(shared_data / "gait2354" / "gait2354_simbody.osim")
+    kept = models.ask({"operation": "read", "file": file, "marker_set": None})
+    fresh = models.ask({"operation": "read", "file": file, "marker_set": None}, time_limit_s=60.0)
+    assert fresh == kept
+    broken = tmp_path / "broken.osim"
+    broken.write_text("<OpenSimDocument/>")
+    said = []
+    for limit in (60.0, models.TIME_LIMIT_S):
+        with pytest.raises(FileUnreadable) as caught:
+            models.ask({"operation": "read", "file": str(broken), "marker_set": None}, time_limit_s=limit)
+        said.append(caught.value.problem)
+    assert said[0] == said[1]
+
+
 def test_without_the_library(monkeypatch, tmp_path, model_file):
     stand_in(monkeypatch, tmp_path / "fake", "raise ImportError('libosim.so is missing')\n")
     with pytest.raises(DependencyMissing) as caught:

@@ -7,8 +7,7 @@ frame i's wrench with respect to the coordinates of frame i + l,
 
 and with the markers' own derivatives J, Cov(x_i) = sigma^2 r(0) J J^T. Both indicators then follow as
 functions of sigma, and so does the dispersion of one where the other is uniform. The wrench of frame i is a
-function of the coordinates of frames i - HALO … i + HALO (see ``points``); its derivatives follow from those
-of the vectors ``y`` that stand for the body.
+function of the coordinates of frames i - HALO … i + HALO through their central differences.
 """
 
 from __future__ import annotations
@@ -23,22 +22,23 @@ from scipy.special import erf
 
 from scaling_service.capabilities.dynamics.uncertainty.reference import (
     HALO,
+    SLOPES,
     STENCIL,
-    PointBody,
     Reference,
+    difference_once,
     difference_twice,
 )
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
+from scaling_service.numerics.multibody.motion import Motion, list_screws
 from scaling_service.numerics.multibody.tree import (
-    CYCLE,
     Poses,
     compute_jacobian,
     cross,
-    list_rates,
     place_tree_markers,
+    pose_links,
 )
-from scaling_service.numerics.wrench import GRAVITY
+from scaling_service.numerics.wrench import differentiate_wrench
 
 LAGS = tuple(range(-HALO, HALO + 1))
 """Frames that a wrench depends on, relative to its own."""
@@ -76,81 +76,34 @@ def compute_wrench_jacobians(reference: Reference, *, every: int = 1) -> Iterato
             rows = np.arange(whole.start + HALO, whole.stop - HALO)
             kept = reference.used[rows] & (rows % every == 0)
             if kept.any():
-                poses = reference.body.poses(np.ascontiguousarray(reference.q[:, whole]))
-                by_lag = _by_lag(reference, poses, reference.external[:3, whole])
+                poses = pose_links(reference.tree, np.ascontiguousarray(reference.q[:, whole]), reference.p)
+                by_lag = _by_lag(reference, reference.q[:, whole], reference.external[:3, rows])
                 yield WrenchJacobian(rows[kept], by_lag[..., kept], poses, HALO + np.flatnonzero(kept))
 
 
-def _by_lag(reference: Reference, poses: Poses, external: Array) -> Array:
-    """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n + 2 HALO)."""
-    body, step = reference.body, reference.step_s
-    y, moved = body.move(poses), compute_vector_jacobian(body, poses, reference.varied)
-    n = y.shape[-1] - 2 * HALO
-    inner = slice(HALO, HALO + n)
-    signed = y * body.signs.ravel()[:, None, None]
-    roots = np.sqrt(body.masses)
-    result = np.empty((len(LAGS), len(reference.varied), 6, n))
-    weights = [*STENCIL[::-1], -2.0 * sum(STENCIL), *STENCIL]
-    for k, (lag, weight) in enumerate(zip(LAGS, weights, strict=True)):
-        there = moved[..., HALO + lag : HALO + lag + n]
-        scaled = weight / step**2
-        result[k, :, :3] = scaled * np.einsum("m,vman->van", roots, there[:, ::4])
-        result[k, :, 3:] = scaled * _sum_cross(signed[..., inner], there)
-    here = moved[..., inner]
-    own = result[HALO]
-    own[:, 3:] -= _sum_cross(difference_twice(signed, step), here)
-    own[:, 3:] -= cross(np.einsum("m,vman->van", roots, here[:, ::4]), GRAVITY[:, None])
+def _by_lag(reference: Reference, q: Array, external: Array) -> Array:
+    """All derivatives, (len(LAGS), n_varied, 6, n); ``external`` is the loads' force, (3, n).
+
+    The wrench of a frame depends on its coordinates and their rates, and these, as differences, on the
+    coordinates of the frames around it. ``q``: (n_coordinates, n + 2 HALO).
+    """
+    step = reference.step_s
+    motion = Motion(q[:, HALO:-HALO], difference_once(q, step), difference_twice(q, step))
+    screws = list_screws(reference.mechanism, motion, reference.p, reference.varied)
+    found = differentiate_wrench(reference.mechanism, screws, len(reference.varied))
+    by = found.by.transpose(2, 3, 1, 0)  # q, qdot and qddot first
     # about the moving root, needed and provided alike: M - root x F
-    root = poses.frames[poses.plan.link_node[0], 3]
-    on_root = np.zeros(1, dtype=np.intp)
-    carried = _differentiate_vectors(body, poses, reference.varied, root[None], np.ones(1), on_root)[:, 0]
-    force = difference_twice(np.tensordot(roots, y[::4], axes=1), step) - roots @ roots * GRAVITY[:, None]
-    result[:, :, 3:] -= cross(root[:, inner], result[:, :, :3])
-    own[:, 3:] -= cross(carried[..., inner], force - external[:, inner])
-    return result
-
-
-def _sum_cross(y: Array, other: Array) -> Array:
-    """``sum_m y_m x other_m``, (m, 3, n) with (v, m, 3, n) to (v, 3, n)."""
-    result = np.empty((len(other), 3, y.shape[-1]))
-    for i, j, k in CYCLE:
-        result[:, i] = np.einsum("mn,vmn->vn", y[:, j], other[:, :, k])
-        result[:, i] -= np.einsum("mn,vmn->vn", y[:, k], other[:, :, j])
-    return result
-
-
-def compute_vector_jacobian(body: PointBody, poses: Poses, varied: NDArray[np.intp]) -> Array:
-    """Derivatives of the vectors y with respect to coordinates, shape (n_varied, 4 n_massive, 3, n)."""
-    y = body.move(poses)
-    pull = np.zeros((len(body.masses), 4))
-    pull[:, 0] = np.sqrt(body.masses)  # the first vector is a place, the others are directions
-    return _differentiate_vectors(body, poses, varied, y, pull.ravel(), np.repeat(body.links, 4))
-
-
-def _differentiate_vectors(
-    body: PointBody, poses: Poses, varied: NDArray[np.intp], y: Array, pull: Array, links: NDArray[np.intp]
-) -> Array:
-    """Derivatives of vectors y = pull * place + direction that sit on links, (n_varied, len(y), 3, n)."""
-    tree = body.tree
-    row = {int(v): k for k, v in enumerate(varied)}
-    below = np.eye(len(tree.links), dtype=bool)  # which links hang on a link or are it
-    for k, link in enumerate(tree.links):  # parents come first
-        if link.parent >= 0:
-            below[:, k] |= below[:, link.parent]
-    result = np.zeros((len(varied), *y.shape))
-    entries = tree.plan.entries
-    for entry, axis in zip(entries, poses.directions(entries), strict=True):
-        rows = np.flatnonzero(below[entry.link][links])
-        wanted = [(row[v], rate) for v, rate in list_rates(tree, poses.values, entry.term) if v in row]
-        if not wanted or not len(rows):
-            continue
-        if entry.is_turn:
-            lever = y[rows] - pull[rows, None, None] * poses.frames[entry.node, 3]
-            turned = cross(axis, lever)
-        else:
-            turned = pull[rows, None, None] * axis
-        for k, rate in wanted:
-            result[k, rows] += turned * rate
+    root = screws.state.poses.origins[0]
+    by[:, :, 3:] -= cross(root, by[:, :, :3])
+    carried = np.zeros((len(reference.varied), 3, motion.n))
+    on_root = np.flatnonzero(reference.mechanism.carriers[screws.entries, 0])
+    turns = screws.rates[0, on_root]
+    np.add.at(carried, screws.columns[on_root], turns[:, :3] + cross(turns[:, 3:], root))
+    by[0, :, 3:] -= cross(carried, found.wrench[:3] - external)
+    first = [-w / step for w in SLOPES[::-1]] + [0.0] + [w / step for w in SLOPES]
+    second = [w / step**2 for w in (*STENCIL[::-1], -2.0 * sum(STENCIL), *STENCIL)]
+    result = np.array([a * by[1] + b * by[2] for a, b in zip(first, second, strict=True)])
+    result[HALO] += by[0]
     return result
 
 
@@ -252,7 +205,7 @@ def _compute_marker_spread(reference: Reference, block: WrenchJacobian) -> tuple
 
     Both are flat, in m; the spread is the standard deviation per direction, mean over the three.
     """
-    tree, poses = reference.body.tree, block.poses
+    tree, poses = reference.tree, block.poses
     placed = place_tree_markers(tree, poses)
     moved = compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
     away = placed[..., block.kept] - reference.measured[..., block.rows]

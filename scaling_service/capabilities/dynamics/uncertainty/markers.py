@@ -133,16 +133,16 @@ def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: f
 
 def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
-    links = reference.body.tree.marker_link
-    on = links[None, :] == np.arange(len(reference.body.tree.links))[:, None]
+    links = reference.tree.marker_link
+    on = links[None, :] == np.arange(len(reference.tree.links))[:, None]
     mean = np.divide(on @ sizes**2, on.sum(axis=1), out=np.zeros(len(on)), where=on.any(axis=1))
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
 def _filter_residuals(reference: Reference) -> Array:
     """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
-    body, low_pass = reference.body, reference.low_pass
-    placed = np.moveaxis(pose_markers(body.tree, np.nan_to_num(reference.q.T), body.p), 0, -1)
+    low_pass = reference.low_pass
+    placed = np.moveaxis(pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
     known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
     left = np.where(known[:, None], reference.measured - placed, np.nan)
     filtered = filter_butterworth(
@@ -159,7 +159,7 @@ def _follow(
     Coordinates by marker errors and markers by coordinates, both (n, n_varied, n_markers, 3), and which are
     seen, (n, n_markers).
     """
-    tree, poses = reference.body.tree, block.poses
+    tree, poses = reference.tree, block.poses
     by_variable = compute_jacobian(tree, poses, place_tree_markers(tree, poses), reference.varied)[
         ..., block.kept
     ]
@@ -260,7 +260,7 @@ def _gather_information(
     rows, q = uncertainty.frames[picked], reference.q.T
     first, second = differentiate_spline(recording.motion.times, q)
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
-    blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.body.p)
+    blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.p)
     regressor = np.concatenate([block.ground for block in blocks])
     # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
     inertias = gather_inertias(recording.model)

@@ -46,7 +46,7 @@ def list_pressed(reference: Reference, noise: PlateNoise) -> PressedPlates:
     """What each load's noise acts on, over the frames used."""
     used = reference.used
     _, residual = reference.residual(reference.q)
-    poses = pose_links(reference.body.tree, reference.q[:, used], reference.body.p)
+    poses = pose_links(reference.tree, reference.q[:, used], reference.p)
     root = poses.frames[poses.plan.link_node[0], 3]
     force, moment = (np.moveaxis(x[used], 0, -1) for x in (reference.loads.force, reference.loads.moment))
     pressing = force[:, 1]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -15,31 +14,29 @@ from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel, Marker, Segment
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import sum_mass, to_matrix
+from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
+from scaling_service.numerics.multibody.motion import Mechanism
+from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import (
-    CYCLE,
-    Poses,
     Tree,
-    cross,
     place_tree_markers,
     pose_links,
     pose_markers,
 )
 from scaling_service.numerics.signals.filters import filter_run, find_runs
-from scaling_service.numerics.wrench import GRAVITY, move_moment
+from scaling_service.numerics.wrench import compute_root_wrench, move_moment
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
 """Weights of the central second difference of order 8 at lags 1 to 4, times the squared step (Fornberg 1988,
 Math Comput 51:699-706, table 1). At 5 Hz and 100 frames per second it errs by 3e-8, at 20 Hz by 8e-4."""
 
+SLOPES = (0.8, -0.2, 4.0 / 105.0, -1.0 / 280.0)
+"""The same of the first difference, times the step."""
+
 HALO = len(STENCIL)
 """Frames on each side that the difference needs."""
-
-BLOCK = 1016
-"""Frames computed together; with the halo 1024 (chosen: the fastest measured, 3.2 µs a frame against 3.9
-at 256; a block takes 15 MB)."""
 
 _PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
@@ -58,110 +55,6 @@ def make_trees(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Se
     return whole, alone
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class PointBody:
-    """A body model as vectors that move: its net wrench from positions alone, for many perturbed motions.
-
-    A rigid segment moves as its mass at the centre of mass and three vectors fixed in it, along the principal
-    axes of its second moments of mass, as long as the roots of these moments. With ``y`` all these vectors
-    (the first times the root of the mass), the momentum balance about the ground origin is
-
-        F = sum m (c'' - g),    M = sum y x y'' - sum m c x g.
-
-    ``y''`` is a central difference ``sum_l w_l (y(i+l) + y(i-l))`` of high order, ``y x y`` is zero, so that
-
-        sum y x y'' = sum_l w_l [G_l(i) - G_l(i-l)],    G_l(i) = sum y(i) x y(i+l):
-
-    the rate of an angular momentum taken between frames. Frames come last, as in the kernels.
-    """
-
-    tree: Tree  # with all segments that have mass, and the markers that are compared with the measured ones
-    links: NDArray[np.intp]  # (n_massive,): its segments with mass
-    p: Array  # (n_parameters,)
-    masses: Array  # (n_massive,), kg
-    # (n_massive, 4, 3), kg^0.5 m: of each segment with mass, in its axes: the root of its mass times its
-    # centre of mass, and the three vectors along the principal axes
-    vectors: Array
-    signs: Array  # (n_massive, 4): -1 for a vector of a negative second moment, as impossible tensors have
-
-    @classmethod
-    def of(cls, model: BodyModel, markers: tuple[str, ...]) -> PointBody:
-        """A model with mass, and the markers to compare in this order."""
-        heavy = [s for s in model.segments if s.mass]
-        whole, tree = make_trees(model, markers, heavy)
-        vectors, signs = np.empty((len(heavy), 4, 3)), np.ones((len(heavy), 4))
-        for row, segment in enumerate(heavy):
-            tensor = to_matrix(segment.inertia)
-            moments, axes = np.linalg.eigh(0.5 * np.trace(tensor) * np.eye(3) - tensor)
-            vectors[row, 0] = np.sqrt(segment.mass) * np.array(segment.com)
-            vectors[row, 1:] = (axes * np.sqrt(np.abs(moments))).T
-            signs[row, 1:][moments < 0] = -1.0
-        masses = np.array([s.mass for s in heavy])
-        links = whole.marker_link[len(markers) :]
-        return cls(
-            tree=tree,
-            links=links,
-            p=list_parameter_values(model),
-            masses=masses,
-            vectors=vectors,
-            signs=signs,
-        )
-
-    @cached_property
-    def nodes(self) -> NDArray[np.intp]:
-        """The node of the tree's plan that is each massive segment's frame."""
-        return self.tree.plan.link_node[self.links]
-
-    def poses(self, q: Array) -> Poses:
-        """Where all segments are, of coordinates (n_coordinates, n)."""
-        return pose_links(self.tree, q, self.p)
-
-    def move(self, poses: Poses) -> Array:
-        """The vectors y of a motion, shape (4 n_massive, 3, n), kg^0.5 m."""
-        n = poses.frames.shape[-1]
-        y = np.empty((len(self.masses), 4, 3, n))
-        for row, node in enumerate(self.nodes.tolist()):
-            np.matmul(self.vectors[row], poses.frames[node, :3].reshape(3, -1), out=y[row].reshape(4, -1))
-            y[row, 0] += np.sqrt(self.masses[row]) * poses.frames[node, 3]
-        return y.reshape(-1, 3, n)
-
-    def wrench(self, y: Array, root: Array, step_s: float) -> Array:
-        """What moves the body, without the frames of the halo, (6, n - 2 HALO), ground axes.
-
-        Force (N) and moment (N m) about the root segment's origin (3, n), m, of vectors y one step apart.
-        """
-        n = y.shape[-1]
-        first = np.tensordot(np.sqrt(self.masses), y[::4], axes=1)
-        inner = slice(HALO, n - HALO)
-        result = np.empty((6, n - 2 * HALO))
-        result[:3] = difference_twice(first, step_s) - self.masses.sum() * GRAVITY[:, None]
-        result[3:] = self._angular_momentum_rate(y) / step_s**2
-        result[3:] -= cross(first[:, inner], GRAVITY[:, None]) + cross(root[:, inner], result[:3])
-        return result
-
-    def _angular_momentum_rate(self, y: Array) -> Array:
-        n = y.shape[-1]
-        total = np.zeros((3, n - 2 * HALO))
-        signed = y if (self.signs > 0).all() else y * self.signs.ravel()[:, None, None]
-        for lag, weight in enumerate(STENCIL, start=1):
-            between = sum_lagged_products(signed, y, lag)
-            # starts at frame HALO - lag of the difference, so that both terms are slices of one array
-            ahead = between[:, HALO : HALO + total.shape[1]]
-            behind = between[:, HALO - lag : HALO - lag + total.shape[1]]
-            total += weight * (ahead - behind)
-        return total
-
-
-def sum_lagged_products(y: Array, other: Array, lag: int) -> Array:
-    """``sum y(i) x other(i + lag)`` over all vectors, shape (3, n - lag)."""
-    n = y.shape[-1] - lag
-    result = np.empty((3, n))
-    for i, j, k in CYCLE:
-        np.einsum("mn,mn->n", y[:, j, :n], other[:, k, lag:], out=result[i])
-        result[i] -= np.einsum("mn,mn->n", y[:, k, :n], other[:, j, lag:])
-    return result
-
-
 def difference_twice(x: Array, step_s: float) -> Array:
     """Second derivative along the last axis without the halo, shape (..., n - 2 HALO)."""
     n = x.shape[-1] - 2 * HALO
@@ -169,6 +62,15 @@ def difference_twice(x: Array, step_s: float) -> Array:
     for lag, weight in enumerate(STENCIL, start=1):
         result += weight * (x[..., HALO + lag : HALO + lag + n] + x[..., HALO - lag : HALO - lag + n])
     return result / step_s**2
+
+
+def difference_once(x: Array, step_s: float) -> Array:
+    """First derivative along the last axis without the halo, shape (..., n - 2 HALO)."""
+    n = x.shape[-1] - 2 * HALO
+    result: Array = np.zeros((*x.shape[:-1], n))
+    for lag, weight in enumerate(SLOPES, start=1):
+        result += weight * (x[..., HALO + lag : HALO + lag + n] - x[..., HALO - lag : HALO - lag + n])
+    return result / step_s
 
 
 NoiseOn = Literal["rotations", "all"]
@@ -198,7 +100,9 @@ class Reference:
     """The reference data as arrays, frames last."""
 
     trial: str
-    body: PointBody
+    mechanism: Mechanism
+    tree: Tree  # with the markers that are compared with the measured ones
+    p: Array  # (n_parameters,)
     low_pass: LowPass
     step_s: float
     q: Array  # (n_coordinates, n), rad or m: filtered
@@ -247,7 +151,9 @@ class Reference:
         ]
         return cls(
             trial=motion.trial,
-            body=PointBody.of(model, motion.markers),
+            mechanism=compile_mechanism(model),
+            tree=compile_model(model, motion.markers),
+            p=list_parameter_values(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),
@@ -282,33 +188,25 @@ class Reference:
         The mean distance between measured and model markers, m (Muller et al. 2017, eq. 3), and the residual
         (6, n), N and N m, about the root segment's origin, meaningless where not ``used``.
         """
-        far, total = 0.0, 0.0
         residual = np.zeros((6, self.n_frames))
-        for rows in self._blocks():
-            inner = slice(rows.start + HALO, rows.stop - HALO)
-            poses = self.body.poses(np.ascontiguousarray(q[:, rows]))
-            root = poses.frames[poses.plan.link_node[0], 3]
-            needed = self.body.wrench(self.body.move(poses), root, self.step_s)
-            residual[:, inner] = needed - move_moment(self.external[:, inner], root[:, HALO:-HALO])
-            away = place_tree_markers(self.body.tree, poses)[:, :, HALO:-HALO] - self.measured[:, :, inner]
-            seen = self.seen[:, inner]
-            far += float(np.vdot(np.sqrt(np.einsum("man,man->mn", away, away)), seen))
-            total += float(seen.sum())
-        return far / total, residual
+        far = np.zeros(self.seen.shape)
+        for start, stop in self.spans:
+            inner = slice(start + HALO, stop - HALO)
+            known = q[:, start:stop]
+            rates = difference_once(known, self.step_s), difference_twice(known, self.step_s)
+            wrench, root = compute_root_wrench(self.mechanism, Rates(q[:, inner], *rates), self.p)
+            residual[:, inner] = move_moment(wrench - self.external[:, inner], root)
+            poses = pose_links(self.tree, np.ascontiguousarray(q[:, inner]), self.p)
+            away = place_tree_markers(self.tree, poses) - self.measured[:, :, inner]
+            far[:, inner] = self.seen[:, inner] * np.linalg.norm(away, axis=1)
+        count = sum(self.seen[:, start + HALO : stop - HALO].sum() for start, stop in self.spans)
+        return float(far.sum() / count), residual
 
     def indicator(self, residual: Array) -> Array:
         """Muller's dr (eq. 7) over the frames used, shape (6,)."""
         used = residual[:, self.used]
         rms: Array = np.sqrt(np.einsum("cn,cn->c", used, used) / used.shape[1]) / self.scale
         return rms
-
-    def _blocks(self) -> list[slice]:
-        """Frames to compute together, each block with its halo."""
-        return [
-            slice(at, min(at + BLOCK + 2 * HALO, stop))
-            for start, stop in self.spans
-            for at in range(start, stop - 2 * HALO, BLOCK)
-        ]
 
 
 def _list_measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:

@@ -17,14 +17,14 @@ from scaling_service.studies.benchmark.tasks import (
 TASKS: dict[str, Task] = {
     task.name: task
     for task in (
-        persons.TASK,
+        persons.describe_task(),
         images.FROM_MARKERS,
         images.FROM_BONES,
-        living_bone.TASK,
-        hidden.TASK,
-        wild_recordings.TASK,
-        wild_models.TASK,
-        bones.TASK,
-        agreement.TASK,
+        living_bone.describe_task(),
+        hidden.describe_task(),
+        wild_recordings.describe_task(),
+        wild_models.describe_task(),
+        bones.describe_task(),
+        agreement.describe_task(),
     )
 }

@@ -172,11 +172,13 @@ def judge_variant(
     return {"wrong": 0.0 if right else 100.0}
 
 
-TASK = parts.Task(
-    name="bones",
-    title="Bones as they are found",
-    truth="the program's own answer for the clean bones, moved with them; wrong bones must be refused",
-    needs=("jia_mri/bones",),
-    metrics=(parts.WRONG,),
-    cases=make_cases,
-)
+def describe_task() -> parts.Task:
+    """What is asked and how it is judged."""
+    return parts.Task(
+        name="bones",
+        title="Bones as they are found",
+        truth="the program's own answer for the clean bones, moved with them; wrong bones must be refused",
+        needs=("jia_mri/bones",),
+        metrics=(parts.WRONG,),
+        cases=make_cases,
+    )

@@ -188,11 +188,14 @@ def _has_size(effect: Mapping[str, Mapping[str, Mapping[str, float]]], hidden: H
     return abs(found - value) <= within
 
 
-TASK = Task(
-    name="hidden",
-    title="Effects hidden in real recordings",
-    truth="what was done to the files of a squatting and walking person; the person's own faults are unknown",
-    needs=("opencap_squat/manually_scaled.osim",),
-    metrics=(WRONG, Metric(key="others", title="other names")),
-    cases=make_cases,
-)
+def describe_task() -> Task:
+    """What is asked and how it is judged."""
+    return Task(
+        name="hidden",
+        title="Effects hidden in real recordings",
+        truth="what was done to the files of a squatting and walking person; the person's own faults are "
+        "unknown",
+        needs=("opencap_squat/manually_scaled.osim",),
+        metrics=(WRONG, Metric(key="others", title="other names")),
+        cases=make_cases,
+    )

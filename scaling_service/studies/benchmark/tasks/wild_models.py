@@ -122,11 +122,13 @@ def _follows(found: parts.Traced, recording: Path, check: Mapping[str, Any]) -> 
     return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
 
 
-TASK = parts.Task(
-    name="wild_models",
-    title="Models as they are found",
-    truth="poses that the recordings were made from, or OpenSim's tools started at the true pose",
-    needs=("wild/models",),
-    metrics=(parts.WRONG,),
-    cases=make_cases,
-)
+def describe_task() -> parts.Task:
+    """What is asked and how it is judged."""
+    return parts.Task(
+        name="wild_models",
+        title="Models as they are found",
+        truth="poses that the recordings were made from, or OpenSim's tools started at the true pose",
+        needs=("wild/models",),
+        metrics=(parts.WRONG,),
+        cases=make_cases,
+    )

@@ -27,7 +27,6 @@ from scaling_service.capabilities.discovery.laws.candidates import (
     Estimate,
     Seen,
 )
-from scaling_service.capabilities.discovery.laws.loads import PlateFault
 from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
@@ -224,11 +223,6 @@ class Naming:
 def is_of_forces(candidate: Candidate) -> bool:
     """Whether a candidate is a sum of columns of the wrench."""
     return bool(candidate.columns) and all(column.load is not None for column in candidate.columns)
-
-
-def is_of_plate(candidate: Candidate) -> bool:
-    """Whether a candidate is a fault of a plate."""
-    return any(isinstance(column.load, PlateFault) for column in candidate.columns)
 
 
 def is_of_markers(candidate: Candidate) -> bool:

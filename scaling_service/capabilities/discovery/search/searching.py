@@ -36,7 +36,7 @@ from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
-from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces, is_of_plate
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
 from scaling_service.core.threads import map_parallel
@@ -277,8 +277,7 @@ class Search(Naming):
             of_mass = Ranked(loads.mass, mass)
             at = bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
             if weight.disagree:  # which is one number with gains and biases of their plates
-                of_plates = (k for k, one in enumerate(ranked) if is_of_plate(one.candidate))
-                at = min(at, next(of_plates, at))
+                at = next((k for k, one in enumerate(ranked[:at]) if one.candidate.kind != MASS), at)
             ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
         return loads, ranked
 

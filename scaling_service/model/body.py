@@ -155,8 +155,7 @@ class Segment:
     """A rigid body and the chain of joints that carries it from its parent."""
 
     name: str
-    parent: str
-    """``name``, ``parent``: ``parent`` is another segment or ``"ground"``."""
+    parent: str  # another segment or ``"ground"``
     joint_name: str  # the anatomical joint, as the model calls it (knee_r)
     joints: tuple[Joint, ...]  # in order from the parent's frame to this segment's frame
     mass: float = 0.0  # kg
@@ -205,11 +204,8 @@ class Marker:
     weight: float = 1.0  # its weight in inverse kinematics
     anatomical: bool = True  # on a bony landmark (True) or a tracking marker on soft tissue (False)
     follows_size: bool = True  # whether its local coordinates follow the segment's scale factors
-    # whether it is a direction, a point at infinity: it turns with its segment, and where that is does not
-    # matter. Its length is that of the arm by which a rotation is weighed, m
-    is_direction: bool = False
-    noise: float | None = None
-    """Standard deviation of one coordinate, m, of what is measured otherwise than over skin."""
+    is_direction: bool = False  # a point at infinity, as long as the arm by which a rotation is weighed
+    noise: float | None = None  # SD of one coordinate, m, of what is measured otherwise than over skin
 
     @classmethod
     def at(
@@ -306,9 +302,8 @@ class BodyModel:
     # coordinates and how far off they are in this model, RMS in rad or m, where a posterior told
     departures: tuple[tuple[str, float], ...] = ()
     notes: tuple[str, ...] = ()  # what the file that it was read from holds beside, or means otherwise
-    posterior: ParameterPosterior | None = (
-        None  # how well its numbers are known, where they were estimated so
-    )
+    # how well its numbers are known, where they were estimated so
+    posterior: ParameterPosterior | None = None
 
     def __repr__(self) -> str:
         mass = sum(segment.mass for segment in self.segments)

@@ -13,7 +13,7 @@ from scaling_service.capabilities.discovery.models import correct_model
 from scaling_service.capabilities.discovery.options import AS_MEASURED, PLAIN, DiscoverSettings
 from scaling_service.capabilities.discovery.result import DiscoverResults
 from scaling_service.capabilities.discovery.search.discover import discover as search_effects
-from scaling_service.capabilities.discovery.search.searching import Origin
+from scaling_service.capabilities.discovery.search.naming import Origin
 from scaling_service.capabilities.discovery.start import PLAIN_METHODS, prepare
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import Settings

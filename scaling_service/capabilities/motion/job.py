@@ -40,7 +40,6 @@ class MotionRequest(OfOneSubject, MotionOptions):
         default=None,
         description="Uploaded orientations of sensors while the person stands as the model does; the "
         "subject's static trial unless given, where that is such a file.",
-        examples=["standing.sto"],
     )
 
     def list_needed(self, documents: Documents) -> Needed:

@@ -47,16 +47,14 @@ from scaling_service.capabilities.discovery.search.gaps import (
 )
 from scaling_service.capabilities.discovery.search.leanings import Leaning
 from scaling_service.capabilities.discovery.search.markers import BodyTable
-from scaling_service.capabilities.discovery.search.searching import (
-    FORCES,
-    LABELS,
+from scaling_service.capabilities.discovery.search.naming import (
     SCALED_HERE,
     SHOWN,
     Named,
     Origin,
-    Search,
     is_of_markers,
 )
+from scaling_service.capabilities.discovery.search.searching import FORCES, LABELS, Search
 from scaling_service.capabilities.discovery.search.separating import find_separating_movement
 from scaling_service.core.progress import Progress, Steps, show_nothing
 from scaling_service.model.body import BodyModel

@@ -1,56 +1,44 @@
-"""The search itself: labels, the body and its markers, the forces; each time the likeliest is named.
-
-Nothing is named whose own places, or whose forces or markers as a whole, are worse with it on what did not
-fit it.
-"""
+"""The search itself: labels, then the body and its markers, then the forces."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from scaling_service.capabilities.discovery.effects.body_mass import (
     balance_weight,
     find_usual_mass,
     make_candidate,
 )
-from scaling_service.capabilities.discovery.effects.catalogue import describe_details, propose_candidates
+from scaling_service.capabilities.discovery.effects.catalogue import propose_candidates
 from scaling_service.capabilities.discovery.effects.external_contact import find_contacts, make_touch
 from scaling_service.capabilities.discovery.effects.marker_swap import find_exchanges
 from scaling_service.capabilities.discovery.effects.sizes import (
     is_met,
     list_usual_deviations,
-    look_up_usual_sizes,
 )
 from scaling_service.capabilities.discovery.evidence.fit import Fit, fit_recordings, fit_wrenches
-from scaling_service.capabilities.discovery.evidence.settings import DiscoverySettings
 from scaling_service.capabilities.discovery.laws.candidates import (
     Candidate,
     Contact,
     Estimate,
     Reweighed,
-    Seen,
     Swinging,
 )
-from scaling_service.capabilities.discovery.laws.loads import PlateFault
-from scaling_service.capabilities.discovery.observations.wrench import COMPONENTS
 from scaling_service.capabilities.discovery.ordinary.forces import ForceEvidence, Touch, WrenchTable
 from scaling_service.capabilities.discovery.ordinary.loads import Loads, score_loads
 from scaling_service.capabilities.discovery.ordinary.odds import Scored
 from scaling_service.capabilities.discovery.ordinary.witnesses import hear_declared, hear_sum
-from scaling_service.capabilities.discovery.search.findings import Tried
 from scaling_service.capabilities.discovery.search.gaps import rms_by_place
-from scaling_service.capabilities.discovery.search.leanings import OF_MODELS, Leaning
 from scaling_service.capabilities.discovery.search.markers import BodyTable, Ranked
+from scaling_service.capabilities.discovery.search.naming import Naming, is_of_forces
 from scaling_service.capabilities.dynamics.weight import Weight
 from scaling_service.core.arrays import Array
-from scaling_service.core.progress import Steps
 from scaling_service.core.threads import map_parallel
 from scaling_service.model.inertia import sum_mass
 
@@ -61,55 +49,11 @@ _MOVED = 0.3  # deviations by which sizes must move to be worth tracking anew (c
 _TUNED, _IN_TUNE = 6, 0.005
 """Times that what swings is tuned and tracked anew, and the share of its frequency at which that ends
 (chosen)."""
-SHOWN = 30  # of what was not named (chosen)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Origin:
-    """Where the model comes from.
-
-    ``given``: it was made for the person elsewhere; ``placed``: its markers' places were fitted;
-    ``declared_kg``: the person's mass, if it was declared.
-    """
-
-    given: bool = False
-    placed: bool = True
-    declared_kg: float | None = None
-
-
-SCALED_HERE = Origin()
-"""A model with fitted markers, of a person whose mass was not declared."""
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
-class Named:
-    """What was named so far."""
-
-    ranked: Ranked
-    gain: float
-    by_blocks: bool
-    equivalents: Mapping[Candidate, float]
-    smallest: Mapping[str, float]
-
-
-@dataclass(slots=True, eq=False, kw_only=True)
-class Search:
-    """What is assumed by now: labels, body and forces, one after the other."""
-
-    fit: Fit
-    origin: Origin
-    steps: Steps
-    named: list[Named] = field(default_factory=list)
-    refused: set[str] = field(default_factory=set)  # keys
-    tried: dict[str, Tried] = field(default_factory=dict)
-    covariances: dict[str, Array] = field(default_factory=dict)
-    leanings: dict[str, Leaning] = field(default_factory=dict)
-    last: dict[Seen, list[Ranked]] = field(default_factory=dict)  # as they were ranked last
-
-    @property
-    def settings(self) -> DiscoverySettings:
-        """How strict it is."""
-        return self.fit.settings
+class Search(Naming):
+    """Labels, body and forces, one after the other."""
 
     # Labels
 
@@ -333,8 +277,7 @@ class Search:
             of_mass = Ranked(loads.mass, mass)
             at = bisect_left(ranked, -of_mass.odds, key=lambda one: -one.odds)
             if weight.disagree:  # which is one number with gains and biases of their plates
-                of_plates = (k for k, one in enumerate(ranked) if is_of_plate(one.candidate))
-                at = min(at, next(of_plates, at))
+                at = next((k for k, one in enumerate(ranked[:at]) if one.candidate.kind != MASS), at)
             ranked.insert(at if of_mass.odds >= self.settings.odds else len(ranked), of_mass)
         return loads, ranked
 
@@ -364,157 +307,6 @@ class Search:
 
     def _refit_forces(self, effects: Sequence[Estimate]) -> Fit:
         return fit_wrenches(replace(self.fit, effects=tuple(effects)))
-
-    # Naming
-
-    def _name_first(
-        self,
-        ranked: Sequence[Ranked],
-        refit: Callable[[Sequence[Estimate]], Fit],
-        classes: Mapping[str, Mapping[Candidate, float]],
-    ) -> bool:
-        """Name the first that has the odds and does good; whether there was one."""
-        taken = {e.candidate.key for e in self.fit.effects}
-        for one in ranked:
-            key = one.candidate.key
-            if one.odds < self.settings.odds:
-                break
-            if key in self.refused or key in taken:
-                continue
-            size = np.zeros(0) if one.scored is None else one.scored.size
-            if not self._is_met(one.candidate, size):
-                self.refused.add(key)
-                continue
-            effect = Estimate(one.candidate, size)
-            fit = refit((*self.fit.effects, effect))
-            gain, by_blocks = self._measure_gain(fit, one.candidate)
-            usual = look_up_usual_sizes(one.candidate, self.fit.model)
-            shown = ((usual(name), value) for name, value in describe_details(effect, fit).items())
-            if gain is None or any(met and not met.low <= value <= met.high for met, value in shown):
-                self.refused.add(key)
-                continue
-            self.fit = fit
-            self.covariances[key] = np.zeros((0, 0)) if one.scored is None else one.scored.covariance
-            self.named.append(
-                Named(
-                    ranked=one,
-                    gain=gain,
-                    by_blocks=by_blocks,
-                    equivalents=classes.get(key, {}),
-                    smallest=self._find_smallest(one),
-                )
-            )
-            return True
-        return False
-
-    def _is_met(self, candidate: Candidate, size: Array) -> bool:
-        """Whether its size is one that laboratories meet; else it is something else."""
-        met = is_met(candidate, size, self.fit.model)
-        return met and (candidate.together is None or candidate.together(size))
-
-    def _measure_gain(self, fit: Fit, candidate: Candidate) -> tuple[float | None, bool]:
-        """Share of the squares that it takes off what did not fit it; None where anything is worse there."""
-        forces = not is_of_markers(candidate)
-        here = [r.trial.name for r in fit.context.recordings if candidate.holds_in(r.trial.name)]
-        unseen = [
-            r.trial.name for r in fit.context.recordings if r.role == "held_out" and r.trial.name in here
-        ]
-        trials = unseen or here
-        old, new = (rms_by_place(f, trials, forces=forces) for f in (self.fit, fit))
-        worst = 1.0 + self.settings.worse
-        own = [w for w in candidate.where if w in old and w in new]
-        if any(new[w] > worst * old[w] for w in own):
-            return None, not unseen
-        groups = (COMPONENTS[:3], COMPONENTS[3:]) if forces else (tuple(old),)
-        gains, fell = [], []
-        for group in groups:
-            a, b = (sum(rms[p] ** 2 for p in group if p in rms) for rms in (old, new))
-            fell.append(b <= worst**2 * a)
-            gains.append(1.0 - b / a if a > 0.0 else 0.0)
-        return (max(gains) if all(fell) and max(gains) > 0.0 else None), not unseen
-
-    def _tell_classes(
-        self, ranked: Sequence[Ranked], compare: Callable[[Ranked, Ranked], float]
-    ) -> dict[str, dict[Candidate, float]]:
-        """Of the first that has the odds: those that these recordings do not tell from it."""
-        first = next((r for r in ranked if r.candidate.key not in self.refused), None)
-        if first is None or first.odds < self.settings.odds:
-            return {}
-        if first.scored is None and not isinstance(first.candidate.change, Contact):
-            return {}
-        near = [r for r in ranked if r is not first and r.odds > first.odds - self.settings.class_odds]
-        own = first.candidate
-        alike = {
-            r.candidate: r.odds - first.odds
-            for r in near
-            if (r.candidate.kind, r.candidate.where) != (own.kind, own.where)
-            and abs(compare(first, r)) > self.settings.class_cosine
-        }
-        return {first.candidate.key: alike}
-
-    def _find_smallest(self, one: Ranked) -> dict[str, float]:
-        """Sizes of the columns, in proportion as found, from which a share would be named.
-
-        Nothing where that is more than laboratories meet.
-        """
-        if one.scored is None:
-            return {}
-        s = one.scored
-        scaled = np.eye(len(s.sd)) + s.information * np.outer(s.sd, s.sd)
-        shown = s.information @ s.size
-        strength = float(shown @ (s.sd * np.linalg.solve(scaled, s.sd * shown)))
-        needed = self.settings.odds + (s.bayes - one.odds) + 0.5 * float(np.linalg.slogdet(scaled)[1])
-        if strength <= 0.0 or needed <= 0.0:
-            return {}
-        z = float(scipy.stats.norm.ppf(self.settings.power))
-        share = (z + math.sqrt(z * z + 2.0 * needed)) / math.sqrt(strength)
-        if not self._is_met(one.candidate, share * s.size):
-            return {}
-        return {
-            column.name: abs(column.unit * size) * share
-            for column, size in zip(one.candidate.columns, s.size.tolist(), strict=True)
-        }
-
-    def _remember(self, ranked: Sequence[Ranked], square: float) -> None:
-        """What was tried, as it was last, and what of the squares it would take."""
-        for r in ranked[:SHOWN]:
-            s = r.scored
-            gain = float("nan") if s is None else float(s.size @ s.information @ s.size) / square
-            self.tried[r.candidate.key] = Tried(
-                candidate=r.candidate, odds=r.odds, gain=gain, smallest=self._find_smallest(r)
-            )
-        for r in ranked:
-            if r.scored is not None and r.candidate.kind in OF_MODELS and not r.candidate.trials:
-                s = r.scored
-                self.leanings[r.candidate.key] = Leaning.of(r.candidate, s.size, s.covariance, s.sd)
-
-    def list_standing(self) -> list[Ranked]:
-        """What has the odds and was refused: of a size that nobody meets, or worse on unseen recordings."""
-        every = [r for ranked in self.last.values() for r in ranked]
-        return [r for r in every if r.odds >= self.settings.odds and r.candidate.key in self.refused]
-
-    def list_leanings(self) -> list[Leaning]:
-        """What the recordings say of every effect of the model, named or not."""
-        for effect in self.fit.effects:
-            key, sd = effect.candidate.key, list_usual_deviations(effect.candidate, self.fit.model)
-            if key in self.leanings and sd is not None:
-                self.leanings[key] = Leaning.of(effect.candidate, effect.size, self.covariances[key], sd)
-        return list(self.leanings.values())
-
-
-def is_of_forces(candidate: Candidate) -> bool:
-    """Whether a candidate is a sum of columns of the wrench."""
-    return bool(candidate.columns) and all(column.load is not None for column in candidate.columns)
-
-
-def is_of_plate(candidate: Candidate) -> bool:
-    """Whether a candidate is a fault of a plate."""
-    return any(isinstance(column.load, PlateFault) for column in candidate.columns)
-
-
-def is_of_markers(candidate: Candidate) -> bool:
-    """Whether a candidate shows among the markers."""
-    return candidate.seen_in == "markers"
 
 
 def _pitch(effects: Sequence[Estimate]) -> list[float]:

@@ -51,12 +51,12 @@ function numbers(effect: EffectDocument): HTMLElement {
   });
 }
 
-const valueOf = ({ value, at_bound }: QuantityDocument): string =>
-  (Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value)) + (at_bound ? ", a bound of the search" : "");
+const valueOf = ({ value }: QuantityDocument): string =>
+  Array.isArray(value) ? value.map((one) => one.toFixed(2)).join(", ") : figures(value);
 
-/** Whether a number stands at a bound of the search, or outside of what laboratories meet. */
-const doubtful = ({ value, usual, at_bound }: QuantityDocument): boolean =>
-  at_bound || (usual != null && !Array.isArray(value) && (value < usual[0] || value > usual[1]));
+/** Whether a number lies outside of what laboratories meet. */
+const doubtful = ({ value, usual }: QuantityDocument): boolean =>
+  usual != null && !Array.isArray(value) && (value < usual[0] || value > usual[1]);
 
 function interval({ value, sd }: QuantityDocument): string {
   if (sd === null || Array.isArray(value)) return "–";

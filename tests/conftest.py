@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scaling_service.core.threads import use_one_thread
-from tests.finished import Demo, make_once
+from tests.finished import Demo, fill_once, make_once
 
 use_one_thread()  # numpy is not imported yet
 
@@ -69,6 +69,18 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Demo:
         return Demo(results, truth, shares)
 
     return make_once(tmp_path_factory, "demo", make)
+
+
+@pytest.fixture(scope="session")
+def demo_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which ``scaling-service demo --out demo`` was run, what it printed in ``screen.txt``."""
+    from tests.safety.running import run_program
+
+    def make(folder: Path) -> None:
+        screen = run_program(["demo", "--out", "demo"], folder)
+        (folder / "screen.txt").write_text(screen, encoding="utf-8")
+
+    return fill_once(tmp_path_factory, "demo_program", make)
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -30,6 +31,7 @@ RUN = [
     if name not in notebooks.NAMES
     and any(block.language in ("bash", "python") for block in blocks(pages.read_page(name)))
 ]
+DEMO = "scaling-service demo --out demo\n"
 SLOW = "# half a minute"
 """Begins blocks that are run only where what takes long is."""
 
@@ -44,7 +46,12 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", RUN)
 def test_what_a_page_says_to_do_does_what_it_shows(
-    name: str, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    lab: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     found = blocks(pages.read_page(name))
@@ -54,7 +61,11 @@ def test_what_a_page_says_to_do_does_what_it_shows(
         assert main(["example", "--plates", "--out", "plates"]) == 0
     space: dict[str, object] = {}
     for block in found:
-        if not block.text.startswith(SLOW):
+        if block.text == DEMO and block.shown is not None:
+            made: Path = request.getfixturevalue("demo_program")
+            shutil.copytree(made / "demo", tmp_path / "demo")
+            assert_shown(block.shown, (made / "screen.txt").read_text(encoding="utf-8"))
+        elif not block.text.startswith(SLOW):
             run(block, capsys, space)
 
 

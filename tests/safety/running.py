@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -28,8 +29,11 @@ def find_data() -> Path | None:
     return folder.resolve() if folder.is_dir() else None
 
 
-def run_case(case: Case, folder: Path) -> dict[str, Any]:
-    """All that a case wrote and said, as a document: numbers of files under their names, and sentences."""
+def run_case(case: Case, folder: Path, demo: Path | None = None) -> dict[str, Any]:
+    """All that a case wrote and said, as a document: numbers of files under their names, and sentences.
+
+    ``demo``: where the demo was run already, with ``screen.txt``.
+    """
     data = find_data()
     folder = folder.resolve()
     prepare_folder(case, folder, data)
@@ -38,7 +42,12 @@ def run_case(case: Case, folder: Path) -> dict[str, Any]:
     replaced = {str(folder): "."} | ({str(data): "DATA"} if data else {})
     for command in case.commands:
         words = shlex.split(command.replace(DATA, str(data)))
-        said[words[0]] = sort_sentences(split_screen(run_program(words, folder)), replaced)
+        if demo is not None and words == ["demo", "--out", "demo"]:
+            shutil.copytree(demo / "demo", folder / "demo")
+            screen = (demo / "screen.txt").read_text(encoding="utf-8")
+        else:
+            screen = run_program(words, folder)
+        said[words[0]] = sort_sentences(split_screen(screen), replaced)
     written = sorted(path for path in set(folder.rglob("*")) - there if path.is_file())
     return {"screen": said} | read_folder(folder, written, replaced)
 

@@ -25,10 +25,13 @@ PARAMETERS = [pytest.param(c, id=c.name, marks=[pytest.mark.costly] if c.costly 
 
 
 @pytest.mark.parametrize("case", PARAMETERS)
-def test_numbers_and_words_are_what_they_were(case: Case, tmp_path: Path) -> None:
+def test_numbers_and_words_are_what_they_were(
+    case: Case, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     if case.needs_data and find_data() is None:
         pytest.skip("no recordings; set SCALING_SERVICE_DATA")
-    found = list(compare(load_snapshot(case.name), run_case(case, tmp_path)))
+    demo = request.getfixturevalue("demo_program") if case.name == "demo" else None
+    found = list(compare(load_snapshot(case.name), run_case(case, tmp_path, demo)))
     if found:
         advice = f"if this is intended: python -m tests.safety.renew {case.name}"
         pytest.fail(f"{case.name}: {tell_differences(found)}\n{advice}", pytrace=False)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.scaling.comparison.geometry import estimate_usual_lengths
 from scaling_service.capabilities.scaling.result import Results, gather_evidence
-from scaling_service.model.trial import ImageEvidence
 
 
 def test_errors_and_parameters_are_the_results(results: Results) -> None:
@@ -27,14 +24,6 @@ def test_errors_and_parameters_are_the_results(results: Results) -> None:
         assert method.fitted.mean == pytest.approx(scaling.errors["hips"].mean, rel=1e-12)
         posterior = scaling.calibration.model.posterior
         assert method.skin == (None if posterior is None else posterior.skin)
-
-
-def test_lengths_between_imaged_centres_count_as_imaged(results: Results) -> None:
-    assert gather_evidence(results).imaged_lengths == ()
-    centres = dict.fromkeys(("hip_r", "hip_l", "knee_r", "ankle_l"), (0.0, 0.0, 0.0))
-    session = replace(results.session, images=ImageEvidence(centres=centres))
-    seen = replace(results, loaded=replace(results.loaded, session=session))
-    assert gather_evidence(seen).imaged_lengths == ("inter_hip", "femur_r")
 
 
 def test_usual_lengths_are_shares_of_the_height(results: Results) -> None:

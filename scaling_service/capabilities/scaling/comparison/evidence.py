@@ -93,15 +93,6 @@ class Evidence:
         """The method whose lengths and centres stand for the image's, if any was computed."""
         return next((m for m in self.methods if m.from_images), None)
 
-    @property
-    def imaged_lengths(self) -> tuple[str, ...]:
-        """The lengths between imaged joint centres."""
-        sides = ("r", "l")
-        pairs = {"inter_hip": ("hip_r", "hip_l")}
-        pairs |= {f"femur_{s}": (f"hip_{s}", f"knee_{s}") for s in sides}
-        pairs |= {f"shank_{s}": (f"knee_{s}", f"ankle_{s}") for s in sides}
-        return tuple(name for name, ends in pairs.items() if set(ends) <= self.imaged)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:

@@ -15,7 +15,7 @@ from scaling_service.capabilities.consistent.planar import STANDING, prepare_squ
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics import start
-from scaling_service.capabilities.dynamics.settings import PLAIN_FORCES, ForceSettings
+from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
@@ -62,7 +62,7 @@ class ConsistentResults:
 
 def consistent(
     subject: Subject | str | Path,
-    chosen: ForceSettings = PLAIN_FORCES,
+    chosen: ForceSettings = ForceSettings(),
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,

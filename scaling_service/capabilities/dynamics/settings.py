@@ -36,10 +36,6 @@ class ForceSettings(Options):
     )
 
 
-PLAIN_FORCES = ForceSettings()
-"""Nothing chosen."""
-
-
 class DynamicsSettings(ForceSettings):
     """What can be chosen for dynamics.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, PLAIN_FORCES, ForceSettings
+from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, ForceSettings
 from scaling_service.capabilities.kinetics.forces import (
     TrialForces,
     assign_forces,
@@ -54,7 +54,7 @@ class Prepared:
 
 def prepare(
     loaded: Loaded,
-    chosen: ForceSettings = PLAIN_FORCES,
+    chosen: ForceSettings = ForceSettings(),
     settings: Settings = UNSMOOTHED,
     *,
     progress: Progress | None = None,

@@ -251,7 +251,7 @@ def identify_inertia(
     --------
     >>> import scaling_service as ss
     >>> from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none", samples=10))
+    >>> checked = ss.dynamics("plates/subject.json", ss.DynamicsSettings(start="none"))
     >>> fitted = [ForceRecording(trial.dynamics, trial.frames) for trial in checked.trials.values()]
     >>> found = ss.identify_inertia(checked.prepared.model, fitted)
     >>> found.relative_error(held_out=False) <= 1.0

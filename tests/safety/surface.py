@@ -98,7 +98,7 @@ def _read_name(value: Any) -> Any:
     return {
         "call": _read_signature(value),
         "members": {
-            name: _read_signature(member) if inspect.isroutine(member) else "value"
+            name: _read_signature(member) if callable(member) else "value"
             for name, member in sorted(members.items())
         },
     }

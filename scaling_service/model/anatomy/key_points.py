@@ -97,7 +97,7 @@ def tell_key_points(model: BodyModel, labels: Iterable[str]) -> tuple[Note, ...]
     off = max(1e3 * m.noise for m in model.markers if m.noise is not None and m.name in seen)
     said = (
         f"key points of video stand for joint centres, each off by {off:.0f} mm along an axis; what they do "
-        "not show, such as the pelvis's tilt, is held by what is ordinary, as deviations say"
+        "not show, such as the pelvis's tilt, is not told, or held by what is ordinary, as deviations say"
     )
     remedy = "Nothing is to be done; markers on the pelvis show its tilt"
     return (Note(code="key_points", severity="note", problem=said, remedy=remedy),)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -51,16 +51,15 @@ def has_no_markers(session: Session) -> bool:
     return shows_key_points_alone(session.model, shown) if marked else bool(session.rotations)
 
 
-def refuse_without_markers(methods: Sequence[str]) -> None:
-    """Refuse methods that are fitted to markers (TrialUnusable)."""
-    for method in methods:
-        if method != "MB":
-            raise TrialUnusable(
-                f"{method} is fitted to markers on skin, and the recordings hold none",
-                field="method",
-                remedy="Choose MB, which then sizes the model by sex, stature and a markerless system's "
-                "joint centres; or name a standing trial with markers under `trials:`",
-            )
+def refuse_without_markers(method: str) -> None:
+    """Refuse a method that is fitted to markers (TrialUnusable)."""
+    if method != "MB":
+        raise TrialUnusable(
+            f"{method} is fitted to markers on skin, and the recordings hold none",
+            field="method",
+            remedy="Choose MB, which then sizes the model by sex, stature and joint centres that are told; "
+            "or name a standing trial with markers under `trials:`",
+        )
 
 
 def size_without_markers(session: Session) -> Sizing:

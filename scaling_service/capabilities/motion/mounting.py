@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.capabilities.motion.beside_markers import find_beside_markers
 from scaling_service.capabilities.motion.everyday import holds_skin, pack_posterior, pose_problem
 from scaling_service.capabilities.motion.frames import (
     HEADING,
@@ -85,8 +86,9 @@ def mount(
 
     ``trials``: in the session's axes, but for sensors, whose world is found here unless ``turned`` says that
     it is the session's. ``standing``: sensors' orientations while the person stands as the model does by
-    default; else the first frame of the first recording is taken so, unless sensors have the segments' own
-    axes, or the model has them: ``placed``, frame to its segment and its axes there, (3, 3), columns.
+    default; else the first frame of the first recording is taken so, unless markers are beside them, sensors
+    have the segments' own axes, or the model has them: ``placed``, frame to its segment and its axes there,
+    (3, 3), columns.
 
     Raises TrialUnusable: no rotation belongs to a segment of the model.
     """
@@ -112,6 +114,10 @@ def mount(
     noise = {label: measure_noise(table, measured, label) for label in segments}
     axes = {label: placed[label][1] for label in segments if label in placed}
     hypotheses = [*list_hypotheses(model, table, measured, segments, standing, placed=axes, turned=turned)]
+    both = next((t for t in measured if t.labels and get_rotations(t).of == "sensors"), None)
+    if both is not None:
+        beside = find_beside_markers(model, both, segments, turned=turned)
+        hypotheses = hypotheses if beside is None else [beside]
     chosen, misfits = _choose(model, measured, segments, noise, hypotheses)
     calibrating = None
     if chosen.calibrated:

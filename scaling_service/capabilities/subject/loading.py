@@ -223,6 +223,12 @@ def understand(read: Read, settings: Settings, *, facing: bool = False, standing
 
 def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
     """As :func:`understand`, where no recording has a marker."""
+    if read.vertical != 1:
+        raise TrialUnusable(
+            f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
+            field="model",
+            remedy="Turn the model so that its gravity points along -y",
+        )
     axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
     first = next(iter(axes.values()))
     return Understood(

@@ -50,10 +50,11 @@ class Noise:
     white: float
 
     @classmethod
-    def of(cls, table: RotationTable, white: float, passing: float) -> Noise:
-        """``passing``: where it is more than people's; what is left of people's whole lasts."""
+    def of(cls, table: RotationTable, white: float, passing: float = 0.0, lasting: float = 0.0) -> Noise:
+        """``passing``, ``lasting``: where they are more than people's, of whose whole lasts what is left."""
         passing = max(white, passing, table.passing)
-        lasting = max(float(np.sqrt(max(table.total**2 - passing**2, 0.0))), table.lasting)
+        left = float(np.sqrt(max(table.total**2 - passing**2, 0.0)))
+        lasting = max(left, table.lasting, lasting)
         return cls(passing=passing, lasting=lasting, white=white)
 
     @property
@@ -107,7 +108,7 @@ def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> 
     sizes = np.abs(np.concatenate(found)).ravel()
     sizes = sizes[np.isfinite(sizes)]
     white = 1.4826 * float(np.median(sizes)) / np.sqrt(20.0) if len(sizes) else 0.0
-    return Noise.of(table, white, white)
+    return Noise.of(table, white)
 
 
 def list_hypotheses(

@@ -259,6 +259,15 @@ def test_bands_cover_mountings_that_are_off(truth: Truth, tmp_path: Path) -> Non
     assert COVERED[0] < np.mean(covered) < COVERED[1]
 
 
+def test_bands_cover_both_at_once(truth: Truth, tmp_path: Path) -> None:
+    """That frames sit askew shows where joints are hinges, and widens what jitter alone would say."""
+    covered = [
+        count_covered(ik(truth.model, [make_poses(truth, tmp_path, seed, NOISE_DEG, NOISE_DEG)]), truth)
+        for seed in range(6)
+    ]
+    assert COVERED[0] < np.mean(covered) < COVERED[1]
+
+
 def test_markers_and_poses_go_together(truth: Truth, shared_data: Path, tmp_path: Path) -> None:
     """Half of the markers beside poses with noise: better than either, as the pelvis is where markers are."""
     from scaling_service.files.recording import read_recording

@@ -1,7 +1,7 @@
 """Key points of a video pose network as points of a model: guesses of joint centres, off by what they are.
 
 Names as Pose2Sim and Sports2D write those of BODY_25 and HALPE_26 (``marker_sets/video_keypoints.yaml``).
-They lie 10 to 50 mm from joint centres by markers (Needham et al. 2021, Sci Rep 11:20673).
+They lie up to 50 mm from joint centres by markers (Needham et al. 2021, Sci Rep 11:20673).
 """
 
 from __future__ import annotations

@@ -49,9 +49,9 @@ def test_a_request_to_terminate_ends_as_an_interruption(
 ) -> None:
     original = tasks.open_subject
 
-    def asked(*arguments: object) -> object:
+    def asked(*arguments: object, **options: object) -> object:
         os.kill(os.getpid(), signal.SIGTERM)
-        return original(*arguments)
+        return original(*arguments, **options)
 
     handler = signal.getsignal(signal.SIGTERM)
     monkeypatch.setattr(tasks, "open_subject", asked)

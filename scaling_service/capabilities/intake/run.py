@@ -59,6 +59,7 @@ from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
 from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
+from scaling_service.model.anatomy.key_points import add_key_points
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
@@ -166,7 +167,7 @@ def prove(
     mapped, stature = known.get("markers") or {}, sizes.height_m
     who = identify_labels(trials, look.static, stature, mapped, labels or {})
     usual, why = look.usual_model(who)
-    model = look.read_model(usual)
+    model = add_key_points(look.read_model(usual), [x for one in trials.values() for x in one.labels])
     markers, unused = propose_markers(model, trials, mapped, labels or {}, who)
     extra = assign_extra_markers(unused, who, model)
     # What must stand under `markers:` because scaling would not find it by the names

@@ -52,13 +52,18 @@ def pose_problem(
     places = evaluate_local_positions(task.tree, task.p)[:, :, 0]
     owners = [freed.marker(name).segment for name in task.markers]
     groups, instrument, told = [], people.noise**2, tell_landmarks(freed)
+    noise = [freed.marker(name).noise for name in task.markers]
     for segment in dict.fromkeys(owners):
-        rows = np.flatnonzero([owner == segment for owner in owners])
-        names = [task.markers[k] for k in rows]
-        stated = [noise for name in names if (noise := freed.marker(name).noise) is not None]
-        if len(stated) == len(names):
-            groups.append(ErrorGroup(rows, np.diag(np.repeat(np.square(stated), 3))))
+        on = np.array([owner == segment for owner in owners])
+        stated = np.array([n is not None for n in noise])
+        if (on & stated).any():
+            own = np.flatnonzero(on & stated)
+            sizes = np.array([noise[k] for k in own], dtype=float)
+            groups.append(ErrorGroup(own, np.diag(np.repeat(np.square(sizes), 3))))
+        rows = np.flatnonzero(on & ~stated)
+        if not len(rows):
             continue
+        names = [task.markers[k] for k in rows]
         share = people.loose_share if lawful else 1.0
         skin = cover_with_skin(freed.bone_of(segment), people, told, names, places[rows], share)
         groups.append(ErrorGroup(rows, skin + instrument * np.eye(3 * len(rows)), instrument))
@@ -150,7 +155,7 @@ def _free_again(model: BodyModel, trial: Trial) -> tuple[PosteriorProblem, Task,
 
 def knows_people(model: BodyModel) -> bool:
     """Whether a model holds more of its person than plain inverse kinematics uses."""
-    return model.posterior is not None or bool(model.expectations)
+    return bool(model.posterior or model.expectations or any(m.noise is not None for m in model.markers))
 
 
 def holds_skin(model: BodyModel) -> bool:

@@ -36,7 +36,7 @@ _SHAPES = tuple(
     if np.linalg.det(turn := np.diag(signs)[list(order)]) > 0.0
 )
 """The 24 ways to name the axes of a frame."""
-_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From a world with z up to ours, by the smallest turn."""
 _UPRIGHT = ("pelvis", "torso", "thorax", "femur", "tibia")
 
@@ -50,10 +50,11 @@ class Noise:
     white: float
 
     @classmethod
-    def of(cls, table: RotationTable, white: float, passing: float) -> Noise:
-        """``passing``: where it is more than people's; what is left of people's whole lasts."""
+    def of(cls, table: RotationTable, white: float, passing: float = 0.0, lasting: float = 0.0) -> Noise:
+        """``passing``, ``lasting``: where they are more than people's, of whose whole lasts what is left."""
         passing = max(white, passing, table.passing)
-        lasting = max(float(np.sqrt(max(table.total**2 - passing**2, 0.0))), table.lasting)
+        left = float(np.sqrt(max(table.total**2 - passing**2, 0.0)))
+        lasting = max(left, table.lasting, lasting)
         return cls(passing=passing, lasting=lasting, white=white)
 
     @property
@@ -107,7 +108,7 @@ def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> 
     sizes = np.abs(np.concatenate(found)).ravel()
     sizes = sizes[np.isfinite(sizes)]
     white = 1.4826 * float(np.median(sizes)) / np.sqrt(20.0) if len(sizes) else 0.0
-    return Noise.of(table, white, white)
+    return Noise.of(table, white)
 
 
 def list_hypotheses(
@@ -125,7 +126,7 @@ def list_hypotheses(
     if get_rotations(trials[0]).of == "segments":
         yield from _list_axes(table, trials, segments)
         return
-    worlds = {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": _Z_UP}
+    worlds = {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": Z_UP}
     # Where it is known how frames sit on their segments, these say which way is up.
     sat = {label: placed[label] for label in segments if label in placed} or same
     ups = [
@@ -147,7 +148,7 @@ def list_hypotheses(
     neutral = pose_neutral_frames(model)
     calibrating = trials[0] if standing is None else standing
     rows = slice(0, 1) if standing is None else slice(None)
-    pose = {label: _average(take_rotation(calibrating, label)[rows]) for label in segments}
+    pose = {label: average_rotations(take_rotation(calibrating, label)[rows]) for label in segments}
     for world, turn in worlds.items():
         known = {label: turn @ first for label, first in pose.items() if first is not None}
         before = {label: neutral[segments[label]][0].T for label in known}
@@ -164,7 +165,7 @@ def list_hypotheses(
             )
 
 
-def _average(turns: Array) -> Array | None:
+def average_rotations(turns: Array) -> Array | None:
     """The mean of some rotations (n, 3, 3); None where all are unknown."""
     known = turns[np.isfinite(turns).all(axis=(1, 2))]
     return find_nearest_rotation(known.mean(axis=0)) if len(known) else None

@@ -79,7 +79,9 @@ class MotionRequest(OfOneSubject, MotionOptions):
         trials = document.trials
         chosen = self.recordings or [*trials.calibration, *trials.evaluation] or list(trials.files)
         names = list(dict.fromkeys(chosen))
-        if len({PurePath(name).stem for name in names}) < len(names):
+        # One of markers and one of sensors are one movement.
+        files = map(PurePath, names)
+        if len({(file.stem, file.suffix.lower() == ".sto") for file in files}) < len(names):
             raise SubjectInvalid(
                 "two recordings have the same name without suffix",
                 field="recordings",

@@ -19,6 +19,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from scaling_service.capabilities.motion.beside_markers import find_beside_markers
 from scaling_service.capabilities.motion.everyday import holds_skin, pack_posterior, pose_problem
 from scaling_service.capabilities.motion.frames import (
     HEADING,
@@ -58,6 +59,7 @@ NOWHERE: Mapping[str, tuple[str, Array]] = MappingProxyType({})
 """No frame is on the model already."""
 
 _HEADING_SD = np.pi / np.sqrt(3.0)  # rad: any way round is as likely
+_NOTHING_TOLD = 1e-6  # of mountings: joints that turn every way leave them as they were
 _LOOKED_AT = 12  # chosen: frames, evenly spaced, by which hypotheses are compared
 _SOLVED = 40  # chosen: frames, evenly spaced, that tell of the mounting
 _ROUGH = SweepSettings(left=2e-2)  # chosen: hypotheses differ by more
@@ -73,6 +75,19 @@ class Mounted:
     notes: tuple[Note, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Solved:
+    """A model with how its frames sit and how well that is known.
+
+    ``level``: how much larger residuals are than expected, as a ratio of lengths. ``askew``: root mean square
+    of how far frames sit off their priors, rad, as far as joints show it.
+    """
+
+    model: BodyModel
+    level: float
+    askew: float
+
+
 def mount(
     model: BodyModel,
     trials: Sequence[Trial],
@@ -85,8 +100,9 @@ def mount(
 
     ``trials``: in the session's axes, but for sensors, whose world is found here unless ``turned`` says that
     it is the session's. ``standing``: sensors' orientations while the person stands as the model does by
-    default; else the first frame of the first recording is taken so, unless sensors have the segments' own
-    axes, or the model has them: ``placed``, frame to its segment and its axes there, (3, 3), columns.
+    default; else the first frame of the first recording is taken so, unless markers are beside them, sensors
+    have the segments' own axes, or the model has them: ``placed``, frame to its segment and its axes there,
+    (3, 3), columns.
 
     Raises TrialUnusable: no rotation belongs to a segment of the model.
     """
@@ -112,33 +128,38 @@ def mount(
     noise = {label: measure_noise(table, measured, label) for label in segments}
     axes = {label: placed[label][1] for label in segments if label in placed}
     hypotheses = [*list_hypotheses(model, table, measured, segments, standing, placed=axes, turned=turned)]
+    both = next((t for t in measured if t.labels and get_rotations(t).of == "sensors"), None)
+    if both is not None:
+        beside = find_beside_markers(model, both, segments, turned=turned)
+        hypotheses = hypotheses if beside is None else [beside]
     chosen, misfits = _choose(model, measured, segments, noise, hypotheses)
     calibrating = None
     if chosen.calibrated:
         calibrating = 1 if standing is None else standing.n_frames
 
-    def solve(one: Hypothesis) -> tuple[BodyModel, float, tuple[Trial, ...]]:
+    def solve(one: Hypothesis) -> tuple[_Solved, tuple[Trial, ...]]:
         placed = add_frames(model, segments, noise, one, table, measured)
         ready = tuple(add_directions(t, segments, noise, one) if t in measured else t for t in trials)
-        found, level = _solve(placed, ready, segments, noise, calibrating)
-        return found, level, ready
+        return _solve(placed, ready, segments, noise, calibrating), ready
 
-    solved, level, ready = solve(chosen)
+    # First with all that frames may sit askew, to see by how much they do and how well they are followed.
+    noise = {label: Noise.of(table, own.white, lasting=table.total) for label, own in noise.items()}
+    solved, ready = solve(chosen)
     facing = None
     if chosen.heading is not None:
         # Forward is where the person faces in that pose, as OpenSense has it.
-        facing = next(p.value for p in solved.parameters if p.name == HEADING)
+        facing = next(p.value for p in solved.model.parameters if p.name == HEADING)
         back = rotate_about((0.0, 1.0, 0.0), -facing)
         after = {label: back @ turn for label, turn in chosen.after.items()}
         chosen = replace(chosen, turn=back @ chosen.turn, after=after, heading=0.0)
-    if level > 1.0 or chosen.heading is not None:
-        # What the model does not follow passes, too: never less than people's, more where it is more.
-        noise = {
-            label: Noise.of(table, own.white, max(level, 1.0) * own.passing) for label, own in noise.items()
-        }
-        solved, _, ready = solve(chosen)
+    # What the recordings show beyond people's widens it, and nothing narrows it.
+    noise = {
+        label: Noise.of(table, own.white, max(solved.level, 1.0) * own.passing, solved.askew)
+        for label, own in noise.items()
+    }
+    solved, ready = solve(chosen)
     return Mounted(
-        model=solved,
+        model=solved.model,
         trials=ready,
         segments={label: segments[label] for label in segments if label in chosen.before},
         notes=tuple(_tell(matched, noise, chosen, misfits, facing)),
@@ -187,10 +208,8 @@ def _solve(
     segments: Mapping[str, str],
     noise: Mapping[str, Noise],
     calibrating: int | None,
-) -> tuple[BodyModel, float]:
-    """The model with its mountings and heading as some frames make them likely, and how well they are known.
-
-    And how much larger residuals are than expected, as a ratio of lengths.
+) -> _Solved:
+    """Mountings and heading as some frames make them likely.
 
     ``calibrating``: frames of the pose that tells how sensors are put on; None where no pose does.
     """
@@ -218,6 +237,10 @@ def _solve(
     )
     people = read_people()
     shares = np.minimum(spacing / (2.0 * people.loose_s), 1.0)
+    if not any(t.labels and not all("@" in label for label in t.labels) for t in measured):
+        # Skin lasts from frame to frame, jitter does not.
+        own_shares = [(noise[label].white / noise[label].passing) ** 2 for label in segments]
+        shares = shares + (1.0 - shares) * float(np.median(own_shares))
     lawful = holds_skin(model)
     problem, task = pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
     neutral = repeat_default_pose(model, 1)[0]
@@ -227,7 +250,17 @@ def _solve(
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)
     level = float(np.sqrt(posterior.misfit / posterior.freedom)) if posterior.freedom > 0.0 else 1.0
-    return pack_posterior(replace(model, parameters=parameters), prior.names, posterior.covariance), level
+    turned = [k for k, name in enumerate(prior.names) if name in names and name != HEADING]
+    before = 1.0 / np.diag(prior.precision)[turned]
+    after, mean = posterior.covariance[np.ix_(turned, turned)], posterior.p[turned]
+    # Mountings of variance s are estimated as K m + e with K = 1 - C/P and the covariance K C of e.
+    told = np.eye(len(turned)) - after / before
+    askew = (mean @ mean - np.trace(told @ after)) / max(float(np.square(told).sum()), _NOTHING_TOLD)
+    return _Solved(
+        model=pack_posterior(replace(model, parameters=parameters), prior.names, posterior.covariance),
+        level=level,
+        askew=float(np.sqrt(max(askew, 0.0))),
+    )
 
 
 def _tell(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion.beside_markers import join_recordings
 from scaling_service.capabilities.motion.clinical_angles import (
     ClinicalAngles,
     compute_clinical_angles,
@@ -204,7 +205,7 @@ def ik(
     with _without_subject_file(), blame_file(None, files):
         loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
         session, found = loaded.session, {}
-        trials, mounted = session.evaluation, None
+        trials, mounted = join_recordings(session.evaluation), None
         if any(trial.rotations is not None for trial in trials):
             stood = session.static if session.static and session.static.rotations else None
             placed = _list_frames(session.subject)
@@ -319,9 +320,11 @@ def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
         )
     by_stem: dict[str, Path] = {}
     for file in files:
-        if file.stem in by_stem:
+        other = by_stem.get(file.stem)
+        # One of markers and one of sensors are one movement.
+        if other is not None and (file.suffix.lower() == ".sto") == (other.suffix.lower() == ".sto"):
             raise InputError(
-                f"it and '{by_stem[file.stem]}' have the same name without suffix",
+                f"it and '{other}' have the same name without suffix",
                 file=file,
                 field="recordings",
                 remedy="Results are named by it: leave one out, or rename one",

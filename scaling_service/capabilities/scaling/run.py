@@ -33,10 +33,7 @@ from scaling_service.capabilities.scaling.muscles.parameters import keep_ranges
 from scaling_service.capabilities.scaling.muscles.surface import follow_surfaces
 from scaling_service.capabilities.scaling.options import ComparisonOptions
 from scaling_service.capabilities.scaling.result import Results, Scaling
-from scaling_service.capabilities.scaling.sizes.without_markers import (
-    has_rotations_alone,
-    refuse_without_markers,
-)
+from scaling_service.capabilities.scaling.sizes.without_markers import has_no_markers
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import Loaded, open_subject
@@ -177,9 +174,7 @@ def run(
     calibrations: dict[str, Calibration] = {}
     scalings: dict[str, Scaling] = {}
     with loaded.blame_files():
-        if has_rotations_alone(session):
-            refuse_without_markers(chosen)
-        elif session.scale_setup is None and session.images is None:
+        if session.scale_setup is None and session.images is None and not has_no_markers(session):
             require_landmarks(session)
         scaling = 1.0 - _LOADING - (_MUSCLES if options.muscles else 0.0)
         for k, method in enumerate(chosen):
@@ -286,7 +281,7 @@ def render_scaled(calibration: Calibration, session: Session) -> str:
 
 def _choose_possible(session: Session) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The methods that bones and recordings allow, and a note on those that trials are missing for."""
-    if has_rotations_alone(session):
+    if has_no_markers(session):
         return ("MB",), ()
     imaged = {n: m for n, m in METHODS.items() if session.images is not None or not m.needs_images}
     if session.calibration:

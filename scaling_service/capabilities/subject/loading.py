@@ -36,6 +36,7 @@ from scaling_service.files.osim.models import read_osim, read_vertical
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.recording import Recording, read_recording
 from scaling_service.model.anatomy.bones import assign_bones
+from scaling_service.model.anatomy.key_points import add_key_points, tell_key_points
 from scaling_service.model.body import GROUND, BodyModel
 from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
@@ -195,7 +196,8 @@ def understand(
     who: Identification | None = None,
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
-    model = labels.without_computed(read.model, read.subject)
+    every = [label for found in read.recordings.values() for label in found.labels]
+    model = labels.without_computed(add_key_points(read.model, every), read.subject)
     marked = {path: found for path, found in read.recordings.items() if found.labels}
     if not marked:
         return _understand_rotations(read, model, settings)
@@ -231,6 +233,12 @@ def understand(
 
 def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
     """As :func:`understand`, where no recording has a marker."""
+    if read.vertical != 1:
+        raise TrialUnusable(
+            f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
+            field="model",
+            remedy="Turn the model so that its gravity points along -y",
+        )
     axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
     first = next(iter(axes.values()))
     return Understood(
@@ -277,6 +285,8 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
     )
     placed = labels.list_placed(understood.model, subject, ready.values())
     marked = [trial for trial in understood.trials.values() if trial.labels]
+    seen = [label for trial in marked for label in trial.shown_labels]
+    of_video = tell_key_points(understood.model, seen)
     model, of_freedoms = lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
@@ -292,7 +302,7 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
             *of_freedoms,
             *of_setup,
             *of_images,
-            *(checks.summarise_recordings(model, subject, marked) if marked else ()),
+            *(of_video or (checks.summarise_recordings(model, subject, marked) if marked else ())),
             *findings,
         ),
         images=images,

@@ -17,9 +17,11 @@ from scaling_service.model.reference import find_reference_folder, read_referenc
 
 _ENDINGS = re.compile(r"(_4x4|[_ ]?imu|_sensor)$", re.IGNORECASE)
 _RADIUS = "radius"
-_SIDE = re.compile(
-    r"^(?:(?P<before>l|r|left|right)[_ ]?(?P<rest>.+?)|(?P<first>.+?)[_ ](?P<after>l|r|left|right))$"
+_SIDES = (
+    re.compile(r"(?P<side>left|right|l|r)[_ ]?(?P<part>.+)"),
+    re.compile(r"(?P<part>.+?)[_ ]?(?P<side>left|right|l|r)"),
 )
+"""A side before or behind the name of a part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -68,6 +70,8 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
     >>> body = load_builtin("lower_limb_14dof")
     >>> [match_rotation(label, body) for label in ("r_thigh_4X4", "tibia_l_imu", "S1:pelvis", "r_hand_4X4")]
     ['femur_r', 'tibia_l', 'pelvis', None]
+    >>> [match_rotation(label, body) for label in ("RightUpperLeg", "shank_left", "lowerleg_r_imu", "IMU03")]
+    ['femur_r', 'tibia_l', 'tibia_r', None]
     """
     plain = _make_plain(label)
     own = {name.lower(): name for name in model.segment_names}
@@ -76,11 +80,9 @@ def match_rotation(label: str, model: BodyModel) -> str | None:
     table = read_rotation_table()
     if plain in table.ignored:
         return None
-    name, side = plain, ""
-    if plain not in table.parts and (found := _SIDE.match(plain)) is not None:
-        name = found["rest"] or found["first"]
-        side = (found["before"] or found["after"])[0]
-    part = table.parts.get(name.replace("_", "").replace(" ", ""))
+    read = [("", plain), *((m["side"][0], m["part"]) for one in _SIDES if (m := one.fullmatch(plain)))]
+    known = ((side, table.parts.get(re.sub("[_ ]", "", name))) for side, name in read)
+    side, part = next(((side, part) for side, part in known if part is not None), ("", None))
     if part == _RADIUS:  # a model without one has the whole forearm as the ulna
         return own.get(f"{_RADIUS}_{side}") or find_segment(model, "ulna", side)
     return None if part is None else find_segment(model, part, side)

@@ -6,7 +6,7 @@ and as sensors' files; the motion has to come back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from scaling_service.capabilities.motion.run import Tracked, ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import read_sto
+from scaling_service.files.trc import read_trc, write_trc
 from tests.files.rotations_made import write_orientations, write_poses
 from tests.peers.worker import ask
 
@@ -258,6 +259,15 @@ def test_bands_cover_mountings_that_are_off(truth: Truth, tmp_path: Path) -> Non
     assert COVERED[0] < np.mean(covered) < COVERED[1]
 
 
+def test_bands_cover_both_at_once(truth: Truth, tmp_path: Path) -> None:
+    """That frames sit askew shows where joints are hinges, and widens what jitter alone would say."""
+    covered = [
+        count_covered(ik(truth.model, [make_poses(truth, tmp_path, seed, NOISE_DEG, NOISE_DEG)]), truth)
+        for seed in range(6)
+    ]
+    assert COVERED[0] < np.mean(covered) < COVERED[1]
+
+
 def test_markers_and_poses_go_together(truth: Truth, shared_data: Path, tmp_path: Path) -> None:
     """Half of the markers beside poses with noise: better than either, as the pelvis is where markers are."""
     from scaling_service.files.recording import read_recording
@@ -276,6 +286,22 @@ def test_markers_and_poses_go_together(truth: Truth, shared_data: Path, tmp_path
     assert errors[0] < 0.7 * errors[1]
     sds = [np.median(compare(tracked, truth)[1]) for tracked in (both, alone)]
     assert sds[0] < sds[1]
+
+
+def test_sensors_beside_markers_are_mounted_by_them(truth: Truth, shared_data: Path, tmp_path: Path) -> None:
+    """Two files of one name are one movement; sensors go on where markers are lost."""
+    trial = read_trc(shared_data / WALK)
+    markers = trial.markers.copy()
+    markers[70:] = np.nan
+    write_trc(tmp_path / "walking.trc", replace(trial.trial, markers=markers), "m")
+    _, walking = make_sensors(truth, tmp_path, moment=1.0)
+    tracked = ik(truth.model, [tmp_path / "walking.trc", walking])
+    assert "sit as the markers of 'walking' show" in " ".join(tracked.loaded.session.warnings)
+    error, sd, names = compare(tracked, truth)
+    legs = [k for k, name in enumerate(names) if name.startswith(("hip", "knee", "ankle", "pelvis"))]
+    assert np.isfinite(error[:, legs]).all()  # without sensors nothing is known after the markers are lost
+    assert np.sqrt(np.mean(np.square(error[70:, legs]))) < NOISE_DEG
+    assert (np.abs(error) < 1.96 * sd)[70:, legs].mean() > COVERED[0]
 
 
 def test_rotations_of_nothing_are_refused(truth: Truth, tmp_path: Path) -> None:

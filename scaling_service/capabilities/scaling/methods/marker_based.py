@@ -31,7 +31,7 @@ from scaling_service.capabilities.scaling.sizes.sizing import (
     size_segments,
 )
 from scaling_service.capabilities.scaling.sizes.without_markers import (
-    has_rotations_alone,
+    has_no_markers,
     size_without_markers,
 )
 from scaling_service.capabilities.shared.settings import CalibrationSettings
@@ -70,7 +70,7 @@ def scale_linearly(
     Raises SubjectInvalid: a setting that is not for this kind of model.
     """
     clock = time.perf_counter()
-    if has_rotations_alone(session):
+    if has_no_markers(session):
         return _scale_without_markers(session, clock)
     standing = _require_standing(session)
     session = _with_knee(session, settings)

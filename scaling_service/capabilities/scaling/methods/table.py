@@ -16,6 +16,10 @@ from scaling_service.capabilities.scaling.methods.image_based import EB
 from scaling_service.capabilities.scaling.methods.marker_based import MB
 from scaling_service.capabilities.scaling.methods.optimised import EB_AM, MB_AM, MB_LAM
 from scaling_service.capabilities.scaling.methods.posterior import MAP
+from scaling_service.capabilities.scaling.sizes.without_markers import (
+    has_no_markers,
+    refuse_without_markers,
+)
 from scaling_service.capabilities.shared.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
@@ -90,6 +94,8 @@ def calibrate(
     Raises SubjectInvalid: there is no such method.
     """
     check_methods([method])
+    if has_no_markers(session):
+        refuse_without_markers(method)
     done = {} if known is None else known
     if method not in done:
         row = METHODS[method]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
@@ -18,38 +18,48 @@ from scaling_service.capabilities.scaling.sizes.sizing import (
 )
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.body import Vector
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Trial
 
-_BETWEEN: Mapping[str, tuple[str, str]] = MappingProxyType(
+_LEAST_M = 0.05  # chosen: centres that lie nearer are seen from the side, in one plane
+
+_BETWEEN: Mapping[str, tuple[tuple[str, str], ...]] = MappingProxyType(
     {
-        **{f"femur_{s}": (f"{s}_thigh", f"{s}_shank") for s in "rl"},
-        **{f"shank_{s}": (f"{s}_shank", f"{s}_foot") for s in "rl"},
-        **{f"upper_arm_{s}": (f"{s}_uarm", f"{s}_larm") for s in "rl"},
-        **{f"forearm_{s}": (f"{s}_larm", f"{s}_hand") for s in "rl"},
-        "inter_hip": ("l_thigh", "r_thigh"),
+        f"{dimension}_{side}": (
+            (f"{side}_{own}", f"{side}_{next_}"),
+            (f"{side.upper()}{one}", f"{side.upper()}{other}"),
+        )
+        for side in "rl"
+        for dimension, own, next_, one, other in (
+            ("femur", "thigh", "shank", "Hip", "Knee"),
+            ("shank", "shank", "foot", "Knee", "Ankle"),
+            ("upper_arm", "uarm", "larm", "Shoulder", "Elbow"),
+            ("forearm", "larm", "hand", "Elbow", "Wrist"),
+        )
     }
+    | {"inter_hip": (("l_thigh", "r_thigh"), ("LHip", "RHip"))}
 )
-"""Dimension to the segments of a markerless system between whose origins, proximal joint centres, it lies."""
+"""Dimension to what it lies between: origins of a markerless system's segments, key points of video."""
 
 
-def has_rotations_alone(session: Session) -> bool:
-    """Whether no recording of a session has a marker, and some have rotations."""
-    return bool(session.rotations) and session.static is None and not session.dynamic
+def has_no_markers(session: Session) -> bool:
+    """Whether no recording of a session has a marker on skin: rotations alone, or key points of video."""
+    marked = [trial for trial in (session.static, *session.dynamic) if trial is not None]
+    shown = [label for trial in marked for label in trial.shown_labels]
+    return shows_key_points_alone(session.model, shown) if marked else bool(session.rotations)
 
 
-def refuse_without_markers(methods: Sequence[str]) -> None:
-    """Refuse methods that are fitted to markers (TrialUnusable)."""
-    for method in methods:
-        if method != "MB":
-            raise TrialUnusable(
-                f"{method} is fitted to markers, and the recordings hold rotations alone",
-                field="method",
-                remedy="Choose MB, which then sizes the model by sex, stature and a markerless system's "
-                "joint centres; or name a standing trial with markers under `trials:`",
-            )
+def refuse_without_markers(method: str) -> None:
+    """Refuse a method that is fitted to markers (TrialUnusable)."""
+    if method != "MB":
+        raise TrialUnusable(
+            f"{method} is fitted to markers on skin, and the recordings hold none",
+            field="method",
+            remedy="Choose MB, which then sizes the model by sex, stature and joint centres that are told; "
+            "or name a standing trial with markers under `trials:`",
+        )
 
 
 def size_without_markers(session: Session) -> Sizing:
@@ -58,7 +68,7 @@ def size_without_markers(session: Session) -> Sizing:
     And by how far apart a markerless system has the joint centres, where the recordings are such a system's.
     """
     subject, model = session.subject, session.model
-    lengths = _measure_between_origins(session.rotations)
+    lengths = _measure_between_centres(session)
     sd = float(np.sqrt(2.0) * read_rotation_table().centre)
     prior = expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
     nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
@@ -70,25 +80,26 @@ def size_without_markers(session: Session) -> Sizing:
         f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
     ]
     like = " and ".join(known) or "nothing known"
-    beside = f", and by joint centres of the markerless system ({list_few(list(lengths))})" if lengths else ""
+    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
     deviations = format_percent([size.sd for size in sizes.values()])
     note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
     return Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))
 
 
-def _measure_between_origins(trials: Sequence[Trial]) -> dict[str, float]:
-    """A person's dimensions by the origins of a markerless system's segments, m, as far as they are told."""
+def _measure_between_centres(session: Session) -> dict[str, float]:
+    """A person's dimensions by joint centres that a system without markers tells, m, as far as it does."""
     found: dict[str, list[float]] = {}
-    for trial in trials:
-        held = trial.rotations
-        if held is None or held.origins is None:
+    for trial in (session.static, *session.dynamic, *session.rotations):
+        if trial is None:
             continue
-        row = {
-            label.rpartition(":")[2].lower().partition("_4x4")[0]: k for k, label in enumerate(held.labels)
-        }
-        for dimension, (one, other) in _BETWEEN.items():
-            if {one, other} <= row.keys():
-                apart = measure_distance(held.origins[:, row[one]], held.origins[:, row[other]])
-                found.setdefault(dimension, []).append(apart)
+        places = {label: trial.position(label) for label in trial.labels}
+        held = trial.rotations
+        if held is not None and held.origins is not None:
+            plain = [label.rpartition(":")[2].lower().partition("_4x4")[0] for label in held.labels]
+            places |= {name: held.origins[:, k] for k, name in enumerate(plain)}
+        for dimension, pairs in _BETWEEN.items():
+            for one, other in pairs:
+                if {one, other} <= places.keys():
+                    found.setdefault(dimension, []).append(measure_distance(places[one], places[other]))
     means = {name: float(np.mean(np.array(values)[np.isfinite(values)])) for name, values in found.items()}
-    return {name: value for name, value in means.items() if np.isfinite(value)}
+    return {name: value for name, value in means.items() if value > _LEAST_M}

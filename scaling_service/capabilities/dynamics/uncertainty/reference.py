@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
-from scaling_service.model.body import BodyModel, Marker, Segment
+from scaling_service.model import body
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, sum_mass
@@ -41,9 +41,11 @@ HALO = len(STENCIL)
 _PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
 
-def make_trees(model: BodyModel, markers: tuple[str, ...], segments: Sequence[Segment]) -> tuple[Tree, Tree]:
+def make_trees(
+    model: body.BodyModel, markers: tuple[str, ...], segments: Sequence[body.Segment]
+) -> tuple[Tree, Tree]:
     """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
-    centres = tuple(Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
+    centres = tuple(body.Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
     whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
     count = len(markers)
     alone = replace(
@@ -84,7 +86,7 @@ makes it here."""
 class LoadedMotion:
     """One recording with its external loads."""
 
-    model: BodyModel  # with mass, as inverse kinematics used it
+    model: body.BodyModel  # with mass, as inverse kinematics used it
     motion: Motion  # from inverse kinematics, not filtered, of a constant rate
     loads: SegmentLoads  # on the motion's clock, filtered as the motion will be
     height_m: float  # the person's stature
@@ -209,7 +211,7 @@ class Reference:
         return rms
 
 
-def _list_measured(model: BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
+def _list_measured(model: body.BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
     """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
     tree = compile_model(model, motion.markers)
     placed = pose_markers(tree, np.nan_to_num(q), list_parameter_values(model))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.intake.run import prove
 from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.scaling.run import compare, scale
 from scaling_service.core.errors import TrialUnusable
@@ -89,6 +90,16 @@ def test_lengths_come_from_stature_and_distances(tmp_path: Path) -> None:
     assert 1e3 * generic < femur < 1.08e3 * generic  # between persons of this stature and what is seen
     with pytest.raises(TrialUnusable, match="fitted to markers on skin"):
         scale(write_subject(tmp_path, content), "MB_am")
+
+
+def test_a_look_says_which_analyses_need_markers(tmp_path: Path) -> None:
+    write(tmp_path / "steps.trc", move()[1])
+    found = prove(
+        tmp_path, {"subject": {"id": "S01", "sex": "F", "height_m": 1.7}, "model": MODEL}, tmp_path / "out"
+    )
+    ready = {entry.analysis: entry.ready for entry in found.readiness}
+    assert ready["comparisons"]
+    assert not ready["discoveries"]
 
 
 def test_landmarks_beside_them_make_them_no_set(tmp_path: Path) -> None:

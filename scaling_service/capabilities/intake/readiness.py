@@ -12,6 +12,7 @@ from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import list_few
+from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
 from scaling_service.model.inertia import sum_mass
@@ -93,12 +94,15 @@ def judge_readiness(
         or "no movement that is fitted (calibration) has forces",
         give="forces",
     )
-    persons = (feet, whole, height, mass)
+    video = shows_key_points_alone(model, [m.marker for m in markers if m.label is not None])
+    text = "the recordings hold key points of video, too coarse for it"
+    skin = [document.Need(name="markers on skin", there=False, text=text, give="recordings")] * video
+    persons = (*skin, feet, whole, height, mass)
     extra = (proposed or {}).get("extra_markers") or {}
     hidden = tuple(_check_segments(model, markers, extra, moving))
     return [
         _make_entry("comparisons", "Compare scaling methods", usable, *hidden, standing, unseen, imaged),
-        _make_entry("discoveries", "Find the missing effect", usable, *hidden, movement, unseen),
+        _make_entry("discoveries", "Find the missing effect", usable, *skin, *hidden, movement, unseen),
         _make_entry("dynamics", "Check the forces", usable, *hidden, forces, *persons),
         _make_entry(
             "consistent-motions", "Motion that agrees with the forces", usable, *hidden, both, *persons

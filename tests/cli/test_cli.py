@@ -194,7 +194,7 @@ def test_out_that_is_a_file_is_refused_first(
 def test_an_interruption_writes_nothing(
     subject_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(tasks, "open_subject", interrupted)
@@ -206,7 +206,7 @@ def test_an_interruption_writes_nothing(
 def test_a_defect_is_no_input_error(
     subject_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr(tasks, "open_subject", broken)

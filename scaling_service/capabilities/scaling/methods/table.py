@@ -64,7 +64,9 @@ def _with_others(own: Mapping[str, Method]) -> Mapping[str, Method]:
     return MappingProxyType({**own, **others})
 
 
-_OURS = {"MB": MB, "MB_lam": MB_LAM, "MB_am": MB_AM, "EB": EB, "EB_am": EB_AM, "MAP": MAP}
+_OURS: Mapping[str, Method] = MappingProxyType(
+    {"MB": MB, "MB_lam": MB_LAM, "MB_am": MB_AM, "EB": EB, "EB_am": EB_AM, "MAP": MAP}
+)
 METHODS: Mapping[str, Method] = _with_others(_OURS)
 
 

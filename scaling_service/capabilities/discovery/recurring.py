@@ -156,6 +156,12 @@ def discover_recurring(
     clock = time.perf_counter()
     report_to, folder = progress or show_nothing, Path(out)
     members, passed = read_members(Path(cohort))
+    if len(members) < _FEWEST:
+        raise InputError(
+            f"what recurs needs {_FEWEST} persons, and there is {len(members)}",
+            file=Path(cohort),
+            remedy="Give more subject files, or search one person by naming its subject file",
+        )
     found: dict[str, DiscoverResults] = {}
     failed: dict[str, str] = {}
     for k, member in enumerate(members):

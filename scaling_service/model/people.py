@@ -23,12 +23,13 @@ class SkinSize:
     """Standard deviations of skin over a bone in an ordinary movement.
 
     ``shift`` m and ``turn`` rad: of a segment's markers together, along and about each axis. ``single`` m: of
-    each marker beside that.
+    each marker beside that. ``flexion_alone``: it follows angles about mediolateral axes and no others.
     """
 
     shift: float
     turn: float
     single: float
+    flexion_alone: bool = False
 
     def covariance(self, places: Array, besides: Array | float = 0.0) -> Array:
         """Of the displacements of markers on one segment.
@@ -54,7 +55,7 @@ class SkinSize:
 
     def times(self, factor: float) -> SkinSize:
         """The same, larger or smaller."""
-        return SkinSize(factor * self.shift, factor * self.turn, factor * self.single)
+        return replace(self, shift=factor * self.shift, turn=factor * self.turn, single=factor * self.single)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,4 +186,5 @@ def _read_skin(row: Mapping[str, Any]) -> SkinSize:
         shift=round(1e-3 * row["shift_mm"], 9),
         turn=float(np.radians(row["turn_deg"])),
         single=round(1e-3 * row["single_mm"], 9),
+        flexion_alone=bool(row.get("flexion_alone", False)),
     )

@@ -267,9 +267,10 @@ def _list_names(
 
 
 def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, float]:
-    """The angles of the joints at a segment's ends, and how far each goes in an ordinary movement, rad.
+    """The angles that a segment's skin follows, and how far each goes in an ordinary movement, rad.
 
-    Nothing slides because the whole body turns, so the joint to the ground is none of them.
+    They are those of the joints at its ends. Nothing slides because the whole body turns, so the joint to the
+    ground is none of them.
     """
     joints = [
         joint
@@ -284,7 +285,8 @@ def _list_drivers(model: BodyModel, segment: str, people: People) -> dict[str, f
         reach = people.reach_mediolateral if z > max(x, y) else people.reach_other
         for coordinate in sorted(joint.law.coordinates):
             found.setdefault(coordinate, reach)
-    return found
+    flexion = {name: reach for name, reach in found.items() if reach == people.reach_mediolateral}
+    return flexion if flexion and people.skin(model.bone_of(segment)).flexion_alone else found
 
 
 def _keep_posterior(prior: GaussianPrior, found: Posterior, skin: float) -> ParameterPosterior:

@@ -12,6 +12,8 @@ import numpy as np
 
 from scaling_service.capabilities.motion.run import track
 from scaling_service.capabilities.scaling.methods.table import calibrate
+from scaling_service.capabilities.scaling.run import run
+from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.results import Calibration
@@ -82,9 +84,7 @@ def measure(
     for seed in seeds:
         person = draw_person(seed, world)
         session = record(person)
-        known: dict[str, Calibration] = {}
-        for method in methods:
-            scaled = calibrate(session, method, known=known)
+        for method, scaled in _scale(session, methods).items():
             for name, error, sd in (*_lengths(scaled, person), *_angles(scaled, session, person)):
                 found.setdefault((method, name), []).append((error, sd))
     return {
@@ -95,6 +95,14 @@ def measure(
         }
         for method in methods
     }
+
+
+def _scale(session: Session, methods: Sequence[str]) -> dict[str, Calibration]:
+    """As ``compare`` does it: what methods beside MAP state, they have from it. MAP alone needs no other."""
+    if list(methods) == ["MAP"]:
+        return {"MAP": calibrate(session, "MAP")}
+    results = run(Loaded(session=session), methods)
+    return {method: scaling.calibration for method, scaling in results.scalings.items()}
 
 
 def _lengths(scaled: Calibration, person: Person):

@@ -133,7 +133,7 @@ def test_pelvis(person: Person) -> None:
 
 
 def test_a_knee_whose_femur_was_not_imaged_stands_over_its_plateaus(person: Person) -> None:
-    """Of each person by a place that two others share, in whichever pose the image lies."""
+    """The place is the mean of these three persons; each is within 1.9 mm of what the other two give."""
     alone = find_landmarks({"tibia_r": person.meshes["tibia_r"]})["tibia_r"]
     off = np.linalg.norm(alone.points["knee_centre"] - person.found["femur_r"].points["knee_centre"])
     assert off <= 1.7 * alone.deviations["knee_centre"]

@@ -97,8 +97,10 @@ class _Field:
         for constraint in self.info.metadata:
             if isinstance(constraint, annotated_types.Ge):
                 bounds["min"] = constraint.ge
-            if isinstance(constraint, annotated_types.Le) and constraint.le < options.LARGEST:  # type: ignore[operator]
-                bounds["max"] = constraint.le
+            if isinstance(constraint, annotated_types.Le):
+                most = constraint.le
+                if isinstance(most, int | float) and most < options.LARGEST:
+                    bounds["max"] = most
         option = typer.Option(
             self.option,
             help=self.flag.help or self.info.description,

@@ -23,6 +23,7 @@ from scaling_service.files.mesh import READERS, Mesh, read_mesh
 
 MAX_VOXELS = 700_000_000  # chosen: a whole body of 512 x 512 x 2600; one byte each
 MAP_SUFFIXES = (".nii", ".nii.gz")
+TABLE_SUFFIXES = (".json", ".txt", ".ctbl")  # of tables of labels: ours, ITK-SNAP's, 3D Slicer's
 
 TOTAL = MappingProxyType({25: "sacrum", 75: "femur_left", 76: "femur_right", 77: "hip_left", 78: "hip_right"})
 """Bones among the numbers of TotalSegmentator's task ``total`` (Wasserthal et al. 2023), second version."""
@@ -52,6 +53,19 @@ class Segmentation:
 def is_segmentation(path: str | os.PathLike[str]) -> bool:
     """Whether a path is a folder or has the suffix of a label map."""
     return Path(path).is_dir() or Path(path).name.lower().endswith(MAP_SUFFIXES)
+
+
+def list_tables(name: str) -> tuple[str, ...]:
+    """The names that a table of labels beside this file may have; none where it is no label map.
+
+    Examples
+    --------
+    >>> list_tables("bones.nii.gz")
+    ('bones.json', 'bones.txt', 'bones.ctbl')
+    """
+    if not name.lower().endswith(MAP_SUFFIXES):
+        return ()
+    return tuple(f"{_strip(Path(name))}{suffix}" for suffix in TABLE_SUFFIXES)
 
 
 def read_segmentation(path: str | os.PathLike[str]) -> Segmentation:
@@ -180,7 +194,7 @@ def _read_own_names(extensions: Any) -> Iterator[tuple[int, str]]:
 def _read_table(file: Path) -> dict[int, str]:
     """Names from a table beside the map; none where there is none."""
     stem = file.parent / _strip(file)
-    for table in (stem.with_name(f"{stem.name}{suffix}") for suffix in (".json", ".txt", ".ctbl")):
+    for table in (stem.with_name(name) for name in list_tables(file.name)):
         if not table.is_file():
             continue
         try:

@@ -247,7 +247,12 @@ def test_a_segmentation_is_the_persons_bones_unless_surfaces_are_there(lab: Path
     nibabel = pytest.importorskip("nibabel")
     labels = nibabel.Nifti1Image(np.ones((4, 5, 6), dtype=np.uint8), np.eye(4))
     nibabel.save(labels, lab / "labels.nii.gz")
+    (lab / "labels.json").write_text('{"femur_r": 1}', encoding="utf-8")
     found = proof(lab)
+    assert (
+        next(f for f in found.files if f.name == "labels.json").why
+        == "the names of the labels in labels.nii.gz"
+    )
     told = next(f for f in found.files if f.name == "labels.nii.gz")
     assert (told.kind, told.role) == ("segmentation", "bones.segmentation")
     assert found.proposal is not None

@@ -24,7 +24,7 @@ from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map
+from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map, list_tables
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
@@ -186,6 +186,9 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
         return found
     if file.name.lower().endswith(MAP_SUFFIXES):
         return _read_label_map(file)
+    for other in file.parent.iterdir():
+        if file.name in list_tables(other.name):
+            return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
     reader = _READERS.get(suffix)
     if reader is None:
         return InputFile(name=file.name, kind="other", why="of no kind that is used here")

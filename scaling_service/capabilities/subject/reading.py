@@ -17,6 +17,7 @@ from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
+from scaling_service.files.segmentation import list_tables
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import MeasuredSizes, Relabelling, Trial, merge
@@ -248,6 +249,7 @@ def _list_inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
     yield from subject.forces.values()
     for path in subject.bones.values():
         yield from list_files_of(path)
+        yield from (table for name in list_tables(path.name) if (table := path.with_name(name)).is_file())
 
 
 def _digest(path: Path) -> str:

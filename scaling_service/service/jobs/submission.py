@@ -23,6 +23,7 @@ from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Bones, Person
 from scaling_service.documents.writing import code_version as released_version
+from scaling_service.files.segmentation import list_tables
 from scaling_service.service.jobs.kinds import Kind, Parts
 from scaling_service.service.store import subjects
 from scaling_service.service.store.jobs import NewJob
@@ -127,7 +128,7 @@ def make_new_job(
 
 
 def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, str]) -> list[FileRow]:
-    """The uploaded files of these names, each once."""
+    """The uploaded files of these names, each once; of a label map also its table of labels."""
     there = {file.name: file for file in uploaded}
     for field, name in named.items():
         if name not in there:
@@ -137,7 +138,8 @@ def _match_uploads(uploaded: list[FileRow], subject: str, named: Mapping[str, st
                 field=field,
                 remedy=guess.strip() or "Upload it to the subject, then ask again",
             )
-    return [there[name] for name in dict.fromkeys(named.values())]
+    tables = [table for name in named.values() for table in list_tables(name) if table in there]
+    return [there[name] for name in dict.fromkeys((*named.values(), *tables))]
 
 
 def write_canonical(document: Any) -> str:

@@ -45,6 +45,15 @@ def test_a_file_that_is_not_there_is_named_with_its_field(service: Service) -> N
     assert service.jobs("lab").items == ()
 
 
+def test_the_names_of_its_labels_go_with_a_label_map(service: Service) -> None:
+    service.put_subject("lab", document(bones={"segmentation": "leg.nii.gz"}))
+    upload(service, "standing.trc", "hips.trc", "walk.trc", "leg.nii.gz", "leg.json", "other.json")
+    job, _ = service.ask("lab", "scaling", {"subject": "S01"})
+    given = json.loads(service.specification("lab", job.id))["inputs"]
+    assert {"S01/leg.nii.gz", "S01/leg.json"} <= given.keys()
+    assert "S01/other.json" not in given
+
+
 def test_only_the_files_that_are_named_count(service: Service) -> None:
     service.put_subject("lab", document())
     upload(service, "standing.trc", "hips.trc", "walk.trc")

@@ -65,7 +65,7 @@ function optionsOf(kind: FileRole["kind"], recordings: readonly string[], bones:
 }
 
 function chooser({ name }: FileRole, draft: Draft, options: Option[]): HTMLElement {
-  if (options.length === 1) return h("span", { class: "quiet" }, "not used");
+  if (options.length === 1) return h("span", { class: "quiet" }, "nothing to choose");
   const present = draft.roleOf(name);
   const all = options.some(({ value }) => value === present) ? options : [...options, { value: present, text: present }];
   const field = select(`Use of ${name}`, all, present, (role) => draft.assign(name, role));

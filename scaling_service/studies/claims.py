@@ -12,8 +12,7 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.executors import run_in_processes
 from scaling_service.core.errors import InputError
 from scaling_service.core.threads import count_cores
-from scaling_service.documents import writing
-from scaling_service.documents.base import Part, Tone
+from scaling_service.documents import base, writing
 from scaling_service.report.onefile import Report
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Cell, Row, Table
@@ -31,7 +30,7 @@ PersonDone = Callable[[str, int, int], None]
 Study = TypeVar("Study", bound="StudyDocument")
 Person = TypeVar("Person", bound="PersonPart")
 
-HOLDS: dict[bool | None, tuple[str, Tone]] = {
+HOLDS: dict[bool | None, tuple[str, base.Tone]] = {
     True: ("holds", "good"),
     False: ("does not hold", "poor"),
     None: ("undecided", "unknown"),
@@ -69,7 +68,7 @@ def claim(
     return add
 
 
-class ClaimEntry(Part):
+class ClaimEntry(base.Part):
     """One claim of the paper, and whether it holds here."""
 
     where: str
@@ -79,13 +78,13 @@ class ClaimEntry(Part):
     ours: str = Field(description="The figures that the answer rests on.")
 
 
-class PersonPart(Part):
+class PersonPart(base.Part):
     """What is found of one virtual person."""
 
     name: str
 
 
-class StudyDocument(Part):
+class StudyDocument(base.Part):
     """What ``study.json`` says of every study."""
 
     schema_version: int = STUDY_SCHEMA_VERSION

@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from multiprocessing.synchronize import Event
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from scaling_service.core.threads import Serial, use_one_thread
+from scaling_service.core import threads
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue
@@ -77,14 +77,14 @@ def run_in_processes(
 def _here(listener: Listener | None) -> Iterator[Executor]:
     token = _LISTENER.set(listener)
     try:
-        yield Serial()
+        yield threads.Serial()
     finally:
         _LISTENER.reset(token)
 
 
 @contextmanager
 def _pool(count: int, listener: Listener | None) -> Iterator[Executor]:
-    use_one_thread()  # inherited by the workers, before they import numpy
+    threads.use_one_thread()  # inherited by the workers, before they import numpy
     context = multiprocessing.get_context("spawn")
     messages: Messages = context.Queue()
     stop = context.Event()

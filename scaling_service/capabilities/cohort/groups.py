@@ -19,8 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from scaling_service.capabilities.cohort import document
-from scaling_service.capabilities.cohort.summary import MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort import document, summary
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics import complete
 
@@ -104,7 +103,7 @@ def _compare_pairs(
     ]
 
 
-def _average_errors(method: MethodSummary) -> dict[str, float]:
+def _average_errors(method: summary.MethodSummary) -> dict[str, float]:
     """Mean kinematic error over the trials of each role, every trial counting the same, m.
 
     Chosen: Puchaud 2019 defines the error of a trial, and does not say how trials are pooled.
@@ -116,7 +115,7 @@ def _average_errors(method: MethodSummary) -> dict[str, float]:
     return {role: float(np.mean(errors)) for role, errors in by_role.items()}
 
 
-def _average_axes(method: MethodSummary) -> dict[str, float]:
+def _average_axes(method: summary.MethodSummary) -> dict[str, float]:
     return {
         f"{side}_{axis}": turn
         for side, turns in method.knee_axes.items()
@@ -124,12 +123,12 @@ def _average_axes(method: MethodSummary) -> dict[str, float]:
     }
 
 
-def _shift(method: MethodSummary) -> dict[str, float]:
+def _shift(method: summary.MethodSummary) -> dict[str, float]:
     shifts = list(method.marker_shifts.values())
     return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
 
 
-KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]] = MappingProxyType(
+KINDS: Mapping[str, tuple[float, Callable[[summary.MethodSummary], Mapping[str, float]]]] = MappingProxyType(
     {
         "segment_lengths_mm": (_MM, lambda method: method.lengths),
         "kinematic_error_mm": (_MM, _average_errors),
@@ -143,7 +142,7 @@ KINDS: Mapping[str, tuple[float, Callable[[MethodSummary], Mapping[str, float]]]
 
 
 def compare_quantities(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], alpha: float
+    subjects: Sequence[summary.SubjectSummary], methods: Sequence[str], alpha: float
 ) -> dict[str, list[document.QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 

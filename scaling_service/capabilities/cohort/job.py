@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
 
-from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
+from scaling_service.capabilities.cohort import document
 from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import list_method_names
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress
-from scaling_service.documents import base
-from scaling_service.documents.jobs import Failure, State
+from scaling_service.documents import base, jobs
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import Identifier
 
@@ -162,12 +161,12 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
     from scaling_service.capabilities.cohort.outcomes import Outcome, read_summary
 
     shown = f"{name}/{base.DOCUMENT}"
-    if end["state"] != State.DONE:
+    if end["state"] != jobs.State.DONE:
         return Outcome(
             name=name,
             groups=groups,
             status="failed",
-            reason=str(Failure.model_validate(end["failure"])),
+            reason=str(jobs.Failure.model_validate(end["failure"])),
             shown=shown,
         )
     result = MemberResult.model_validate(end["result"])
@@ -188,8 +187,8 @@ KINDS = {
         request=BatchRequest,
         work=summarise,
         route="batches",
-        result=CohortDocument,
-        parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=RECORD),
+        result=document.CohortDocument,
+        parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=document.RECORD),
     ),
     "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
 }

@@ -19,12 +19,12 @@ from pydantic import TypeAdapter
 from scaling_service.capabilities.cohort.document import RECORD
 from scaling_service.capabilities.cohort.executors import report_stage
 from scaling_service.capabilities.cohort.summary import SubjectSummary, summarise
+from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
 from scaling_service.capabilities.scaling.run import compare
 from scaling_service.capabilities.scaling.saving import save
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.reading import hash_input_files, load_subject
+from scaling_service.capabilities.subject import reading
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.documents.reading import read_document
@@ -96,11 +96,11 @@ def select_possible_methods(
     """The methods, of those asked for or all, that a subject's files allow; the others with the reason."""
     imaged = bool(subject.bones) and subject.model in BUILTIN_NAMES
     left_out = {}
-    wanted = methods or tuple(METHODS)
+    wanted = methods or tuple(table.METHODS)
     for name in wanted:
-        if METHODS[name].needs_images and not imaged:
+        if table.METHODS[name].needs_images and not imaged:
             left_out[name] = "no bones" if not subject.bones else "bones are used with built-in models only"
-        elif isinstance(METHODS[name], Optimised) and not subject.calibration:
+        elif isinstance(table.METHODS[name], Optimised) and not subject.calibration:
             left_out[name] = "no calibration trial"
     return tuple(name for name in wanted if name not in left_out), left_out
 
@@ -119,7 +119,7 @@ def run_members(
     depend on it. ``methods``: all that each subject allows unless given. ``finished``: called with each
     outcome as it ends, in any order. SubjectInvalid: a method that there is not.
     """
-    check_methods(methods or ())
+    table.check_methods(methods or ())
     futures: list[Future[Outcome]] = []
     try:
         for member in members:
@@ -219,7 +219,7 @@ class SubjectMember:
         """
         if self.error is not None:
             raise self.error
-        subject = load_subject(self.file)
+        subject = reading.load_subject(self.file)
         possible, left_out = select_possible_methods(subject, methods)
         if not possible:
             raise NothingPossible("; ".join(f"{method}: {why}" for method, why in left_out.items()))
@@ -252,7 +252,7 @@ def hash_inputs(file: Path, subject: Subject, methods: Sequence[str] | None, set
     The subject document counts as it is understood, not as it is written: comments and order change nothing.
     Every file that it names counts by its content.
     """
-    inputs = hash_input_files(subject, file)
+    inputs = reading.hash_input_files(subject, file)
     del inputs[file.resolve().name]
     content = {
         "record": RECORD_VERSION,

@@ -28,14 +28,14 @@ from scaling_service.capabilities.cohort.outcomes import (
 )
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
-from scaling_service.capabilities.scaling.methods.table import METHODS, check_methods
+from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.reading import load_subject
 from scaling_service.core.errors import InputError
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import format_p
 from scaling_service.core.threads import count_cores
-from scaling_service.documents.writing import check_folder, code_version
+from scaling_service.documents import writing
 from scaling_service.model.subject import Subject
 from scaling_service.recording.orientation import check_axes
 from scaling_service.report.words import spell_name
@@ -249,10 +249,10 @@ def batch(
     example   done      MB
     """
     clock = time.perf_counter()
-    check_methods(methods or ())
+    table.check_methods(methods or ())
     check_axes(settings.up, settings.forward)
     source, folder = Path(cohort), Path(out)
-    check_folder(folder)
+    writing.check_folder(folder)
     listed, notes = read_members(source)
     read = [_load(row) for row in listed]
     members = [_make_member(row, found, folder, force) for row, found in zip(listed, read, strict=True)]
@@ -290,9 +290,9 @@ def summarise_cohort(
     began, by ``time.perf_counter``.
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
-    statistics = compute_cohort_statistics(summaries, methods or tuple(METHODS), seed=settings.seed)
+    statistics = compute_cohort_statistics(summaries, methods or tuple(table.METHODS), seed=settings.seed)
     document = CohortDocument(
-        code_version=code_version(),
+        code_version=writing.code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
         settings=settings.resolved(),

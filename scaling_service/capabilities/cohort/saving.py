@@ -12,7 +12,7 @@ from scaling_service.capabilities.cohort.document import RECORD, CohortDocument
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.summary import TRUTH, SubjectSummary
 from scaling_service.capabilities.cohort.words import summarise
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.numerics.statistics.waveforms import NODES
@@ -96,14 +96,14 @@ def check_names(members: Iterable[tuple[str, str, Path]], source: str | Path) ->
     for name, shown, file in members:
         key = name.casefold()  # on some disks capitals do not count
         if key in (DOCUMENT, writing.REPORT, *TABLES):
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{name}' is the name of a file of results",
                 file=file,
                 field="subject.id",
                 remedy="Give the subject another id",
             )
         if key in seen:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{seen[key]}' and '{shown}' are both subject '{name}'",
                 file=source,
                 field="subject.id",
@@ -127,8 +127,10 @@ def refuse_foreign(folder: Path, names: Sequence[str]) -> None:
             raise _refuse_foreign(folder, f"'{name}' there holds something else than that subject's results")
 
 
-def _refuse_foreign(folder: Path, problem: str) -> InputError:
-    return InputError(problem, file=folder, field="--out", remedy="Name another folder, or move it away")
+def _refuse_foreign(folder: Path, problem: str) -> errors.InputError:
+    return errors.InputError(
+        problem, file=folder, field="--out", remedy="Name another folder, or move it away"
+    )
 
 
 def _has_results(folder: Path, subject: str) -> bool:

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from scaling_service.capabilities.cohort.words import make_screen_tables
 from scaling_service.capabilities.shared import screen
-from scaling_service.report.tables import Row, Table
+from scaling_service.report import tables
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.cohort.document import CohortDocument
@@ -35,10 +35,11 @@ def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> No
         for table in make_screen_tables(document.statistics):
             screen.print_table(console, table)
     screen.say(console, "Note", "yellow", [*document.notes, *document.statistics.notes])
-    others = [Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
+    others = [tables.Row(s.id, [s.status, s.reason]) for s in document.subjects if s.status != "done"]
     if others:
         screen.print_table(
-            console, Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True)
+            console,
+            tables.Table(caption="Not done", columns=["subject", "", "because"], rows=others, words=True),
         )
     folders = [s.folder for s in document.subjects if s.folder is not None]
     written = [f"{', '.join(folders)}  as `compare` writes them"] if folders else []

@@ -8,13 +8,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort import document
-from scaling_service.capabilities.cohort.groups import compare_quantities, explain_too_few
+from scaling_service.capabilities.cohort import document, groups
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.numerics.statistics.agreement import Estimate, measure_agreement
-from scaling_service.numerics.statistics.complete import Panel, list_panels
+from scaling_service.numerics.statistics import agreement, complete
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
 from scaling_service.numerics.statistics.waveforms import (
     Curves,
@@ -67,7 +65,7 @@ def compute_cohort_statistics(
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
     return document.StatisticsDocument(
-        **compare_quantities(ordered, present, settings.alpha),
+        **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
         agreement=[a for a in compared if isinstance(a, document.AgreementEntry)],
         opensim_limits=document.Gates(
@@ -132,7 +130,7 @@ def _agree(
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
-    found = measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
+    found = agreement.measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
     yield document.AgreementEntry(
@@ -152,7 +150,7 @@ def _agree(
     )
 
 
-def _make_interval(estimate: Estimate) -> document.Interval:
+def _make_interval(estimate: agreement.Estimate) -> document.Interval:
     return document.Interval(
         value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high)
     )
@@ -196,14 +194,14 @@ def compare_curves(
             s.subject: [name for name, method in s.methods.items() if coordinate in method.curves]
             for s in subjects
         }
-        for panel in list_panels(has, methods):
+        for panel in complete.list_panels(has, methods):
             rng = stream(seed, "cohort", "curves", coordinate, *panel.methods)
             yield _compare_curve(coordinate, panel, subjects, rng, settings)
 
 
 def _compare_curve(
     coordinate: str,
-    panel: Panel,
+    panel: complete.Panel,
     subjects: Sequence[SubjectSummary],
     rng: np.random.Generator,
     settings: WaveformSettings,
@@ -214,7 +212,7 @@ def _compare_curve(
     known = replace(panel, excluded={s: sat.get(s, why) for s, why in panel.excluded.items()})
     values = np.array([[s.methods[m].curves[coordinate] for m in panel.methods] for s in counted])
     reference = next((m for m in REFERENCES if m in panel.methods), None)
-    note, test = explain_too_few(panel), None
+    note, test = groups.explain_too_few(panel), None
     if not note:
         curves = Curves(coordinate, panel.subjects, panel.methods, values)
         test = compare_waveforms(curves, rng, reference=reference, settings=settings)
@@ -247,7 +245,7 @@ def _compare_curve(
     )
 
 
-def _by_method(panel: Panel, curves: Array) -> dict[str, list[float]]:
+def _by_method(panel: complete.Panel, curves: Array) -> dict[str, list[float]]:
     return dict(zip(panel.methods, curves.tolist(), strict=True))
 
 

@@ -8,13 +8,13 @@ from typing import Literal
 
 import numpy as np
 
+from scaling_service.capabilities.scaling import result
 from scaling_service.capabilities.scaling.comparison import geometry
 from scaling_service.capabilities.scaling.comparison.curves import StrideCurves, make_stride_curves
 from scaling_service.capabilities.scaling.methods.table import METHODS
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
-from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import ImageEvidence
 
@@ -67,7 +67,7 @@ class SubjectSummary:
     subject: str
     methods: Mapping[str, MethodSummary]  # in the order computed
     true_lengths: Mapping[str, float] = field(default_factory=dict)  # empty where the truth is not known
-    centres: Mapping[str, Mapping[str, Mapping[str, Vector]]] = field(default_factory=dict)
+    centres: Mapping[str, Mapping[str, Mapping[str, body.Vector]]] = field(default_factory=dict)
     strides: Mapping[str, int] = field(default_factory=dict)  # r, l to the strides behind the curves
     no_strides: Mapping[str, str] = field(default_factory=dict)  # r, l to why there are none
     left_out: Mapping[str, str] = field(default_factory=dict)  # method to why it was not done
@@ -77,12 +77,12 @@ class SubjectSummary:
 class Truth:
     """The true body and motion of a virtual person."""
 
-    model: BodyModel
+    model: body.BodyModel
     motions: Mapping[str, Array]  # trial to coordinates, (n_frames, n_coordinates), rad or m
 
 
 def summarise(
-    results: Results, truth: Truth | None = None, left_out: Mapping[str, str] | None = None
+    results: result.Results, truth: Truth | None = None, left_out: Mapping[str, str] | None = None
 ) -> SubjectSummary:
     """What a cohort's statistics take of one subject's results.
 
@@ -111,7 +111,7 @@ def summarise(
 
 
 def _summarise_method(
-    scaling: Scaling,
+    scaling: result.Scaling,
     session: Session,
     strides: StrideCurves,
     imaged: frozenset[str] | None,
@@ -150,12 +150,12 @@ def _select_judged_trials(session: Session) -> list[str]:
 
 
 def _measure_centres(
-    results: Results, imaged: frozenset[str], truth: Truth | None
-) -> dict[str, dict[str, dict[str, Vector]]]:
+    results: result.Results, imaged: frozenset[str], truth: Truth | None
+) -> dict[str, dict[str, dict[str, body.Vector]]]:
     trials = _select_judged_trials(results.session)
     if not trials:
         return {}
-    found: dict[str, dict[str, dict[str, Vector]]] = {}
+    found: dict[str, dict[str, dict[str, body.Vector]]] = {}
     models = {
         method: (scaling.calibration.model, np.concatenate([scaling.motions[t].q for t in trials]))
         for method, scaling in results.scalings.items()
@@ -170,13 +170,13 @@ def _measure_centres(
 
 
 def _express_centres(
-    models: Mapping[str, tuple[BodyModel, Array]], reference: BodyModel, q: Array
-) -> dict[str, dict[str, Vector]]:
+    models: Mapping[str, tuple[body.BodyModel, Array]], reference: body.BodyModel, q: Array
+) -> dict[str, dict[str, body.Vector]]:
     return {name: geometry.place_centres(model, own, reference, q) for name, (model, own) in models.items()}
 
 
 def _from_truth(
-    scaling: Scaling, session: Session, truth: Truth
+    scaling: result.Scaling, session: Session, truth: Truth
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Distances of one method from the truth, m and rad, as ``demo`` shows them."""
     model = scaling.calibration.model

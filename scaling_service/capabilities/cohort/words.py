@@ -12,9 +12,8 @@ from scaling_service.capabilities.cohort.document import (
     SubjectEntry,
 )
 from scaling_service.core.text import format_p
+from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
-from scaling_service.report.words import describe_spans, spell_name
 
 TITLES: Mapping[str, str] = {
     "kinematic_error_mm": "Kinematic error",
@@ -51,11 +50,12 @@ def summarise(document: CohortDocument) -> Summary:
         cautions=[*document.notes, *document.statistics.notes],
         tables=[
             *statistics,
-            Table(
+            tables.Table(
                 caption="How every subject ended",
                 columns=["", "status", "why", "methods"],
                 rows=[
-                    Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)]) for s in document.subjects
+                    tables.Row(s.id, [s.status, _describe_end(s), ", ".join(s.methods)])
+                    for s in document.subjects
                 ],
                 words=True,
             ),
@@ -63,18 +63,18 @@ def summarise(document: CohortDocument) -> Summary:
     )
 
 
-def make_screen_tables(found: StatisticsDocument) -> Iterator[Table]:
+def make_screen_tables(found: StatisticsDocument) -> Iterator[tables.Table]:
     """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
     methods = [gate.method for gate in found.opensim_limits.methods]
-    rows: list[Row] = []
+    rows: list[tables.Row] = []
     everything: list[QuantityEntry] = []
     for kind, title in TITLES.items():
         if entries := getattr(found, kind):
-            rows.append(Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
+            rows.append(tables.Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
             rows += list_quantity_rows(entries, methods)
             everything += entries
     columns = ["mean ± SD over subjects", "subjects", *methods, "Friedman p"]
-    yield Table(
+    yield tables.Table(
         caption="The methods over subjects", columns=columns, rows=rows, note=describe_comparisons(everything)
     )
     yield _tabulate_gates(found)
@@ -84,13 +84,13 @@ def make_screen_tables(found: StatisticsDocument) -> Iterator[Table]:
 
 def describe_quantity(name: str) -> str:
     """A quantity's name for people."""
-    return _NAMES.get(name, spell_name(name))
+    return _NAMES.get(name, words.spell_name(name))
 
 
-def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[Row]:
+def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[tables.Row]:
     """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
     return [
-        Row(
+        tables.Row(
             describe_quantity(entry.quantity),
             [
                 str(len(entry.compared.subjects)),
@@ -125,14 +125,14 @@ def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
     return " ".join(said)
 
 
-def tabulate_curves(curves: Sequence[CurveEntry]) -> Table:
+def tabulate_curves(curves: Sequence[CurveEntry]) -> tables.Table:
     """Where along the gait cycle methods differ, for every angle."""
     reference = next((c.reference for c in curves if c.reference is not None), None)
     pairs = f"pairs with {reference}" if reference else "pairs"
-    return Table(
+    return tables.Table(
         caption="Do the methods differ along the curve?",
         columns=["angle", "subjects", "p", "where, % of the cycle", pairs],
-        rows=[Row(spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
+        rows=[tables.Row(words.spell_name(curve.coordinate), _format_curve_cells(curve)) for curve in curves],
         note="Pairs are paired t tests by permutation and share 5 % (Bonferroni).",
         words=True,
     )
@@ -144,12 +144,12 @@ def _format_curve_cells(curve: CurveEntry) -> list[str]:
         return [count, "–", "–", curve.note]
     pairs = "; ".join(
         f"{' / '.join(pair.methods)}: "
-        + (describe_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
+        + (words.describe_spans(pair.test.spans) if pair.test.can_decide else "too few subjects")
         for pair in curve.pairs
     )
     p = format_p(curve.anova.p) if curve.anova.can_decide else "too few subjects to decide"
     said = pairs or "not asked, for the analysis of variance finds nothing"
-    return [count, p, describe_spans(curve.anova.spans), said]
+    return [count, p, words.describe_spans(curve.anova.spans), said]
 
 
 def _describe_end(subject: SubjectEntry) -> str:
@@ -158,12 +158,12 @@ def _describe_end(subject: SubjectEntry) -> str:
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
 
 
-def _tabulate_gates(found: StatisticsDocument) -> Table:
+def _tabulate_gates(found: StatisticsDocument) -> tables.Table:
     rows = [
-        Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
+        tables.Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
         for g in found.opensim_limits.methods
     ]
-    return Table(
+    return tables.Table(
         caption="OpenSim's limits for marker errors: RMS below 20 mm, largest below 40 mm",
         columns=["", "subjects that keep them", "trials that keep them"],
         rows=rows,

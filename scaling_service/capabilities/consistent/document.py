@@ -6,11 +6,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from scaling_service.documents.base import Part, Tone
+from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
 
 
-class GroundWrench(Part):
+class GroundWrench(base.Part):
     """RMS error of the wrench about the feet; a planar model has the sagittal three alone."""
 
     fx_N: float = Field(description="Forward.")
@@ -21,7 +21,7 @@ class GroundWrench(Part):
     my_Nm: float | None = None
 
 
-class WrenchErrors(Part):
+class WrenchErrors(base.Part):
     """The same recording explained in three ways."""
 
     classical: GroundWrench = Field(description="Inverse kinematics, filter, derivatives; the start's model.")
@@ -29,7 +29,7 @@ class WrenchErrors(Part):
     predicted: GroundWrench = Field(description="As classical, with the model found: from markers alone.")
 
 
-class MarkerErrors(Part):
+class MarkerErrors(base.Part):
     """RMS distance of measured and model markers, mm."""
 
     classical: float
@@ -37,7 +37,7 @@ class MarkerErrors(Part):
     predicted: float
 
 
-class ConsistentTrial(Part):
+class ConsistentTrial(base.Part):
     """One recording."""
 
     held_out: bool = Field(description="Not used to find geometry and inertia.")
@@ -50,7 +50,7 @@ class ConsistentTrial(Part):
     )
 
 
-class InertialEntry(Part):
+class InertialEntry(base.Part):
     """One inertial parameter before and after."""
 
     segment: str
@@ -62,7 +62,7 @@ class InertialEntry(Part):
     identifiable: bool
 
 
-class LoopEntry(Part):
+class LoopEntry(base.Part):
     """Errors over the fitted recordings after one loop."""
 
     marker_rms_mm: float
@@ -74,7 +74,7 @@ class ConsistentDocument(Provenance):
 
     kind: Literal["consistent"] = "consistent"
     headline: str = Field(default="", description="What was gained at the forces, in one sentence.")
-    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
     start: str = Field(description="Method that scaled the model; none: as given.")
     inertia: str = Field(description="Table of the prior; model: the model's own.")
     mass_kg: float = Field(description="That the plates bear.")

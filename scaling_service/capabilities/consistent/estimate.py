@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import geometric
-from scaling_service.capabilities.consistent.motion import ConsistentMotion, solve_consistent_motion
+from scaling_service.capabilities.consistent import geometric, motion
 from scaling_service.capabilities.consistent.problem import ConsistentSettings, Objectives, State
 from scaling_service.capabilities.consistent.recording import (
     SPATIAL,
@@ -26,12 +25,12 @@ from scaling_service.capabilities.dynamics.inertia.identification import (
     identify_inertia,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, compute_dynamics
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
+from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import gather_inertias, with_inertias
 
 Progress = Callable[[str], None]
 
@@ -43,7 +42,7 @@ FREE_MASS = IdentificationSettings(mass_known=False)
 class TrackedRecording:
     """One recording tracked by one model."""
 
-    rated: RatedMotion
+    rated: inverse_dynamics.RatedMotion
     marker_rms_m: float  # root mean square distance of measured and model markers
     wrench_rmse: Array  # (6,), N and N m: of measured minus model, over frames with known forces
     gaps: Objectives
@@ -102,14 +101,14 @@ def estimate_consistent(
     )
     now, factors = model, dict[str, float]()
     history: list[tuple[float, Array]] = []
-    moved: list[ConsistentMotion] = []
+    moved: list[motion.ConsistentMotion] = []
     converged = False
     while not converged and len(history) < settings.most_loops:
         loop = f"loop {len(history) + 1}"
         say(f"{loop}: motion")
-        table = with_inertias(now, gather_inertias(model))
+        table = inertia.with_inertias(now, inertia.gather_inertias(model))
         freedom = find_inertial_freedom(table, fitted, rated[: len(fitted)], settings, identification)
-        earlier: list[ConsistentMotion | None] = [*moved] or [None] * len(fitted)
+        earlier: list[motion.ConsistentMotion | None] = [*moved] or [None] * len(fitted)
         moved = [
             _balance(table, r, m, settings, freedom, b)
             for r, m, b in zip(fitted, rated, earlier, strict=False)
@@ -119,9 +118,9 @@ def estimate_consistent(
         found = _refit_geometry(model, fitted, moved, settings)
         factors = dict(found.factors)
         say(f"{loop}: inertia")
-        prior = with_inertias(found.model, gather_inertias(model))
+        prior = inertia.with_inertias(found.model, inertia.gather_inertias(model))
         forces = [
-            ForceRecording(compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
+            ForceRecording(inverse_dynamics.compute_dynamics(prior, m, r.loads, trial=r.name), r.supported)
             for r, m in zip(fitted, rated, strict=False)
         ]
         inertial = identify_inertia(prior, forces, supported=fitted[0].components, settings=identification)
@@ -132,7 +131,7 @@ def estimate_consistent(
         history.append((float(markers), np.sqrt(np.mean([t.wrench_rmse**2 for t in tracked], axis=0))))
         converged = len(history) > 1 and _has_settled(history[-2], history[-1], settings)
     say("following the recordings with the model found")
-    known: list[ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
+    known: list[motion.ConsistentMotion | None] = [*moved, *[None] * len(held_out)]
     final = [_balance(now, r, m, settings, None, b) for r, m, b in zip(recordings, rated, known, strict=True)]
     return ConsistentResult(
         start=model,
@@ -154,18 +153,18 @@ def estimate_consistent(
 def _balance(
     model: BodyModel,
     recording: ConsistentRecording,
-    rated: RatedMotion,
+    rated: inverse_dynamics.RatedMotion,
     settings: ConsistentSettings,
     freedom: Array | None,
-    before: ConsistentMotion | None,
-) -> ConsistentMotion:
+    before: motion.ConsistentMotion | None,
+) -> motion.ConsistentMotion:
     """The motion balanced anew; the artefact found before is where its search begins."""
     problem = pose_problem(model, recording, rated, settings, freedom)
     shared, count = np.zeros(problem.n_shared), problem.shifts.count
     if before is not None:
         shared[:count] = before.state.shared[:count]
     start = State(problem.basis.fit(rated.q[:, problem.free]), shared)
-    return solve_consistent_motion(
+    return motion.solve_consistent_motion(
         problem, start, gather_limits(model, problem), 1.0 if before is None else before.weight
     )
 
@@ -173,7 +172,7 @@ def _balance(
 def _refit_geometry(
     start: BodyModel,
     fitted: Sequence[ConsistentRecording],
-    moved: Sequence[ConsistentMotion],
+    moved: Sequence[motion.ConsistentMotion],
     settings: ConsistentSettings,
 ) -> geometric.GeometricIdentification:
     """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
@@ -195,7 +194,10 @@ def _refit_geometry(
 
 
 def _measure_unchanged(
-    model: BodyModel, recording: ConsistentRecording, rated: RatedMotion, settings: ConsistentSettings
+    model: BodyModel,
+    recording: ConsistentRecording,
+    rated: inverse_dynamics.RatedMotion,
+    settings: ConsistentSettings,
 ) -> TrackedRecording:
     """How far a motion is from what was measured, without changing it."""
     problem = pose_problem(model, recording, rated, settings)
@@ -211,7 +213,10 @@ def _predict(
 
 
 def _measure_errors(
-    recording: ConsistentRecording, rated: RatedMotion, gaps: Objectives, weight: float = float("nan")
+    recording: ConsistentRecording,
+    rated: inverse_dynamics.RatedMotion,
+    gaps: Objectives,
+    weight: float = float("nan"),
 ) -> TrackedRecording:
     seen = np.isfinite(recording.trial.select(recording.motion.markers).markers).all(axis=2)
     marker = float(np.sqrt((gaps.marker_gaps[seen] ** 2).sum(axis=1).mean()))

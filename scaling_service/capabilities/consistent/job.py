@@ -7,12 +7,12 @@ from typing import Any
 
 from scaling_service.capabilities.consistent.document import ConsistentDocument
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.shared.job import Kind, OfForces
+from scaling_service.capabilities.shared import job
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT
 
 
-class ConsistentRequest(OfForces, ForceSettings):
+class ConsistentRequest(job.OfForces, ForceSettings):
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
     The planar squat_4dof is scaled by its standing.
@@ -35,7 +35,7 @@ def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Prog
 
 
 KINDS = {
-    "consistent": Kind(
+    "consistent": job.Kind(
         request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
     ),
 }

@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
+from scaling_service.capabilities.consistent import recording
+from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
-from scaling_service.capabilities.dynamics.start import Prepared, with_inertia
 from scaling_service.capabilities.kinetics.forces import gather_movement_forces
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.capabilities.subject.reading import blame_file
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import SubjectInvalid, TrialUnusable
 from scaling_service.model import body
-from scaling_service.model.anatomy.markers import PLANAR_SOURCES, find_canonical
+from scaling_service.model.anatomy import markers
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
-from scaling_service.recording.plates import orient_forces, synchronise
+from scaling_service.recording import plates
 
 STANDING = "standing"
 """How the planar model is scaled: by the standing at the beginning (Futamure et al., section II.C.2)."""
@@ -52,7 +52,7 @@ class SagittalPlane:
         return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURCES) -> Trial:
+def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = markers.PLANAR_SOURCES) -> Trial:
     """The planar model's markers as means of left and right, of a body in space or of the planar markers.
 
     NaN where a source is not seen. Markers without any source are left out.
@@ -64,7 +64,7 @@ def join_sides(trial: Trial, names: Mapping[str, tuple[str, ...]] = PLANAR_SOURC
             found[name] = np.mean([trial.position(s) for s in shown], axis=0)
     missing = [name for name in NEEDED if name not in found]
     if missing:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"the planar squat needs marker '{missing[0]}', the mean of {' and '.join(names[missing[0]])}",
             file=trial.name,
             field=missing[0],
@@ -144,7 +144,7 @@ def _average_standing_place(trial: Trial, name: str) -> Array:
     values = trial.position(name)[rows]
     values = values[np.isfinite(values).all(axis=1)]
     if not len(values):
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             f"marker '{name}' is not seen in the first {STANDING_S:g} s, where the person stands",
             file=trial.name,
             field=name,
@@ -191,10 +191,12 @@ def _place(
     return replace(placed, anatomical=marker.anatomical)
 
 
-def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict[str, ConsistentRecording]]:
+def prepare_squat(
+    loaded: Loaded, chosen: ForceSettings
+) -> tuple[start.Prepared, dict[str, recording.ConsistentRecording]]:
     """Project a subject's squats, scale the planar model, and follow the markers."""
     if chosen.start not in (None, AS_IT_IS):
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             f"the planar squat is scaled by the standing at its beginning, not by {chosen.start}",
             field="--start",
             remedy="Leave it out",
@@ -208,26 +210,28 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
             trial = join_sides(_rename_labels(trials[path.stem]))
             plane = find_sagittal_plane(trial)
         with blame_file(source, [source]):
-            forces = synchronise(orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz)
+            forces = plates.synchronise(
+                plates.orient_forces(axes, raw), trial.times, cutoff_hz=chosen.cutoff_hz
+            )
         # all plates together; unknown where one of them is not known
         loads = SegmentLoads(forces.times, forces.plates, forces.force, forces.moment)
         planar[path.stem] = (in_plane(trial, plane), project_loads(loads, plane))
     standing, _ = next(iter(planar.values()))
     model = loaded.session.model if chosen.start == AS_IT_IS else scale_squat(loaded.session.model, standing)
-    massive = with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
+    massive = start.with_inertia(model, subject, chosen.inertia or TABLE, scaled=True)
     motions = {name: inverse_kinematics(massive.model, trial) for name, (trial, _) in planar.items()}
     recordings = {
-        name: ConsistentRecording(
+        name: recording.ConsistentRecording(
             trial=trial,
             motion=motions[name],
             loads=loads,
             supported=np.asarray(np.isfinite(loads.total).all(axis=1)),
             about=np.zeros((len(trial.times), 3)),
-            components=SAGITTAL,
+            components=recording.SAGITTAL,
         )
         for name, (trial, loads) in planar.items()
     }
-    prepared = Prepared(
+    prepared = start.Prepared(
         loaded=loaded,
         start=chosen.start or STANDING,
         inertia=massive.inertia,
@@ -242,12 +246,12 @@ def prepare_squat(loaded: Loaded, chosen: ForceSettings) -> tuple[Prepared, dict
 
 def _rename_labels(trial: Trial) -> Trial:
     """Labels of a body in space under the built-in models' names; those of the planar model stay."""
-    wanted = {source for sources in PLANAR_SOURCES.values() for source in sources}
+    wanted = {source for sources in markers.PLANAR_SOURCES.values() for source in sources}
     taken = set(trial.labels)
     names: dict[str, str] = {}
     for label in trial.labels:
-        known = find_canonical(label)
-        if known in wanted and known not in taken and label not in PLANAR_SOURCES:
+        known = markers.find_canonical(label)
+        if known in wanted and known not in taken and label not in markers.PLANAR_SOURCES:
             names[label] = known
             taken.add(known)
     return trial.relabel(names)

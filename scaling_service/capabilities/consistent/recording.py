@@ -21,7 +21,7 @@ from scaling_service.capabilities.consistent.problem import (
 from scaling_service.capabilities.dynamics.inertia.identification import DECIDES, IdentificationSettings
 from scaling_service.capabilities.dynamics.inertia.parameters import make_inertial_prior
 from scaling_service.capabilities.dynamics.uncertainty.reference import make_trees
-from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion, differentiate_motion
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import body, inertia
@@ -35,7 +35,7 @@ from scaling_service.model.compile import (
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.multibody.marker_rates import MarkerShifts, MarkerTargets
+from scaling_service.numerics.multibody import marker_rates
 from scaling_service.numerics.multibody.motion import N_PARAMETERS, Mechanism
 from scaling_service.numerics.signals.splines import ORDER, SplineBasis
 from scaling_service.numerics.wrench import GRAVITY, compute_regressor_blocks
@@ -113,7 +113,7 @@ def make_artefact_shifts(
     *,
     axes: tuple[int, ...],
     placed_m: float,
-) -> MarkerShifts:
+) -> marker_rates.MarkerShifts:
     """Shared shifts of all markers: one that follows the joints at the segment's ends, and a constant one.
 
     The motion ``q`` (n, n_coordinates), as far as it is known, drives the skin along the local ``axes``.
@@ -132,7 +132,7 @@ def make_artefact_shifts(
     signals = np.stack(basis.evaluate(basis.fit(columns)))
     table = np.array(rows, dtype=float).reshape(-1, 4)
     marker, axis, which = (table[:, i].astype(np.intp) for i in range(3))
-    return MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
+    return marker_rates.MarkerShifts(marker=marker, axis=axis, signal=which, sd=table[:, 3], signals=signals)
 
 
 def _find_driver(model: body.BodyModel, segment: body.Segment, q: Array) -> Array | None:
@@ -208,7 +208,7 @@ class ConsistentRecording:
 
 def estimate_classical_motion(
     model: body.BodyModel, recording: ConsistentRecording, settings: ConsistentSettings
-) -> RatedMotion:
+) -> inverse_dynamics.RatedMotion:
     """The motion of the classical two steps: inverse kinematics, then filter and derivatives.
 
     Gaps of a coordinate are bridged by straight lines, one that is never known stands at its default.
@@ -220,13 +220,13 @@ def estimate_classical_motion(
         known = np.isfinite(values)
         if known.any():
             q[:, column] = np.interp(motion.times, motion.times[known], values[known])
-    return differentiate_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
+    return inverse_dynamics.differentiate_motion(model, motion.times, q, cutoff_hz=settings.cutoff_hz)
 
 
 def pose_problem(
     model: body.BodyModel,
     recording: ConsistentRecording,
-    rated: RatedMotion,
+    rated: inverse_dynamics.RatedMotion,
     settings: ConsistentSettings,
     freedom: Array | None = None,
 ) -> ConsistentProblem:
@@ -268,7 +268,7 @@ def pose_problem(
 def find_inertial_freedom(
     model: body.BodyModel,
     recordings: Sequence[ConsistentRecording],
-    rated: Sequence[RatedMotion],
+    rated: Sequence[inverse_dynamics.RatedMotion],
     settings: ConsistentSettings,
     identification: IdentificationSettings,
 ) -> Array:
@@ -306,7 +306,7 @@ def gather_limits(model: body.BodyModel, problem: ConsistentProblem) -> tuple[Ar
 
 def _make_marker_targets(
     recording: ConsistentRecording, basis: SplineBasis, settings: ConsistentSettings
-) -> tuple[MarkerTargets, float]:
+) -> tuple[marker_rates.MarkerTargets, float]:
     """Positions as measured, rates of splines through them, and how many errors are new.
 
     Velocities and accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
@@ -323,7 +323,7 @@ def _make_marker_targets(
     dimensions = 3 if recording.components == SPATIAL else 2
     total = dimensions * max(float(seen.sum()), 1.0)
     weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
-    return MarkerTargets(values, weights), total / count_repeats(recording, settings)
+    return marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
 
 
 def count_repeats(recording: ConsistentRecording, settings: ConsistentSettings) -> float:

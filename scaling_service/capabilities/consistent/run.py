@@ -9,24 +9,24 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.consistent import planar
 from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
 from scaling_service.capabilities.consistent.estimate import estimate_consistent as identify
-from scaling_service.capabilities.consistent.planar import STANDING, prepare_squat
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.weight import weigh_motions
-from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
-from scaling_service.capabilities.subject.loading import Loaded, open_subject
+from scaling_service.capabilities.subject import loading
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.progress import Progress, report_part, show_nothing
+from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
-from scaling_service.model.inertia import compile_whole_tree, sum_mass
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
 from scaling_service.numerics.multibody.tree import pose_links
@@ -76,7 +76,7 @@ def consistent(
     """
     clock = time.perf_counter()
     report = progress or show_nothing
-    loaded = open_subject(subject, settings, facing=True)
+    loaded = loading.open_subject(subject, settings, facing=True)
     with loaded.blame_files():
         ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
         result = identify(
@@ -110,10 +110,10 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
+def read(loaded: loading.Loaded, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
     """Read the forces, scale the model, follow the markers, weigh the person; errors as above."""
     if loaded.session.subject.model == SQUAT:
-        prepared, found = prepare_squat(loaded, chosen)
+        prepared, found = planar.prepare_squat(loaded, chosen)
     else:
         usual = chosen.model_copy(update={"start": chosen.start or start.choose_rigid(loaded.session)})
         prepared = start.prepare(loaded, usual, settings, progress=progress)
@@ -123,14 +123,16 @@ def read(loaded: Loaded, chosen: ForceSettings, settings: Settings, *, progress:
     held_out = tuple(recording for name, recording in found.items() if name not in names)
     prepared, notes = _take_borne_mass(prepared, fitted)
     # fitted markers, and those of a given model, are where they are said to be
-    placed_m = PLACED_M if prepared.start in ("MB", "EB", STANDING) else 0.0
+    placed_m = PLACED_M if prepared.start in ("MB", "EB", planar.STANDING) else 0.0
     own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
     return Ready(prepared=prepared, fitted=fitted, held_out=held_out, settings=own, notes=notes)
 
 
 def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> ConsistentRecording:
     motion, forces = prepared.motions[name], prepared.forces[name]
-    dynamics = solve_inverse_dynamics(prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz)
+    dynamics = inverse_dynamics.solve_inverse_dynamics(
+        prepared.model, motion, forces.loads, cutoff_hz=cutoff_hz
+    )
     weight = weigh_motions({name: (dynamics, forces.contacts.supported)})
     assert weight is not None  # it has one recording
     weight.check()
@@ -139,7 +141,7 @@ def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> C
         trial=trial,
         motion=motion,
         loads=forces.loads,
-        supported=find_judged_frames(dynamics, forces.contacts, cutoff_hz),
+        supported=inverse_dynamics.find_judged_frames(dynamics, forces.contacts, cutoff_hz),
         about=_find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
     )
 
@@ -148,7 +150,7 @@ def _find_middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) 
     """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
     rows = [model.segment_names.index(name) for name in segments]
     known = np.isfinite(q).all(axis=1)
-    tree = compile_whole_tree(model)
+    tree = inertia.compile_whole_tree(model)
     poses = pose_links(tree, np.ascontiguousarray(q[known].T), list_parameter_values(model))
     middle = poses.origins[rows].mean(axis=0).T
     result = np.tile(middle.mean(axis=0), (len(q), 1))
@@ -167,7 +169,7 @@ def _take_borne_mass(
             remedy="Name a movement with both feet on force plates under `calibration:`",
         )
     borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
-    mass, before = float(borne.mean() / -GRAVITY[1]), sum_mass(prepared.model)
+    mass, before = float(borne.mean() / -GRAVITY[1]), inertia.sum_mass(prepared.model)
     notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
     changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
     return changed, notes if abs(mass / before - 1.0) > 0.01 else ()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.consistent import words
 from scaling_service.capabilities.consistent.document import (
     ConsistentDocument,
     ConsistentTrial,
@@ -19,8 +20,7 @@ from scaling_service.capabilities.consistent.document import (
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.consistent.run import ConsistentResults
-from scaling_service.capabilities.consistent.words import summarise, write_headline
-from scaling_service.capabilities.dynamics.saving import record_dynamics_provenance, write_massive_model
+from scaling_service.capabilities.dynamics import saving
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
@@ -33,7 +33,7 @@ from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
 from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 FILE_NAME = "consistent.json"
 WRENCHES_FILE = f"{FOLDER}/wrenches.json"
@@ -54,17 +54,17 @@ def save_consistent(
         for name, factor in results.result.factors.items():
             x, y, z = factors.get(name, (1.0, 1.0, 1.0))
             factors[name] = (factor * x, factor * y, factor * z)
-        notes = write_massive_model(scratch, result.model, results.prepared, factors)
+        notes = saving.write_massive_model(scratch, result.model, results.prepared, factors)
         document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the result's views with the ground wrench over time.
-            files = collect_files(lambda folder: write_wrenches(results, folder, brief=True))
+            files = onefile.collect_files(lambda folder: write_wrenches(results, folder, brief=True))
             (scratch / writing.REPORT).write_text(
-                Report(
+                onefile.Report(
                     kind="consistent",
                     name=FILE_NAME,
-                    summary=summarise(document),
+                    summary=words.summarise(document),
                     document=document,
                     files=files,
                     beside=document.files,
@@ -144,11 +144,11 @@ def _make_document(
         recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
         for k, (recording, ways) in enumerate(results.tracked)
     }
-    headline, tone = write_headline(trials.values())
+    headline, tone = words.write_headline(trials.values())
     return ConsistentDocument(
         headline=headline,
         tone=tone,
-        **record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
+        **saving.record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
         mass_kg=round(sum_mass(prepared.model), 3),
         trials=trials,
         inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],

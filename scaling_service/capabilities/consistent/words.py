@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from scaling_service.capabilities.consistent.document import ConsistentDocument, ConsistentTrial, GroundWrench
 from scaling_service.documents.base import Tone
+from scaling_service.report import tables
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
 
 WAYS = ("classical", "consistent", "predicted")
 SHOWN = ("fx_N", "fy_N", "mz_Nm")
@@ -58,16 +58,16 @@ def _compare_ways(trial: ConsistentTrial, way: str) -> float:
     return float(max(getattr(ours, n) / max(getattr(wrenches.classical, n), 1e-9) for n in SHOWN))
 
 
-def tabulate_errors(document: ConsistentDocument) -> Table:
+def tabulate_errors(document: ConsistentDocument) -> tables.Table:
     """Errors of every recording in the three ways."""
     rows = []
     for name, trial in document.trials.items():
-        rows.append(Row(f"{name} ({'held out' if trial.held_out else 'used to fit'})"))
+        rows.append(tables.Row(f"{name} ({'held out' if trial.held_out else 'used to fit'})"))
         for way in WAYS:
             wrench: GroundWrench = getattr(trial.ground_wrench_rmse, way)
             values = [*(getattr(wrench, n) for n in SHOWN), getattr(trial.marker_rms_mm, way)]
-            rows.append(Row(way, [f"{value:.1f}" for value in values]))
-    return Table(
+            rows.append(tables.Row(way, [f"{value:.1f}" for value in values]))
+    return tables.Table(
         caption="RMS error",
         columns=["", "fx, N", "fy, N", "mz, N m", "markers, mm"],
         rows=rows,
@@ -79,7 +79,10 @@ def tabulate_errors(document: ConsistentDocument) -> Table:
     )
 
 
-def _tabulate_lengths(document: ConsistentDocument) -> Table:
+def _tabulate_lengths(document: ConsistentDocument) -> tables.Table:
     before = document.lengths_before_mm
-    rows = [Row(name, [f"{before[name]:.1f}", f"{after:.1f}"]) for name, after in document.lengths_mm.items()]
-    return Table(caption="Segment lengths, mm", columns=["", "start", "found"], rows=rows)
+    rows = [
+        tables.Row(name, [f"{before[name]:.1f}", f"{after:.1f}"])
+        for name, after in document.lengths_mm.items()
+    ]
+    return tables.Table(caption="Segment lengths, mm", columns=["", "start", "found"], rows=rows)

@@ -16,7 +16,7 @@ from pydantic import (
 
 from scaling_service.core.errors import InputError
 from scaling_service.core.text import suggest_name
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.model import reference
 
 SUBJECT_FILE = "subject.yaml"
 SOURCE_FILE = "SOURCE.md"
@@ -116,7 +116,7 @@ def read_catalogue() -> dict[str, Dataset]:
     True
     """
     return CatalogueDocument.model_validate(
-        read_reference(find_reference_folder() / "datasets.yaml")
+        reference.read_reference(reference.find_reference_folder() / "datasets.yaml")
     ).datasets
 
 

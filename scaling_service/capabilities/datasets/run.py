@@ -12,9 +12,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from scaling_service.capabilities.datasets import catalogue, downloads
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core import errors
 from scaling_service.core.progress import Progress
-from scaling_service.documents.writing import all_or_nothing, check_folder
+from scaling_service.documents import writing
 from scaling_service.files.image_markers import COLUMNS
 from scaling_service.files.osim.setups import parse_xml
 
@@ -52,7 +52,7 @@ def get_dataset(
     folder holds a file of the same name that differs.
     """
     base = downloads.check_base_url(base_url)
-    check_folder(folder)
+    writing.check_folder(folder)
     subject = {} if dataset.subject is None else {catalogue.SUBJECT_FILE: dataset.subject + "\n"}
     texts = subject | {catalogue.SOURCE_FILE: write_source_note(name, dataset)}
     new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
@@ -130,8 +130,8 @@ def _list_missing(folder: Path, texts: dict[str, str]) -> dict[str, str]:
     return {path: content for path, content in texts.items() if not (folder / path).exists()}
 
 
-def _report_difference(folder: Path, name: str) -> InputError:
-    return InputError(
+def _report_difference(folder: Path, name: str) -> errors.InputError:
+    return errors.InputError(
         f"'{name}' is there already, and differs from the dataset's; it was left as it is",
         file=folder,
         field="--out",
@@ -140,7 +140,7 @@ def _report_difference(folder: Path, name: str) -> InputError:
 
 
 def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> None:
-    with all_or_nothing(folder) as scratch:
+    with writing.all_or_nothing(folder) as scratch:
         try:
             for path, source in fetched.items():
                 (scratch / path).parent.mkdir(parents=True, exist_ok=True)
@@ -148,7 +148,7 @@ def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> Non
             for path, content in texts.items():
                 (scratch / path).write_bytes(content.encode())
         except OSError as error:
-            raise InputError(
+            raise errors.InputError(
                 f"the dataset cannot be written there: {error.strerror}",
                 file=folder,
                 field="--out",
@@ -167,7 +167,7 @@ def tabulate_image_markers(model: Path) -> str:
     """
     rows = [_make_row(marker, model) for marker in parse_xml(model).iter("Marker")]
     if not rows:
-        raise FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
+        raise errors.FileUnreadable("the model holds no markers", file=model, remedy="Report this: it should")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(COLUMNS)
@@ -181,7 +181,7 @@ def _make_row(marker: Element, model: Path) -> tuple[str, ...]:
     try:
         x, y, z = (float(word) for word in (marker.findtext("location") or "").split())
     except ValueError:
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "the marker has no place", file=model, field=name, remedy="Report this: it should"
         ) from None
     # 0.1 µm, as results are written; the model itself states no more than six digits.

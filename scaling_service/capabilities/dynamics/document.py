@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from scaling_service.core.text import list_few
-from scaling_service.documents.base import Part, Tone
+from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
 
 
@@ -22,7 +22,7 @@ Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeVal
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
 
-class Wrench(Part):
+class Wrench(base.Part):
     """Six components in ground axes: X forward, Y up, Z right; moments about the root segment's origin."""
 
     fx_N: Number
@@ -39,7 +39,7 @@ class Wrench(Part):
         return dict(zip(cls.model_fields, values, strict=True)) if isinstance(values, np.ndarray) else values
 
 
-class ResidualGate(Part):
+class ResidualGate(base.Part):
     """One published limit on the residual."""
 
     name: str
@@ -50,7 +50,7 @@ class ResidualGate(Part):
     passed: bool
 
 
-class UncertaintyDocument(Part):
+class UncertaintyDocument(base.Part):
     """What errors of measurement add to ``dr`` (Muller et al. 2017), in the same shares and order."""
 
     kinematic: Six = Field(description="Of the motion: markers and model.")
@@ -58,7 +58,7 @@ class UncertaintyDocument(Part):
     total: Six
 
 
-class JointLoad(Part):
+class JointLoad(base.Part):
     """Generalised force of one coordinate over the judged frames."""
 
     unit: Literal["N", "N m"]
@@ -66,7 +66,7 @@ class JointLoad(Part):
     rms: Number
 
 
-class TrialDynamicsDocument(Part):
+class TrialDynamicsDocument(base.Part):
     """One recording."""
 
     role: Literal["calibration", "evaluation"]
@@ -95,7 +95,7 @@ class TrialDynamicsDocument(Part):
     warnings: list[str]
 
 
-class InertialChange(Part):
+class InertialChange(base.Part):
     """One number of one segment before and after identification."""
 
     segment: str
@@ -109,7 +109,7 @@ class InertialChange(Part):
     identifiable: bool
 
 
-class CombinationPart(Part):
+class CombinationPart(base.Part):
     """A part of a combination; weights are in units of the prior's standard deviations."""
 
     segment: str
@@ -117,7 +117,7 @@ class CombinationPart(Part):
     weight: Number
 
 
-class CombinationChange(Part):
+class CombinationChange(base.Part):
     """A combination of inertial parameters that the recordings determine."""
 
     parts: list[CombinationPart] = Field(description="The largest ones.")
@@ -126,7 +126,7 @@ class CombinationChange(Part):
     sd: Number
 
 
-class WrenchFitDocument(Part):
+class WrenchFitDocument(base.Part):
     """RMS error of the ground wrench with the inertia before and after."""
 
     held_out: bool
@@ -135,11 +135,11 @@ class WrenchFitDocument(Part):
     after: Wrench
 
 
-class IdentificationDocument(Part):
+class IdentificationDocument(base.Part):
     """Inertial parameters from the forces (Futamure et al., eq. 8)."""
 
     headline: str = Field(default="", description="What it found, in one sentence.")
-    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
     components: Yes = Field(description="Components of the wrench that were used: fx, fy, fz, mx, my, mz.")
     total_mass_kg: tuple[Number, Number] = Field(description="Before and after.")
     trials: dict[str, WrenchFitDocument]
@@ -151,7 +151,7 @@ class IdentificationDocument(Part):
     warnings: list[str]
 
 
-class WeightDocument(Part):
+class WeightDocument(base.Part):
     """Mass by the momentum balance of all recordings with forces, beside the model's."""
 
     declared_kg: Number
@@ -171,7 +171,7 @@ class DynamicsDocument(Provenance):
     height_m: float
     trials: dict[str, TrialDynamicsDocument]
     headline: str = Field(default="", description="The verdict in one sentence.")
-    tone: Tone = Field(default="plain", description="Whether the headline is good news.")
+    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
     verdict: str = Field(description="Whether these recordings can calibrate this person's inertia.")
     inertial: IdentificationDocument | None = Field(default=None, description="Null where not asked for.")
     warnings: list[str]

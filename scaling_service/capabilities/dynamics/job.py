@@ -7,12 +7,12 @@ from typing import Any
 
 from scaling_service.capabilities.dynamics.document import DynamicsDocument
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.shared.job import Kind, OfForces
+from scaling_service.capabilities.shared import job
 from scaling_service.core.progress import Progress
 from scaling_service.documents.base import DOCUMENT
 
 
-class DynamicsRequest(OfForces, DynamicsSettings):
+class DynamicsRequest(job.OfForces, DynamicsSettings):
     """Compute joint loads and residuals from a subject's forces, with their uncertainty."""
 
 
@@ -32,5 +32,5 @@ def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progre
 
 
 KINDS = {
-    "dynamics": Kind(request=DynamicsRequest, work=work, route="dynamics", result=DynamicsDocument),
+    "dynamics": job.Kind(request=DynamicsRequest, work=work, route="dynamics", result=DynamicsDocument),
 }

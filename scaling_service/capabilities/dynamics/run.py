@@ -12,14 +12,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics import start
+from scaling_service.capabilities.dynamics.inertia import identification
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-from scaling_service.capabilities.dynamics.inertia.identification import (
-    IdentificationSettings,
-    identify_inertia,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
-from scaling_service.capabilities.dynamics.start import Prepared, prepare
 from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.unmeasured import (
     Unmeasured,
@@ -83,7 +80,7 @@ class TrialDynamics:
 class DynamicsResults:
     """Dynamics of all of a subject's recordings that have forces."""
 
-    prepared: Prepared
+    prepared: start.Prepared
     chosen: DynamicsSettings
     settings: Settings
     trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
@@ -154,7 +151,7 @@ def dynamics(
     clock = time.perf_counter()
     report = progress or show_nothing
     loaded = open_subject(subject, settings, facing=True)
-    prepared = prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
+    prepared = start.prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
     trials: dict[str, TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}
     with loaded.blame_files():
@@ -185,7 +182,7 @@ def dynamics(
 
 
 def _identify(
-    prepared: Prepared, trials: Mapping[str, TrialDynamics], chosen: DynamicsSettings
+    prepared: start.Prepared, trials: Mapping[str, TrialDynamics], chosen: DynamicsSettings
 ) -> tuple[InertialIdentification | None, tuple[str, ...]]:
     """Identify inertia from the calibration trials, and hold the evaluation trials out; None and why if not.
 
@@ -201,12 +198,12 @@ def _identify(
     if not supported.any() and not chosen.despite_verdict:
         return None, (*notes, "inertia was not identified: the verdict is that it would fit noise")
     recordings = {name: ForceRecording(found.dynamics, found.frames) for name, found in trials.items()}
-    result = identify_inertia(
+    result = identification.identify_inertia(
         prepared.model,
         [recordings[name] for name in fitted],
         held_out=[recording for name, recording in recordings.items() if name not in fitted],
         supported=supported,
-        settings=IdentificationSettings(
+        settings=identification.IdentificationSettings(
             mass_known=not chosen.free_mass,
             symmetric=not chosen.sides_apart,
             despite_verdict=chosen.despite_verdict,
@@ -215,7 +212,7 @@ def _identify(
     return result, notes
 
 
-def compute_trial_dynamics(prepared: Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
+def compute_trial_dynamics(prepared: start.Prepared, name: str, chosen: DynamicsSettings) -> TrialDynamics:
     """Inverse dynamics, residuals and their uncertainty of the recording of this stem."""
     motion, forces = prepared.motions[name], prepared.forces[name]
     found = inverse_dynamics.solve_inverse_dynamics(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics import words
+from scaling_service.capabilities.dynamics import run, words
 from scaling_service.capabilities.dynamics.document import (
     DynamicsDocument,
     IdentificationDocument,
@@ -17,13 +17,12 @@ from scaling_service.capabilities.dynamics.document import (
     WeightDocument,
 )
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
-from scaling_service.capabilities.dynamics.run import DynamicsResults, TrialDynamics
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.provenance import record_provenance, repair_notes
+from scaling_service.capabilities.subject import provenance
 from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.core.tables import ResultTable
@@ -31,18 +30,20 @@ from scaling_service.documents import writing
 from scaling_service.files.osim.models import write_osim
 from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
+from scaling_service.model import freed
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-from scaling_service.model.freed import MARKERS_HELD, hold_markers
 from scaling_service.model.inertia import sum_mass
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 FILE_NAME = "dynamics.json"
 
 RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 
-def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool = True) -> DynamicsDocument:
+def save_dynamics(
+    results: run.DynamicsResults, folder: str | Path, *, report: bool = True
+) -> DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
@@ -86,9 +87,9 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the check's views with the residuals over time.
-            files = collect_files(lambda folder: write_residuals(results, folder, brief=True))
+            files = onefile.collect_files(lambda folder: write_residuals(results, folder, brief=True))
             (scratch / writing.REPORT).write_text(
-                Report(
+                onefile.Report(
                     kind="dynamics",
                     name=FILE_NAME,
                     summary=words.summarise(document),
@@ -101,7 +102,7 @@ def save_dynamics(results: DynamicsResults, folder: str | Path, *, report: bool 
     return document
 
 
-def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table:
+def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -118,7 +119,7 @@ def _tabulate_forces(name: str, found: TrialDynamics, model: BodyModel) -> Table
     )
 
 
-def tabulate_loads(results: DynamicsResults) -> dict[str, ResultTable]:
+def tabulate_loads(results: run.DynamicsResults) -> dict[str, ResultTable]:
     """Joint loads and the residual of every recording over time, N and N m; see ``<trial>_id.sto``."""
     tables = {}
     for name, found in results.trials.items():
@@ -140,7 +141,7 @@ def write_massive_model(
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     subject, scaling = prepared.subject, prepared.calibration
     is_file = subject.model.lower().endswith(".osim")
-    held = hold_markers(model)
+    held = freed.hold_markers(model)
     try:
         write_osim(
             folder / "model.osim",
@@ -154,23 +155,25 @@ def write_massive_model(
         )
     except DependencyMissing as error:
         return (f"model.osim was not written: {error}",)
-    return () if held == model else (MARKERS_HELD,)
+    return () if held == model else (freed.MARKERS_HELD,)
 
 
 def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
     """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
     resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
     trials = prepared.loaded.session.dynamic
-    origin = record_provenance(prepared.loaded, trials, resolved, settings.seed)
+    origin = provenance.record_provenance(prepared.loaded, trials, resolved, settings.seed)
     return origin | {"start": prepared.start, "inertia": prepared.inertia}
 
 
-def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequence[str]) -> DynamicsDocument:
+def _make_document(
+    results: run.DynamicsResults, files: Sequence[str], notes: Sequence[str]
+) -> DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
     known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
     for name, found in results.trials.items():
-        known["repairs"][name] += repair_notes(found.forces.repairs)
+        known["repairs"][name] += provenance.repair_notes(found.forces.repairs)
     trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
     supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
     headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
@@ -196,7 +199,7 @@ def _make_document(results: DynamicsResults, files: Sequence[str], notes: Sequen
     )
 
 
-def _make_trial(found: TrialDynamics, results: DynamicsResults) -> TrialDynamicsDocument:
+def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> TrialDynamicsDocument:
     residuals, uncertainty = found.residuals, found.uncertainty
     fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
     kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
@@ -250,7 +253,7 @@ def _make_identification(found: InertialIdentification, before: BodyModel) -> Id
     )
 
 
-def write_residuals(results: DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:
+def write_residuals(results: run.DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.

@@ -20,8 +20,8 @@ from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.anatomy.inertia import apply_inertia_table
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Calibration, Motion
@@ -156,6 +156,6 @@ def with_inertia(model: BodyModel, subject: Subject, inertia: str | None, *, sca
             field=f"subject.{lacking}",
             remedy=f"Give it, or keep the model's own inertia (inertia: {names.OWN})",
         )
-    apply = apply_to_squat if subject.model == SQUAT else apply_inertia_table
+    apply = inertia_planar.apply_to_squat if subject.model == inertia_planar.SQUAT else apply_inertia_table
     result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
     return Massive(result.model, chosen, result.notes)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
-from scaling_service.capabilities.kinetics.inverse_dynamics import InverseDynamics, solve_inverse_dynamics
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
@@ -25,7 +25,7 @@ from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.tree import pose_links
 from scaling_service.numerics.signals.filters import find_runs
 from scaling_service.numerics.wrench import GRAVITY
-from scaling_service.recording.plates_feet import NOBODY, FootContacts
+from scaling_service.recording import plates_feet
 
 LACKING = 0.2
 """Share of the weight that must be missing (chosen: filtered markers leave less than a tenth of it)."""
@@ -79,7 +79,7 @@ class Unmeasured:
 
 
 def find_unmeasured(
-    dynamics: InverseDynamics, contacts: FootContacts, model: BodyModel
+    dynamics: inverse_dynamics.InverseDynamics, contacts: plates_feet.FootContacts, model: BodyModel
 ) -> tuple[Unmeasured, ...]:
     """Stretches of one recording in which the plates do not bear what the motion needs, and flight.
 
@@ -125,10 +125,12 @@ def find_unmeasured(
 
 
 def describe_unmeasured(
-    model: BodyModel, trial: Trial, loads: SegmentLoads, contacts: FootContacts, cutoff_hz: float
+    model: BodyModel, trial: Trial, loads: SegmentLoads, contacts: plates_feet.FootContacts, cutoff_hz: float
 ) -> tuple[str, ...]:
     """The same in sentences, of a recording that was not tracked yet; the model has mass."""
-    dynamics = solve_inverse_dynamics(model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz)
+    dynamics = inverse_dynamics.solve_inverse_dynamics(
+        model, inverse_kinematics(model, trial), loads, cutoff_hz=cutoff_hz
+    )
     return tuple(f"{trial.name} {one.sentence}" for one in find_unmeasured(dynamics, contacts, model))
 
 
@@ -146,19 +148,19 @@ def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterato
 
 
 def _find_reason(
-    beside: NDArray[np.bool_], bears: NDArray[np.bool_], contacts: FootContacts, rows: slice
+    beside: NDArray[np.bool_], bears: NDArray[np.bool_], contacts: plates_feet.FootContacts, rows: slice
 ) -> tuple[Kind | Literal["beside"] | None, str]:
     """Whether and which foot stands where no plate measures, and whether that is more than a walk's end."""
     for k, foot in enumerate(contacts.feet):
         if beside[rows, k].mean() > _MOST:
-            loaded = (contacts.foot != NOBODY).any(axis=1)
+            loaded = (contacts.foot != plates_feet.NOBODY).any(axis=1)
             between = loaded[: rows.start].any() and loaded[rows.stop :].any()
             lost = between or (not bears[:, k].any() and bears.any())
             return ("missing_plate" if lost else "beside"), foot
     return None, ""
 
 
-def _measure_pelvis_height(dynamics: InverseDynamics, model: BodyModel) -> Array:
+def _measure_pelvis_height(dynamics: inverse_dynamics.InverseDynamics, model: BodyModel) -> Array:
     """Height of the root above the lowest joint, over that in the default pose, (n,)."""
     mechanism, p = compile_mechanism(model), list_parameter_values(model)
 

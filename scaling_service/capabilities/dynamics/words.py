@@ -12,7 +12,7 @@ from scaling_service.capabilities.dynamics.document import (
     merge_warnings,
 )
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.capabilities.shared.names import AS_IT_IS, OWN
+from scaling_service.capabilities.shared import names
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
@@ -50,8 +50,8 @@ def summarise(document: DynamicsDocument) -> Summary:
 
 def describe_model(document: DynamicsDocument) -> str:
     """Which model was checked, with which inertia."""
-    how = "as given" if document.start == AS_IT_IS else f"scaled by {document.start}"
-    own = "its own inertia" if document.inertia == OWN else f"inertia of {document.inertia}"
+    how = "as given" if document.start == names.AS_IT_IS else f"scaled by {document.start}"
+    own = "its own inertia" if document.inertia == names.OWN else f"inertia of {document.inertia}"
     return f"model {how}, {own}, {document.mass_kg:.1f} kg"
 
 

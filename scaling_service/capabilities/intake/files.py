@@ -13,23 +13,22 @@ import numpy as np
 
 from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
-from scaling_service.documents.reading import check_document, read_content
+from scaling_service.documents import reading
 from scaling_service.documents.subject import MODEL_SUFFIXES
-from scaling_service.files import recording
+from scaling_service.files import recording, segmentation
 from scaling_service.files.delimited import FIELD
 from scaling_service.files.forces import read_forces
 from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.segmentation import MAP_SUFFIXES, describe_label_map, list_tables
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
+from scaling_service.recording import orientation
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.orientation import Orientation, decide
 from scaling_service.recording.plates import compute_ground_forces
 
 GUESSED = "not known"  # how the reason begins where an axis was not decided by markers or walking
@@ -56,7 +55,7 @@ class RecordingFile:
 
     file: str
     trial: recording.Recording  # in the laboratory's axes, m as stated
-    axes: Orientation
+    axes: orientation.Orientation
     forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
     problems: tuple[ProblemEntry, ...] = ()
 
@@ -72,7 +71,9 @@ class RecordingFile:
         return np.stack([plate.corners for plate in known]) if known else None
 
 
-def make_problem(error: InputError, severity: Severity = "error", file: str | None = None) -> ProblemEntry:
+def make_problem(
+    error: errors.InputError, severity: Severity = "error", file: str | None = None
+) -> ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
     return ProblemEntry(
@@ -87,7 +88,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
     """
     trial = repair_markers(recording.read_recording(file))
     if not trial.labels:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "rotations without markers, which `ik` follows with a model that is scaled",
             file=file,
             field=_ROTATIONS,
@@ -98,13 +99,13 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
         return seen
     try:
         return replace(seen, forces=compute_ground_forces(trial.plates))
-    except InputError as error:
+    except errors.InputError as error:
         return replace(seen, problems=(make_problem(error, "warning", file.name),))
 
 
 def decide_session_axes(
     seen: Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
-) -> Orientation:
+) -> orientation.Orientation:
     """One decision for all recordings, as scaling takes it.
 
     ``seen``: at least one. ``static``: the file of standing. ``up``, ``forward``: as given.
@@ -117,7 +118,7 @@ def decide_session_axes(
     return agree_on_axes(decided, None if static is None else Path(static))
 
 
-def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> AxesEntry:
+def make_axes_entry(axes: orientation.Orientation, up: str | None, forward: str | None) -> AxesEntry:
     """A decision as it travels."""
     why = [r.detail for r in axes.repairs if r.what in ("up_axis", "forward_axis", "unit")]
     return AxesEntry(
@@ -130,13 +131,13 @@ def make_axes_entry(axes: Orientation, up: str | None, forward: str | None) -> A
     )
 
 
-def decide_axes(trial: Trial, up: str | None, forward: str | None) -> Orientation:
+def decide_axes(trial: Trial, up: str | None, forward: str | None) -> orientation.Orientation:
     """Which way is up and forward in one recording."""
     roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
     level = list_level_corners(trial) if isinstance(trial, recording.Recording) else None
     # Labels whose role no other label has: of two persons nobody knows whose it is.
     every = list(roles.values())
-    return decide(
+    return orientation.decide(
         trial,
         roles={label: role for label, role in roles.items() if every.count(role) == 1},
         up=up,
@@ -184,10 +185,10 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
         if found.problem is not None and found.problem.field == _ROTATIONS:
             return InputFile(name=file.name, kind="other", why=found.problem.problem)
         return found
-    if file.name.lower().endswith(MAP_SUFFIXES):
+    if file.name.lower().endswith(segmentation.MAP_SUFFIXES):
         return _read_label_map(file)
     for other in file.parent.iterdir():
-        if file.name in list_tables(other.name):
+        if file.name in segmentation.list_tables(other.name):
             return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
     reader = _READERS.get(suffix)
     if reader is None:
@@ -211,7 +212,7 @@ def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> Input
     """The guess with what was read, or with why nothing could be."""
     try:
         return replace(guess, content=read())
-    except InputError as error:
+    except errors.InputError as error:
         return replace(guess, problem=make_problem(error, file=file.name))
 
 
@@ -221,7 +222,7 @@ def _read_table(file: Path) -> InputFile:
         return InputFile(
             name=file.name, kind="forces", why="it has columns of ground forces", content=read_forces(file)
         )
-    except InputError as error:
+    except errors.InputError as error:
         if error.field == "columns":
             return InputFile(
                 name=file.name, kind="other", why="a table without ground forces, such as a motion"
@@ -247,8 +248,8 @@ def _read_mesh(file: Path) -> InputFile:
 def _read_label_map(file: Path) -> InputFile:
     guess = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
     try:
-        return replace(guess, why=describe_label_map(file))
-    except InputError as error:
+        return replace(guess, why=segmentation.describe_label_map(file))
+    except errors.InputError as error:
         return replace(guess, problem=make_problem(error, file=file.name))
 
 
@@ -274,7 +275,7 @@ def _read_xml(file: Path) -> InputFile:
                 )
                 try:
                     setup = read_scale_setup(file)
-                except InputError as error:
+                except errors.InputError as error:
                     return replace(guess, problem=make_problem(error, file=file.name))
                 pairs = (pair for measurement in setup.measurements for pair in measurement.pairs)
                 return replace(guess, asks=frozenset(marker for pair in pairs for marker in pair))
@@ -298,10 +299,10 @@ def _read_subject(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
     def read() -> Mapping[str, Any]:
-        content: Any = read_content(file)
+        content: Any = reading.read_content(file)
         if isinstance(content, dict):  # files are uploaded by their names alone, without folders
             content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
-        check_document(content)
+        reading.check_document(content)
         return dict(content)
 
     beginning = _read_beginning(file)

@@ -12,9 +12,9 @@ from scaling_service.capabilities.kinetics.forces import FEWEST, find_feet
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.core.errors import ModelRefused
 from scaling_service.core.text import list_few
+from scaling_service.model import builtin
 from scaling_service.model.anatomy.key_points import shows_key_points_alone
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, load_generic_person
 from scaling_service.model.inertia import sum_mass
 
 
@@ -171,13 +171,15 @@ def _check_feet(model: BodyModel, markers: Sequence[document.MarkerProof]) -> do
 
 def _check_whole_body(model: BodyModel, mass_kg: float | None) -> document.Need:
     """That the model has about a person's mass: the plates bear the whole person."""
-    person = load_generic_person(model.name).mass_kg if model.name in BUILTIN_NAMES else mass_kg
+    person = (
+        builtin.load_generic_person(model.name).mass_kg if model.name in builtin.BUILTIN_NAMES else mass_kg
+    )
     share = sum_mass(model) / person if person else 1.0
     there = share * FAR_OFF >= 1.0
     text = "the model has a person's mass"
     if not there:
         text = f"{model.name} is {share:.0%} of a person, and the plates bear all of it"
-        text += f"; to check the forces, choose {WHOLE}" if model.name in BUILTIN_NAMES else ""
+        text += f"; to check the forces, choose {WHOLE}" if model.name in builtin.BUILTIN_NAMES else ""
     return document.Need(name="whole body", there=there, text=text, give="model")
 
 

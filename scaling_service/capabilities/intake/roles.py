@@ -6,15 +6,14 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from scaling_service.capabilities.intake import standing
+from scaling_service.capabilities.intake import standing, tables
 from scaling_service.capabilities.intake.document import ProblemEntry, SizesProof
 from scaling_service.capabilities.intake.files import InputFile, RecordingFile, map_files
-from scaling_service.capabilities.intake.tables import WALKED_M, measure_walk
 from scaling_service.core.text import list_few
-from scaling_service.documents.subject import SIZE_UNIT, SubjectDocument
+from scaling_service.documents import subject
+from scaling_service.model import trial
 from scaling_service.model.anatomy.markers import strip_prefix
 from scaling_service.model.forces import GroundForces
-from scaling_service.model.trial import MeasuredSizes, merge
 
 TIMES_S, LONGER_S = 0.1, 1.0
 """Chosen: forces may begin and end this much later and earlier than the markers (other clocks, rounding), and
@@ -65,7 +64,9 @@ def assign_recordings(found: Sequence[InputFile]) -> Roles:
         for file in held_out[1:] or held_out:
             roles[file] = ("trials.calibration", "there is no other movement to fit")
     elif not held_out and unnamed and len(moves) > 1:
-        walks = {item.file for item in recordings if measure_walk(item.trial, item.axes) >= WALKED_M}
+        walks = {
+            item.file for item in recordings if tables.measure_walk(item.trial, item.axes) >= tables.WALKED_M
+        }
         chosen = next((file for file in unnamed if file in walks), unnamed[0])
         roles[chosen] = ("trials.evaluation", "one movement must be left to judge by")
     return roles
@@ -300,7 +301,7 @@ def propose_subject(
 
 def order_keys(document: Mapping[str, Any]) -> dict[str, Any]:
     """A subject document with its parts in the order in which they are described."""
-    return {key: document[key] for key in SubjectDocument.model_fields if key in document}
+    return {key: document[key] for key in subject.SubjectDocument.model_fields if key in document}
 
 
 def _find_unit(found: Sequence[InputFile], files: Any) -> str:
@@ -308,18 +309,21 @@ def _find_unit(found: Sequence[InputFile], files: Any) -> str:
     return max(units, key=units.count, default="mm")
 
 
-def check_sizes(known: Mapping[str, Any], stated: Mapping[str, MeasuredSizes]) -> SizesProof:
+def check_sizes(known: Mapping[str, Any], stated: Mapping[str, trial.MeasuredSizes]) -> SizesProof:
     """Sizes as the document states them, else as the files do.
 
     ``known``: the subject's document, which need not be whole. ``stated``: file to the sizes in it.
     """
     person = known.get("subject") or {}
-    own = MeasuredSizes(
+    own = trial.MeasuredSizes(
         person.get("height_m"),
         person.get("mass_kg"),
-        {name.removesuffix(SIZE_UNIT): value * 1e-3 for name, value in (known.get("sizes") or {}).items()},
+        {
+            name.removesuffix(subject.SIZE_UNIT): value * 1e-3
+            for name, value in (known.get("sizes") or {}).items()
+        },
     )
-    found = own.or_else(merge(stated.values()))
+    found = own.or_else(trial.merge(stated.values()))
     return SizesProof(
         height_m=_round_size(found.height_m),
         mass_kg=_round_size(found.mass_kg),
@@ -337,7 +341,7 @@ def with_sizes(proposed: Mapping[str, Any], sizes: SizesProof) -> dict[str, Any]
     """A subject document with what is known of the person; what it states already stays."""
     stated = {"height_m": sizes.height_m, "mass_kg": sizes.mass_kg}
     person = {key: value for key, value in stated.items() if value is not None}
-    by_hand = {f"{name}{SIZE_UNIT}": value for name, value in sizes.sizes_mm.items()}
+    by_hand = {f"{name}{subject.SIZE_UNIT}": value for name, value in sizes.sizes_mm.items()}
     whole = {
         **proposed,
         "subject": {

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from scaling_service.capabilities.intake import roles, warnings
+from scaling_service.capabilities.intake import roles, tables, warnings
 from scaling_service.capabilities.intake.document import (
     AxesEntry,
     FileRole,
@@ -45,18 +45,17 @@ from scaling_service.capabilities.intake.markers import (
 )
 from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
 from scaling_service.capabilities.intake.standing import sort_by_segment
-from scaling_service.capabilities.intake.tables import Ground, check_recording
 from scaling_service.capabilities.scaling.methods.table import calibrate
 from scaling_service.capabilities.shared.settings import Settings
+from scaling_service.capabilities.subject import reading
 from scaling_service.capabilities.subject.checks import require_landmarks
 from scaling_service.capabilities.subject.loading import load, read_model
-from scaling_service.capabilities.subject.reading import list_relabellings, make_subject
-from scaling_service.core.errors import FileUnreadable, InputError
+from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.core.text import list_few
+from scaling_service.documents import writing
 from scaling_service.documents.reading import check_document
 from scaling_service.documents.subject import MODEL_SUFFIXES, Correction
-from scaling_service.documents.writing import all_or_nothing, write_json
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model.anatomy.key_points import add_key_points
@@ -64,10 +63,10 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import GroundForces
 from scaling_service.model.trial import MeasuredSizes, Trial
+from scaling_service.recording import person
 from scaling_service.recording.findings import Finding, NotAPerson, sort_findings
 from scaling_service.recording.identity.identify import Identification
 from scaling_service.recording.orientation import check_axes
-from scaling_service.recording.person import ask_segments, mend
 
 FILE_NAME, SUBJECT = "proof.json", "subject.yaml"
 FOLDER = "proof"  # of the tables, below the job's files
@@ -115,14 +114,14 @@ def prove_folder(
     """
     source, target = Path(folder), Path(out)
     if not source.is_dir():
-        raise FileUnreadable(
+        raise errors.FileUnreadable(
             "there is no such folder", file=source, remedy="Name the folder of the recordings"
         )
     name = source.absolute().name
     identity = name if re.fullmatch(r"\w[\w .\-]{0,99}", name) else "subject"
-    with all_or_nothing(target) as scratch:
+    with writing.all_or_nothing(target) as scratch:
         found = prove(source, {"subject": {"id": identity}}, scratch, settings=settings, progress=progress)
-        write_json(scratch / FILE_NAME, found)
+        writing.write_json(scratch / FILE_NAME, found)
         if found.proposal is not None:
             beside = Path(os.path.relpath(source.absolute(), target.absolute()))
             content = map_files(found.proposal, lambda _, name: (beside / name).as_posix())
@@ -242,10 +241,10 @@ class _Look:
             mirrored = (self.known.get("mirrored") or {}).get(item.file)
             if not wanted and mirrored not in ("x", "y", "z"):
                 return item
-            trial = mend(item.trial, list_relabellings(wanted), mirrored)
+            trial = person.mend(item.trial, reading.list_relabellings(wanted), mirrored)
             axes = decide_axes(trial, self.settings.up, self.settings.forward)
             return replace(item, trial=trial, axes=axes)
-        except InputError as error:
+        except errors.InputError as error:
             self.problems.append(make_problem(error, file=item.file))
         except ValidationError:
             pass  # reported with all else that is wrong with the document
@@ -280,7 +279,7 @@ class _Look:
         sizes = {item.file: item.trial.sizes for item in self.seen}
         for file, (role, _) in self.roles.items():
             if role == "scale_setup":
-                with suppress(InputError):  # scaling's own refusal says it
+                with suppress(errors.InputError):  # scaling's own refusal says it
                     setup = read_scale_setup(self.folder / file)
                     sizes[file] = MeasuredSizes(setup.height_m, setup.mass_kg)
         return sizes
@@ -302,19 +301,19 @@ class _Look:
         self.axes = make_axes_entry(axes, *given)
         for item in self.seen:
             try:
-                entry, trial = check_recording(item, axes, self._ground(item), given, files)
-            except InputError as error:
+                entry, trial = tables.check_recording(item, axes, self._ground(item), given, files)
+            except errors.InputError as error:
                 self.problems.append(make_problem(error, file=item.file))
             else:
                 self.recordings.append(entry)
                 self.trials[item.file] = trial
 
-    def _ground(self, item: RecordingFile) -> Ground | None:
+    def _ground(self, item: RecordingFile) -> tables.Ground | None:
         """The forces of the file that is for this recording, else of its own plates."""
         for file, (role, _) in self.roles.items():
             if role == f"forces.{item.file}" and file in self.forces:
-                return Ground(file, self.forces[file])
-        return None if item.forces is None else Ground(item.file, item.forces)
+                return tables.Ground(file, self.forces[file])
+        return None if item.forces is None else tables.Ground(item.file, item.forces)
 
     def usual_model(self, who: Identification) -> tuple[str, str]:
         """The built-in model for these recordings, and why."""
@@ -332,7 +331,7 @@ class _Look:
             return read_model(
                 self.folder / wanted if is_file else wanted, self.folder / more if more else None
             )
-        except InputError as error:
+        except errors.InputError as error:
             self.problems.append(make_problem(error, file=wanted))
             return load_builtin(usual)
 
@@ -352,7 +351,7 @@ class _Look:
             return
         read = {(self.folder / item.file).absolute(): item.trial for item in self.raw}
         try:
-            subject = make_subject(check_document(proposed), folder=self.folder)
+            subject = reading.make_subject(check_document(proposed), folder=self.folder)
             session = load(subject, self.settings, read, facing=True, who=who).session
             found = [one for one in session.notes if isinstance(one, Finding)]
             yield from self._tell(found)
@@ -362,7 +361,7 @@ class _Look:
             calibrate(session, "MB", self.settings.calibration, {})  # in closed form: it takes milliseconds
         except NotAPerson as error:
             yield from self._tell(error.findings)
-        except InputError as error:
+        except errors.InputError as error:
             yield make_problem(error)
 
     def _tell(self, findings: Sequence[Finding]) -> Iterator[ProblemEntry]:
@@ -370,7 +369,7 @@ class _Look:
         trials = list(self.trials.values())
         clusters = sort_by_segment(list(dict.fromkeys(label for trial in trials for label in trial.labels)))
         yield from warnings.tell_findings(
-            sort_findings([*ask_segments(trials, clusters), *findings]), self.trials
+            sort_findings([*person.ask_segments(trials, clusters), *findings]), self.trials
         )
 
     def role(self, item: InputFile) -> FileRole:

@@ -15,14 +15,14 @@ from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.documents.base import ArrayEntry, PlateEntry
+from scaling_service.documents import base
 from scaling_service.files import table_files
 from scaling_service.model.anatomy.markers import is_computed
 from scaling_service.model.forces import CONTACT_N, GroundForces
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.numerics.signals.filters import find_runs
-from scaling_service.recording.orientation import Orientation, apply
+from scaling_service.recording import orientation
 
 WALKED_M = 1.0  # chosen: who goes this far over the floor walks; squats and leg swings stay below
 
@@ -58,7 +58,7 @@ class Ground:
 
 def check_recording(
     item: RecordingFile,
-    axes: Orientation,
+    axes: orientation.Orientation,
     ground: Ground | None,
     given: tuple[str | None, str | None],
     files: table_files.ArrayFiles,
@@ -68,10 +68,10 @@ def check_recording(
     ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
     given. Raises InputError: the unit of its positions cannot be told.
     """
-    trial = apply(axes, item.trial)
+    trial = orientation.apply(axes, item.trial)
     turned, problems = _turn(ground, axes)
     distance, direction = _walk(trial)
-    plates: list[PlateEntry] = []
+    plates: list[base.PlateEntry] = []
     force = pressure = None
     if turned is not None:
         force, pressure, plates = _of_forces(turned, item, axes, trial, files)
@@ -102,7 +102,7 @@ def check_recording(
 
 
 def _turn(
-    ground: Ground | None, axes: Orientation
+    ground: Ground | None, axes: orientation.Orientation
 ) -> tuple[GroundForces | None, list[document.ProblemEntry]]:
     """Forces in our axes, or why they cannot be had."""
     if ground is None:
@@ -114,8 +114,12 @@ def _turn(
 
 
 def _of_forces(
-    forces: GroundForces, item: RecordingFile, axes: Orientation, trial: Trial, files: table_files.ArrayFiles
-) -> tuple[ArrayEntry, ArrayEntry, list[PlateEntry]]:
+    forces: GroundForces,
+    item: RecordingFile,
+    axes: orientation.Orientation,
+    trial: Trial,
+    files: table_files.ArrayFiles,
+) -> tuple[base.ArrayEntry, base.ArrayEntry, list[base.PlateEntry]]:
     """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
     ground = forces.change(
         times=trial.times,
@@ -146,9 +150,9 @@ def _label(trial: Trial, column: int) -> document.LabelEntry:
     )
 
 
-def measure_walk(trial: Trial, axes: Orientation) -> float:
+def measure_walk(trial: Trial, axes: orientation.Orientation) -> float:
     """How far the markers' middle went over the floor from first to last frame, m."""
-    return _walk(apply(axes, trial))[0]
+    return _walk(orientation.apply(axes, trial))[0]
 
 
 def _walk(trial: Trial) -> tuple[float, Vector | None]:
@@ -166,8 +170,8 @@ def _walk(trial: Trial) -> tuple[float, Vector | None]:
 
 
 def describe_plates(
-    entries: list[PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
-) -> list[PlateEntry]:
+    entries: list[base.PlateEntry], forces: GroundForces, trial: Trial, kinds: tuple[int, ...]
+) -> list[base.PlateEntry]:
     """Plates with type, place, who stood on them and when, and their offset.
 
     ``forces``: at the times of the trial, in its axes. ``trial``: X forward, Y up, Z right, m. ``kinds``:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from scaling_service.capabilities.intake import document
+from scaling_service.capabilities.intake import document, standing
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
-from scaling_service.capabilities.intake.standing import ANOTHER_PELVIS, compare_pelvis
 from scaling_service.capabilities.intake.tables import OFFSET_N
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
@@ -48,8 +47,8 @@ def check_standing(
         )
     if static is None or static not in trials:
         return
-    ratio = compare_pelvis(trials[static], list(moving.values()))
-    if abs(ratio - 1.0) > ANOTHER_PELVIS:
+    ratio = standing.compare_pelvis(trials[static], list(moving.values()))
+    if abs(ratio - 1.0) > standing.ANOTHER_PELVIS:
         size = "wider" if ratio > 1.0 else "narrower"
         yield _make_warning(
             f"the pelvis is {abs(ratio - 1.0):.0%} {size} than in the movements: it was recorded on another "

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scaling_service.capabilities.shared import screen
-from scaling_service.capabilities.shared.flags import Out, Tables
+from scaling_service.capabilities.shared import flags, screen
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.report.tables import Row, Table
 
@@ -30,7 +29,7 @@ _MeshFile = Path | None
 
 
 def landmarks(
-    out: Out,
+    out: flags.Out,
     pelvis: Annotated[_MeshFile, _make_bone_option("pelvis", "Both hip bones, sacrum in or out.")] = None,
     femur_r: Annotated[_MeshFile, _make_bone_option("femur_r", "Right femur.")] = None,
     tibia_r: Annotated[
@@ -51,7 +50,7 @@ def landmarks(
         ),
     ] = None,
     units: Annotated[Literal["mm", "cm", "m", "detect"], typer.Option(help="Unit of all meshes.")] = "detect",
-    tables: Tables = "",
+    tables: flags.Tables = "",
 ) -> None:
     """Find joint centres, axes and bony landmarks on surfaces of bones or in a segmentation.
 

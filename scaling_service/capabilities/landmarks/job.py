@@ -14,7 +14,7 @@ from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.core.progress import Progress
-from scaling_service.documents.base import DOCUMENT, require_plain_name
+from scaling_service.documents import base
 
 
 class LandmarksRequest(job.OfOneSubject):
@@ -55,7 +55,8 @@ class LandmarksRequest(job.OfOneSubject):
             )
         return {
             self.subject: {
-                f"bones.{bone}": require_plain_name(file, f"bones.{bone}") for bone, file in found.items()
+                f"bones.{bone}": base.require_plain_name(file, f"bones.{bone}")
+                for bone, file in found.items()
             }
         }
 
@@ -71,7 +72,7 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
     from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
 
     folder = inputs / request.subject
-    document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+    document = json.loads((folder / base.DOCUMENT).read_text(encoding="utf-8"))
     bones = {bone: folder / file for bone, file in request.meshes(document).items()}
     found = save_landmarks(landmark_bones(bones, units=request.units, progress=progress), outputs)
     return json.loads(found.read_text(encoding="utf-8"))

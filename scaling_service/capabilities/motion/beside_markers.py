@@ -13,14 +13,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from scaling_service.capabilities.motion.frames import Z_UP, Hypothesis, average_rotations, take_rotation
+from scaling_service.capabilities.motion import frames
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.trial import Rotations, Trial
-from scaling_service.numerics.multibody.rigid import convert_rotation_to_vector, rotate_about
+from scaling_service.numerics.multibody import rigid
 
 
 def join_recordings(trials: Sequence[Trial]) -> tuple[Trial, ...]:
@@ -55,7 +55,7 @@ def _put_on_times(held: Rotations, times: Array, wanted: Array) -> Rotations:
 
 def find_beside_markers(
     model: BodyModel, trial: Trial, segments: Mapping[str, str], *, turned: bool
-) -> Hypothesis | None:
+) -> frames.Hypothesis | None:
     """How sensors sit by the markers of the same movement; None where no segment turns enough to tell.
 
     ``segments``: label to its segment. ``turned``: whether the sensors' world is the session's but for its
@@ -66,12 +66,14 @@ def find_beside_markers(
     turns = Rotation.from_quat(pose_segments(model, q)[..., 3:].reshape(-1, 4)).as_matrix()
     bodies = turns.reshape(trial.n_frames, -1, 3, 3)
     pairs = {
-        label: (bodies[:, model.segment_names.index(segment)], take_rotation(trial, label))
+        label: (bodies[:, model.segment_names.index(segment)], frames.take_rotation(trial, label))
         for label, segment in segments.items()
         if segment in shown
     }
     best: tuple[float, str, Array] | None = None
-    for world, turn in ({"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": Z_UP}).items():
+    for world, turn in (
+        {"as given": np.eye(3)} if turned else {"y up": np.eye(3), "z up": frames.Z_UP}
+    ).items():
         a, b = (np.concatenate(parts) for parts in zip(*_list_steps(pairs.values(), turn), strict=True))
         across = float((a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]).sum())
         along = float((a[:, 0] * b[:, 0] + a[:, 2] * b[:, 2]).sum())
@@ -79,15 +81,15 @@ def find_beside_markers(
         heading = float(np.arctan2(across, along))
         if best is None or fit > best[0]:
             said = f"their world is {world}, turned by {np.degrees(heading):.0f} deg against the markers'"
-            best = fit, said, rotate_about((0.0, 1.0, 0.0), -heading) @ turn
+            best = fit, said, rigid.rotate_about((0.0, 1.0, 0.0), -heading) @ turn
     if best is None or best[0] <= 0.0:
         return None
     found = {
-        label: average_rotations(body.swapaxes(1, 2) @ best[2] @ sensor)
+        label: frames.average_rotations(body.swapaxes(1, 2) @ best[2] @ sensor)
         for label, (body, sensor) in pairs.items()
     }
     before = {label: sits for label, sits in found.items() if sits is not None}
-    return Hypothesis(
+    return frames.Hypothesis(
         told=f"sensors sit as the markers of '{trial.name}' show, {best[1]}",
         turn=best[2],
         before=before,
@@ -102,7 +104,7 @@ def _list_steps(pairs: Iterable[tuple[Array, Array]], turn: Array) -> list[tuple
         seen = np.flatnonzero(np.isfinite(sensor).all(axis=(1, 2)))
         if len(seen):
             middle = seen[len(seen) // 2]
-            a = convert_rotation_to_vector(body[seen] @ body[middle].T)
-            b = convert_rotation_to_vector(turn @ sensor[seen] @ sensor[middle].T @ turn.T)
+            a = rigid.convert_rotation_to_vector(body[seen] @ body[middle].T)
+            b = rigid.convert_rotation_to_vector(turn @ sensor[seen] @ sensor[middle].T @ turn.T)
             found.append((a, b))
     return found

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
+from scaling_service.model.anatomy import lengths, markers
 from scaling_service.model.anatomy.frames import (
     ANGLES,
     KNEE,
@@ -17,14 +19,11 @@ from scaling_service.model.anatomy.frames import (
     compute_conventional_angles,
     level_heel,
 )
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
-from scaling_service.model.anatomy.markers import find_canonical, strip_prefix
-from scaling_service.model.body import BodyModel, Marker, to_vector
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.poses import evaluate_marker, list_model_values, place_markers, pose_neutral_frames
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
-from scaling_service.numerics.statistics.waveforms import NODES, normalise_cycles
+from scaling_service.numerics.statistics import waveforms
 
 _PELVIS = ("RASIS", "LASIS", "RPSIS", "LPSIS", "SACR")
 _LEG = ("LFE", "MFE", "LM", "MM", "HEE", "TOE", "MT1", "MT5")
@@ -59,7 +58,7 @@ _LOCKED = 1e-4
 """rad. Chosen: under a hundredth of a degree, which no free knee keeps while it bends by half a degree."""
 
 
-def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
+def find_clinical_landmarks(model: body.BodyModel) -> dict[str, body.Marker]:
     """The landmarks of ``Points`` that a model has.
 
     Joint centres are the model's, the others its markers of that name or alias. Where a model knows both
@@ -80,7 +79,7 @@ def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
 
     places = {
         f"{name[-1].upper()}{_CENTRES[name[:-2]]}": place(segment, np.array(at))
-        for name, (segment, at) in find_joint_centres(model).items()
+        for name, (segment, at) in lengths.find_joint_centres(model).items()
         if name[:-2] in _CENTRES
     }
     for name in (*_PELVIS, *(f"{letter}{name}" for letter in "RL" for name in _LEG)):
@@ -90,15 +89,17 @@ def find_clinical_landmarks(model: BodyModel) -> dict[str, Marker]:
     for letter in "RL":
         places |= _place_beside(places, f"{letter}KJC", f"{letter}LFE", f"{letter}MFE")
         places |= _place_beside(places, f"{letter}AJC", f"{letter}LM", f"{letter}MM")
-        places |= _place_knee_axis(places, letter, find_segment(model, "tibia", letter.lower()))
+        places |= _place_knee_axis(places, letter, lengths.find_segment(model, "tibia", letter.lower()))
         places |= _place_foot_line(places, letter)
     return {
-        name: Marker.at(name, segment, _to_local(frames[segment], point))
+        name: body.Marker.at(name, segment, _to_local(frames[segment], point))
         for name, (segment, point) in places.items()
     }
 
 
-def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marker]) -> dict[str, Array]:
+def track_landmarks(
+    model: body.BodyModel, motion: Motion, placed: Mapping[str, body.Marker]
+) -> dict[str, Array]:
     """Landmark to its trajectory in a motion of the model, (n_frames, 3), m.
 
     NaN where it hangs on a coordinate that the recording, or this frame of it, does not determine.
@@ -112,7 +113,7 @@ def track_landmarks(model: BodyModel, motion: Motion, placed: Mapping[str, Marke
     return {name: where[:, k] for k, name in enumerate(names)}
 
 
-def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
+def tilt_is_seen(model: body.BodyModel, motion: Motion) -> bool:
     """Whether a marker that a motion follows shows how far the pelvis is tilted.
 
     One that lies off the line through both front spines does. A motion that follows no marker of the pelvis
@@ -134,9 +135,9 @@ def tilt_is_seen(model: BodyModel, motion: Motion) -> bool:
 
 
 def _is_landmark(label: str, landmark: str) -> bool:
-    if find_canonical(label) == landmark:
+    if markers.find_canonical(label) == landmark:
         return True
-    plain = re.sub(r"[\s._-]+", "", strip_prefix(label).upper())
+    plain = re.sub(r"[\s._-]+", "", markers.strip_prefix(label).upper())
     return plain == landmark or (
         landmark[1:] == "TOE" and landmark[0] == plain[:1] and bool(_TOES.fullmatch(plain))
     )
@@ -144,7 +145,7 @@ def _is_landmark(label: str, landmark: str) -> bool:
 
 def _to_local(frame: tuple[Array, Array], point: Array) -> tuple[float, float, float]:
     rotation, origin = frame
-    return to_vector(rotation.T @ (point - origin))
+    return body.to_vector(rotation.T @ (point - origin))
 
 
 def _place_beside(places: Mapping[str, _Place], centre: str, lateral: str, medial: str) -> dict[str, _Place]:
@@ -214,7 +215,7 @@ class ClinicalCycles:
     values: Mapping[str, Array]
 
 
-def compute_clinical_angles(model: BodyModel, motion: Motion) -> ClinicalAngles:
+def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAngles:
     """The conventional angles of a model's motion.
 
     Joint centres and landmarks are the model's own and move with its segments (see
@@ -262,7 +263,7 @@ AngleRates = Callable[[Array], Array]
 """Of coordinates (n_frames, n_coordinates) how angles change, (n_frames, n_angles, n_coordinates)."""
 
 
-def compute_clinical_rates(model: BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
+def compute_clinical_rates(model: body.BodyModel) -> tuple[tuple[tuple[Side, str], ...], AngleRates]:
     """Side and name of every conventional angle of a model, and how they change with its coordinates.
 
     The landmarks' rates are exact; the angles of landmarks are differenced along each.
@@ -307,7 +308,7 @@ def cut_clinical_cycles(
     whole = [entry for entry in cut if entry[2]]
     if not whole:
         return None
-    unknown = np.full(NODES, np.nan)
+    unknown = np.full(waveforms.NODES, np.nan)
     return ClinicalCycles(
         side,
         tuple((trial, start, end) for trial, (start, end), _ in whole),
@@ -332,7 +333,9 @@ def _cut(angles: ClinicalAngles, cycle: Cycle, side: Side) -> dict[str, Array]:
     way = angles.pelvis[rows][np.isfinite(angles.pelvis[rows]).all(axis=1)]
     turned = _measure_against(within, side, _find_heading(way, angles.heading) - angles.heading)
     smooth = np.unwrap(np.column_stack(list(turned.values())), axis=0)
-    curves = normalise_cycles(times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=NODES)
+    curves = waveforms.normalise_cycles(
+        times[rows], smooth, [cycle], tuple(turned), trial=angles.trial, nodes=waveforms.NODES
+    )
     return dict(zip(turned, curves[0], strict=True))
 
 

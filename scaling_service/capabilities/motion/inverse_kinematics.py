@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
 from scaling_service.capabilities.motion.doubts import (
     Solve,
@@ -24,9 +25,7 @@ from scaling_service.capabilities.motion.doubts import (
 )
 from scaling_service.capabilities.motion.everyday import follow_everyday
 from scaling_service.capabilities.motion.loops import follow_neighbours
-from scaling_service.capabilities.motion.restarts import choose_minima, confirm_doubts
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.steady import COARSE_S, hold_steady
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
@@ -34,20 +33,18 @@ from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import sweep, tree
 from scaling_service.numerics.multibody.closure import CLOSED
-from scaling_service.numerics.multibody.sweep import (
-    MotionSolution,
-    SweepSettings,
-)
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 
 _SHORT = 48  # frames: below this a coarse level costs more than it saves
-_ROUGH = SweepSettings(left=2e-2)
+_ROUGH = sweep.SweepSettings(left=2e-2)
 _QUORUM = 0.9  # chosen: of the coarse frames; the few that linger would cost as many steps again as all
-_FINE = SweepSettings(close=True)
-_PROBE = SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
-_RELEASE = SweepSettings(max_steps=3)  # chosen: enough to see that limits hold a limb far off its markers
+_FINE = sweep.SweepSettings(close=True)
+_PROBE = sweep.SweepSettings(left=2e-2, max_steps=12, quorum=0.5)  # chosen: one better pose is enough to know
+_RELEASE = sweep.SweepSettings(
+    max_steps=3
+)  # chosen: enough to see that limits hold a limb far off its markers
 _MOSTLY = 0.5  # chosen: share of frames with a limb far off its markers that asks for no second look
 _FRAMES = 1024  # placed together; a long recording at once would take gigabytes
 _STUCK = 4.0  # chosen: times the cost of a good frame; artefact alone changes it less
@@ -61,7 +58,7 @@ def inverse_kinematics(
     trial: Trial,
     *,
     weights: Mapping[str, float] | None = None,
-    loss: Loss = SQUARED,
+    loss: problem.Loss = problem.SQUARED,
     bounded: bool = True,
     start: Array | None = None,
     progress: Callable[[int], None] | None = None,
@@ -111,14 +108,14 @@ def inverse_kinematics(
     """
     task = Task.of(model, trial, weights=weights, loss=loss, bounded=bounded)
     solution = solve_task(task, trial.times, start, progress)
-    if model.posterior is not None and weights is None and loss is SQUARED:
+    if model.posterior is not None and weights is None and loss is problem.SQUARED:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
     return make_motion(task, trial, solution)
 
 
 def solve_task(
     task: Task, times: Array, start: Array | None = None, progress: Callable[[int], None] | None = None
-) -> MotionSolution:
+) -> sweep.MotionSolution:
     """The coordinates alone; see :func:`inverse_kinematics`.
 
     The first solution keeps to the ranges that the model declares, whether or not they bind: an
@@ -154,15 +151,17 @@ def solve_task(
         solve_from(task, slice(None), close, progress, _FINE), lambda some, near: solve_from(task, some, near)
     )
     fine = replace(fine, q=join_branches(task.tree, fine.q, task.bounds, within.bounds, neutral))
-    return hold_steady(task, times, fine)
+    return steady.hold_steady(task, times, fine)
 
 
-def _solver(task: Task, rows: NDArray[np.intp], settings: SweepSettings = _ROUGH) -> Solve:
+def _solver(task: Task, rows: NDArray[np.intp], settings: sweep.SweepSettings = _ROUGH) -> Solve:
     """How frames among ``rows`` are solved from given starts."""
     return lambda some, near: solve_from(task, rows[some], near, settings=settings)
 
 
-def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSolution) -> MotionSolution:
+def _doubt(
+    task: Task, times: Array, rows: NDArray[np.intp], found: sweep.MotionSolution
+) -> sweep.MotionSolution:
     """The frames as they were found, or sought again from many starts where something speaks against them."""
     part = task.in_frames(rows)
     free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
@@ -172,8 +171,8 @@ def _doubt(task: Task, times: Array, rows: NDArray[np.intp], found: MotionSoluti
     far, jumps = find_far(part, found.q), find_jumps(part, times, joined)
     doubts |= far
     sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
-    if sure or (doubts.any() and confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
-        return choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
+    if sure or (doubts.any() and restarts.confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
+        return restarts.choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
     return found
 
 
@@ -186,7 +185,7 @@ def _choose_stride(times: Array) -> int:
         return 1
     step = float(np.median(np.diff(times)))
     regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
-    return max(1, round(COARSE_S / step)) if regular else 1
+    return max(1, round(steady.COARSE_S / step)) if regular else 1
 
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
@@ -195,8 +194,8 @@ def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
 
 
 def free_trapped(
-    found: MotionSolution, solve: Callable[[NDArray[np.intp], Array], MotionSolution]
-) -> MotionSolution:
+    found: sweep.MotionSolution, solve: Callable[[NDArray[np.intp], Array], sweep.MotionSolution]
+) -> sweep.MotionSolution:
     """Solve frames that settled in a wrong minimum again from their neighbours, until nothing improves.
 
     A good pose spreads through a whole stretch of wrong ones, one frame from each side at a time.
@@ -210,7 +209,7 @@ def free_trapped(
     while True:
         rows, sources = _find_frontier(cost, limit, tried)
         if not len(rows):
-            return MotionSolution(q, cost, steps, found.converged)
+            return sweep.MotionSolution(q, cost, steps, found.converged)
         again = solve(rows, q[sources])
         steps[rows] += again.steps
         better = again.cost < cost[rows]
@@ -236,12 +235,12 @@ def _find_frontier(
     return every[:0], every[:0]
 
 
-def make_motion(task: Task, trial: Trial, solution: MotionSolution) -> Motion:
+def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Motion:
     """The motion that a solution is, with what it leaves unexplained and what it does not determine."""
     residual = np.empty(task.measured.shape)
     for rows in (slice(start, start + _FRAMES) for start in range(0, len(residual), _FRAMES)):
-        placed = place_tree_markers(
-            task.tree, pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
+        placed = tree.place_tree_markers(
+            task.tree, tree.pose_links(task.tree, np.ascontiguousarray(solution.q[rows].T), task.p)
         )
         np.subtract(task.measured[rows], np.moveaxis(placed, -1, 0), out=residual[rows])
     known = find_determined(

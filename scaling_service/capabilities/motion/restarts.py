@@ -15,14 +15,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.motion.branches import (
-    Bounds,
-    find_loose,
-    find_rotations,
-    find_triplets,
-    wrap,
-    write_within,
-)
+from scaling_service.capabilities.motion import branches
 from scaling_service.capabilities.motion.doubts import (
     FASTEST,
     SKIN_M,
@@ -52,7 +45,7 @@ _BLOCK = 128  # steps measured together; all of a long recording would take giga
 
 
 def _measure_turns(
-    tree: Tree, before: Array, after: Array, bounds: Bounds, *, any_way: bool
+    tree: Tree, before: Array, after: Array, bounds: branches.Bounds, *, any_way: bool
 ) -> Iterator[Array]:
     """How far joints turn between poses, each (n, k, l), rad.
 
@@ -60,23 +53,23 @@ def _measure_turns(
     of the next. A triplet counts as one turn; with ``any_way``, and without bounds, in whichever way it is
     nearer.
     """
-    loose = find_loose(tree, bounds)
-    triplets = find_triplets(tree)
-    for k in np.setdiff1d(find_rotations(tree), [c for t in triplets for c in t.coordinates]):
+    loose = branches.find_loose(tree, bounds)
+    triplets = branches.find_triplets(tree)
+    for k in np.setdiff1d(branches.find_rotations(tree), [c for t in triplets for c in t.coordinates]):
         yield np.sqrt(_measure(before[:, :, None, k, None], after[:, None, :, k, None], loose[[k]]))
     for triplet in triplets:
         own = triplet.coordinates
         first, second = before[:, :, None, own], after[:, None, :, own]
         distance = _measure(first, second, loose[own])
         if any_way or loose[own].all():
-            other, allowed = write_within(triplet, first, bounds)
+            other, allowed = branches.write_within(triplet, first, bounds)
             distance = np.minimum(distance, np.where(allowed, _measure(other, second, loose[own]), np.inf))
         yield np.sqrt(distance)
 
 
 def _measure(first: Array, second: Array, loose: NDArray[np.bool_]) -> Array:
     step = second - first
-    return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=-1))
+    return np.asarray(np.square(np.where(loose, branches.wrap(step), step)).sum(axis=-1))
 
 
 def confirm_doubts(task: Task, found: MotionSolution, doubts: NDArray[np.bool_], solve: Solve) -> bool:
@@ -162,7 +155,7 @@ def _find_minima(
 def _draw(random: np.random.Generator, task: Task, q: Array, limb: Limb) -> Array:
     """Poses (n, draws, n_coordinates) with the joints of a limb turned anyhow within their ranges."""
     starts = np.repeat(q[:, None], _DRAWS, axis=1)
-    for k in np.intersect1d(limb.coordinates, find_rotations(task.tree)):
+    for k in np.intersect1d(limb.coordinates, branches.find_rotations(task.tree)):
         lower, upper = task.bounds[0][k], task.bounds[1][k]
         if np.isfinite(upper - lower) and upper - lower < 2.0 * np.pi + 1e-6:
             starts[:, :, k] = random.uniform(lower, upper, starts.shape[:2])
@@ -264,15 +257,15 @@ def _measure_hurry(task: Task, times: Array, q: Array) -> Iterator[Array]:
         yield from hurry
 
 
-def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: Bounds) -> tuple[Array, Array]:
+def _write_all_ways(tree: Tree, q: Array, cost: Array, bounds: branches.Bounds) -> tuple[Array, Array]:
     """The same poses (n, k, n_coordinates), and beside them those whose bounded triplets can be rewritten.
 
     What has no bounds is written without jumps afterwards.
     """
-    for triplet in find_triplets(tree):
-        if find_loose(tree, bounds)[triplet.coordinates].all():
+    for triplet in branches.find_triplets(tree):
+        if branches.find_loose(tree, bounds)[triplet.coordinates].all():
             continue
-        other, allowed = write_within(triplet, q[:, :, triplet.coordinates], bounds)
+        other, allowed = branches.write_within(triplet, q[:, :, triplet.coordinates], bounds)
         some = np.flatnonzero((allowed & np.isfinite(cost)).any(axis=0))
         if len(some):
             again = q[:, some].copy()

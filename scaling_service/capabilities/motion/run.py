@@ -10,18 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.motion import clinical_angles, inverse_kinematics
 from scaling_service.capabilities.motion.beside_markers import join_recordings
-from scaling_service.capabilities.motion.clinical_angles import (
-    ClinicalAngles,
-    compute_clinical_angles,
-    compute_clinical_rates,
-)
 from scaling_service.capabilities.motion.everyday import (
     estimate_everyday_sd,
     follow_everyday,
     knows_people,
 )
-from scaling_service.capabilities.motion.inverse_kinematics import make_motion, solve_task
 from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
@@ -34,7 +29,7 @@ from scaling_service.capabilities.motion.uncertainty import (
     list_skin_fields,
 )
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject.loading import Loaded, load
+from scaling_service.capabilities.subject import loading
 from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
@@ -63,7 +58,9 @@ class TrackedTrial:
     motion: Motion
     uncertainty: CoordinateSd
     error: KinematicError
-    angles: ClinicalAngles | None = None  # conventional ones with their standard deviations, if asked for
+    angles: clinical_angles.ClinicalAngles | None = (
+        None  # conventional ones with their standard deviations, if asked for
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -92,7 +89,7 @@ class Tracked:
     50.0
     """
 
-    loaded: Loaded
+    loaded: loading.Loaded
     trials: Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
@@ -203,7 +200,7 @@ def ik(
     processing = ProcessingSettings.smoothed(options.smooth_hz)
     settings = Settings(processing=processing, up=options.up, forward=options.forward)
     with _without_subject_file(), blame_file(None, files):
-        loaded = replace(load(places, settings, standing=not options.angles), file=subject_file)
+        loaded = replace(loading.load(places, settings, standing=not options.angles), file=subject_file)
         session, found = loaded.session, {}
         trials, mounted = join_recordings(session.evaluation), None
         if any(trial.rotations is not None for trial in trials):
@@ -227,15 +224,15 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     conventional angles, too.
     """
     task = Task.of(model, trial)
-    solution = solve_task(task, trial.times)
+    solution = inverse_kinematics.solve_task(task, trial.times)
     everyday = (skin or any(m.is_direction for m in model.markers)) and knows_people(model)
     if everyday:
         solution = replace(solution, q=follow_everyday(model, trial, solution.q))
-    motion = make_motion(task, trial, solution)
+    motion = inverse_kinematics.make_motion(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
-    names, rates = compute_clinical_rates(model) if angles else ((), None)
+    names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
     if everyday:
         uncertainty = estimate_everyday_sd(model, trial, task, solution.q, known, rates)
         return _gather(model, motion, uncertainty, names)
@@ -277,7 +274,9 @@ def _gather(
     if uncertainty.combined is None:
         return TrackedTrial(motion, uncertainty, error)
     sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
-    return TrackedTrial(motion, uncertainty, error, replace(compute_clinical_angles(model, motion), sd=sd))
+    return TrackedTrial(
+        motion, uncertainty, error, replace(clinical_angles.compute_clinical_angles(model, motion), sd=sd)
+    )
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion import run, unshown
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
 from scaling_service.capabilities.motion.document import (
     CoordinateSummary,
@@ -17,16 +18,14 @@ from scaling_service.capabilities.motion.document import (
     MotionDocument,
     TrackedTrialDocument,
 )
-from scaling_service.capabilities.motion.run import Tracked, TrackedTrial
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
-from scaling_service.capabilities.motion.unshown import hide_unshown, list_unshown_names
 from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.arrays import Array
-from scaling_service.documents.writing import all_or_nothing, write_json
-from scaling_service.files.sto import Table, tabulate_motion, write_sto
+from scaling_service.documents import writing
+from scaling_service.files import sto
 from scaling_service.files.tables import format_rows
-from scaling_service.model.anatomy.frames import ANGLES, SIDES
-from scaling_service.model.body import BodyModel, Coupler
+from scaling_service.model import body
+from scaling_service.model.anatomy import frames
 from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.results import Motion
@@ -39,7 +38,7 @@ HELD = "_opensim.mot"
 FILE_NAME = "ik.json"
 
 
-def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
+def write_motion(path: Path, motion: Motion, model: body.BodyModel) -> None:
     """Write a motion as ``.mot``: degrees and m, dependent coordinates after the independent ones.
 
     A dependent coordinate of OpenSim's motion type "coupled" stays in radians where the file is in degrees.
@@ -47,7 +46,7 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
     second file (``HELD``) has those that are never shown at their neutral value, and leaves out other frames
     with one.
     """
-    told = replace(motion, q=hide_unshown(motion, model, motion.q))
+    told = replace(motion, q=unshown.hide_unshown(motion, model, motion.q))
     _write(path, told, told.q, _follow(told, model), model)
     lost = np.isnan(told.q)
     if lost.any():
@@ -58,18 +57,18 @@ def write_motion(path: Path, motion: Motion, model: BodyModel) -> None:
         _write(path.with_name(f"{path.stem}{HELD}"), held, held.q, _follow(held, model), model)
 
 
-def _follow(motion: Motion, model: BodyModel) -> list[Array]:
+def _follow(motion: Motion, model: body.BodyModel) -> list[Array]:
     """Dependent coordinates, each (n_frames,)."""
     return [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
 
 
-def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> None:
+def write_motion_sd(path: Path, motion: Motion, sd: Array, model: body.BodyModel) -> None:
     """Write standard deviations (n_frames, n_coordinates) in the columns and units of :func:`write_motion`.
 
     A dependent coordinate's is that of the leading one times the slope of its law. Infinite where markers do
     not show a coordinate.
     """
-    sd = hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
+    sd = unshown.hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
     followed = []
     for coupler in model.couplers:
         slopes = differentiate_law_at(coupler.law, _express_leading(coupler, motion))
@@ -78,21 +77,24 @@ def write_motion_sd(path: Path, motion: Motion, sd: Array, model: BodyModel) -> 
     _write(path, motion, sd, followed, model)
 
 
-def _write(path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: BodyModel) -> None:
+def _write(
+    path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: body.BodyModel
+) -> None:
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
     kinds += [coupler.kind for coupler in model.couplers]
-    write_sto(
-        path, tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed]))
+    sto.write_sto(
+        path,
+        sto.tabulate_motion(motion.trial, motion.times, names, kinds, np.column_stack([values, *followed])),
     )
 
 
-def _express_leading(coupler: Coupler, motion: Motion) -> Array:
+def _express_leading(coupler: body.Coupler, motion: Motion) -> Array:
     """The coordinate that a dependent one follows, (n_frames,)."""
     return motion.q[:, motion.coordinates.index(coupler.independent)]
 
 
-def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
+def tabulate_poses(motion: Motion, model: body.BodyModel) -> sto.Table:
     """Where every segment is, in the columns of OpenSim's BodyKinematics.
 
     Origin in ground (m), and body-fixed X-Y-Z angles (deg); NaN where a coordinate that carries the segment
@@ -107,7 +109,7 @@ def tabulate_poses(motion: Motion, model: BodyModel) -> Table:
     columns = (f"{s}_{part}" for s in model.segment_names for part in ("X", "Y", "Z", "Ox", "Oy", "Oz"))
     values = np.concatenate([poses[..., :3], angles], axis=2).reshape(len(poses), -1)
     data = np.column_stack([motion.times, values])
-    return Table(name=motion.trial, columns=("time", *columns), data=data, in_degrees=True)
+    return sto.Table(name=motion.trial, columns=("time", *columns), data=data, in_degrees=True)
 
 
 def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
@@ -117,8 +119,8 @@ def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
     """
     columns = {
         f"{name}_{side}_{what}deg": np.degrees(values[side][name])
-        for side in SIDES
-        for name in ANGLES
+        for side in frames.SIDES
+        for name in frames.ANGLES
         for what, values in (("", angles.values), ("sd_", angles.sd))
         if name in angles.values[side] and name in values.get(side, {})
     }
@@ -141,7 +143,7 @@ def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]
         writer.writerows(rows)
 
 
-def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
+def save_motions(tracked: run.Tracked, folder: str | Path) -> MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     Parameters
@@ -169,20 +171,20 @@ def save_motions(tracked: Tracked, folder: str | Path) -> MotionDocument:
     ['gait_1']
     """
     model = tracked.loaded.session.model
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         for name, trial in tracked.trials.items():
             write_motion(scratch / f"{name}_ik.mot", trial.motion, model)
             write_motion_sd(scratch / f"{name}_ik_sd.mot", trial.motion, trial.uncertainty.sd, model)
             if trial.angles is not None:
                 write_clinical_angles(scratch, trial.angles)
             if tracked.options.poses:
-                write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
+                sto.write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
         document = _make_document(tracked, sorted(path.name for path in scratch.iterdir()))
-        write_json(scratch / FILE_NAME, document)
+        writing.write_json(scratch / FILE_NAME, document)
     return document
 
 
-def _make_document(tracked: Tracked, files: list[str]) -> MotionDocument:
+def _make_document(tracked: run.Tracked, files: list[str]) -> MotionDocument:
     loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
     processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
     settings = options.resolved() | {"processing": processing}
@@ -199,7 +201,7 @@ def _make_document(tracked: Tracked, files: list[str]) -> MotionDocument:
     )
 
 
-def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrialDocument:
+def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
     error = tracked.error
@@ -210,7 +212,7 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
             max=_to_mm_or_none(error.max),
             per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
         ),
-        not_determined=[n for n in motion.coordinates if n in list_unshown_names(motion, model)],
+        not_determined=[n for n in motion.coordinates if n in unshown.list_unshown_names(motion, model)],
         frames_not_determined=_count_undetermined(
             motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
         ),
@@ -231,7 +233,7 @@ def make_trial_document(tracked: TrackedTrial, model: BodyModel) -> TrackedTrial
 
 
 def _summarise(
-    motion: Motion, spread: CoordinateSd, model: BodyModel
+    motion: Motion, spread: CoordinateSd, model: body.BodyModel
 ) -> Iterator[tuple[str, CoordinateSummary]]:
     kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
     for k, name in enumerate(motion.coordinates):

@@ -21,15 +21,10 @@ from scaling_service.model.compile import (
     list_parameter_values,
 )
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.problem import SQUARED, Loss, find_seen
+from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import laws, rigid
 from scaling_service.numerics.multibody.closure import Closure
-from scaling_service.numerics.multibody.laws import (
-    NONE,
-    Fixed,
-    Turn,
-)
 from scaling_service.numerics.multibody.plan import is_plain
-from scaling_service.numerics.multibody.rigid import find_nearest_rotation, fit_rigid
 from scaling_service.numerics.multibody.sweep import is_articulated
 from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
@@ -47,7 +42,7 @@ class Task:
     bounds: tuple[Array, Array]
     p: Array
     ranges: Ranges  # what holds the coordinates that the markers do not show
-    loss: Loss = SQUARED
+    loss: problem.Loss = problem.SQUARED
     closure: Closure | None = None
 
     @classmethod
@@ -57,7 +52,7 @@ class Task:
         trial: Trial,
         *,
         weights: Mapping[str, float] | None = None,
-        loss: Loss = SQUARED,
+        loss: problem.Loss = problem.SQUARED,
         bounded: bool = True,
     ) -> Task:
         """Pair the model's markers with the trial's labels.
@@ -106,7 +101,7 @@ class Task:
     @property
     def is_swept(self) -> bool:
         """Whether sweeps over the tree solve it: coordinates in one link each, plain squares, no loops."""
-        return is_articulated(self.tree) and self.loss is SQUARED and self.closure is None
+        return is_articulated(self.tree) and self.loss is problem.SQUARED and self.closure is None
 
     def at(self, p: Array) -> Task:
         """The same task at other parameter values, shape (n_parameters,)."""
@@ -141,7 +136,7 @@ def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     if root is None:
         return q
     rotation, position = _place_root(tree, measured, neutral, p, root)
-    known = find_seen(position)
+    known = problem.find_seen(position)
     if not known.any():
         return q
     angles = _solve_root_turns(tree, root, rotation[known])
@@ -157,7 +152,7 @@ def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
 def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
     for k, link in enumerate(tree.links):
         own = [v for v in tree.variables[k] if v < tree.n_coordinates and free[v]]
-        if link.parent == NONE and len(own) >= 3:
+        if link.parent == laws.NONE and len(own) >= 3:
             return k
     return None
 
@@ -171,10 +166,10 @@ def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int
         return _turn_root(tree, measured, placed, axes, origin)
     local = (placed - origin) @ axes.T
     own = tree.marker_rows[root]
-    rotation, position = fit_rigid(local[own], measured[:, own])
-    lost = ~find_seen(position)
+    rotation, position = rigid.fit_rigid(local[own], measured[:, own])
+    lost = ~problem.find_seen(position)
     if lost.any():
-        rotation[lost], position[lost] = fit_rigid(local, measured[lost])
+        rotation[lost], position[lost] = rigid.fit_rigid(local, measured[lost])
     return rotation, position
 
 
@@ -184,11 +179,11 @@ def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: 
     ``placed`` (n_markers, 3), ``axes`` (3, 3): rows, and ``origin`` (3,): of the neutral body.
     """
     assert tree.placed is not None
-    seen = find_seen(measured)
+    seen = problem.find_seen(measured)
     is_point = np.asarray(tree.placed > 0.0)
     ahead, point = seen & ~is_point, seen & is_point
     filled = np.where(seen[..., None], measured, 0.0)
-    turn = find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
+    turn = rigid.find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
     turn[~ahead.any(axis=1)] = np.nan
     count = np.maximum(point.sum(axis=1), 1)[:, None]
     middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
@@ -205,9 +200,9 @@ def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array
     axes, coordinates, offsets, gains = [], [], [], []
     prefix = np.eye(3)
     for move in tree.links[root].moves:
-        if isinstance(move, Fixed):
+        if isinstance(move, laws.Fixed):
             prefix = prefix @ move.rotation
-        elif isinstance(move, Turn):
+        elif isinstance(move, laws.Turn):
             term = move.terms[0]
             if len(move.terms) != 1 or not is_plain(term, tree.factors):
                 return {}

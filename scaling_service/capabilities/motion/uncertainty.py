@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from scaling_service.model.anatomy.skin import is_pin
 from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
-from scaling_service.numerics.least_squares.problem import CLOSING, find_seen, find_shown
+from scaling_service.numerics.least_squares import problem
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
@@ -175,7 +175,7 @@ def estimate_coordinate_sd(
             found = _spread(change[:, :, task.free] @ follow, variance, fields, turns, task.weights)
             combined.append(np.where(find_lost(change, held[rows] & task.free), np.nan, found))
     sd[held & task.free] = np.nan
-    shown = find_shown(residuals)
+    shown = problem.find_shown(residuals)
     noise = np.where(shown, np.sqrt(variance), np.nan)
     joined = np.concatenate(combined) if combined else None
     return CoordinateSd(sd=sd, noise=noise, at_range_end=at_end, combined=joined)
@@ -241,14 +241,14 @@ def split_frames(count: int) -> Iterator[slice]:
 def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearised:
     """Rates times root weights, zero for what is held and what is not seen."""
     free = np.flatnonzero(task.free)
-    heavy = np.repeat(np.where(find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
+    heavy = np.repeat(np.where(problem.find_seen(residuals), np.sqrt(task.weights), 0.0), 3, axis=1)
     rates = compute_marker_rates(task.tree, q, task.p, free)
     rates *= heavy[:, None]
     rates *= ~held[:, free, None]
     curvature = np.matmul(rates, rates.transpose(0, 2, 1))
     if task.closure is not None:
         bound = task.closure.linearise(q, task.p, free)[1] * ~held[:, free, None]
-        curvature += CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
+        curvature += problem.CLOSING * task.weights.sum() * np.matmul(bound, bound.transpose(0, 2, 1))
     diagonal = np.einsum("nii->ni", curvature)
     diagonal += np.where(held[:, free], 1.0, _RIDGE * diagonal.max(axis=1, initial=0.0, keepdims=True))
     return _Linearised(rates, curvature)
@@ -273,7 +273,7 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
     count = len(task.weights)
     squares, freedom, shares = np.zeros(count), np.zeros(count), np.zeros((count, count))
     for some in (rows[part] for part in split_frames(len(rows))):
-        shown = find_seen(residuals[some])
+        shown = problem.find_seen(residuals[some])
         spread = _linearise(task, q[some], residuals[some], held[some])
         hat = np.matmul(
             spread.rates.transpose(0, 2, 1), np.matmul(np.linalg.inv(spread.curvature), spread.rates)
@@ -309,7 +309,7 @@ def find_determined(
     ``free`` (n_coordinates,): the others are known and count as determined. ``closure``: what every pose
     obeys, which determines coordinates as markers do.
     """
-    shown = find_seen(measured)
+    shown = problem.find_seen(measured)
     first, which = find_distinct_patterns(shown)
     variables = np.flatnonzero(free)
     verdict = np.ones((len(first), tree.n_coordinates), dtype=bool)

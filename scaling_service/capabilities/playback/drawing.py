@@ -11,7 +11,7 @@ from trimesh.exchange.gltf import export_glb
 
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, poses
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
 
@@ -31,7 +31,7 @@ def find_knee_axes(model: body.BodyModel) -> dict[str, tuple[body.Vector, body.V
     """Thigh to both ends of its knee's axis in its frame, m, with the knee straight; hinges only."""
     found = {}
     for side in ("r", "l", ""):
-        thigh, shank = (find_segment(model, role, side) for role in ("femur", "tibia"))
+        thigh, shank = (lengths.find_segment(model, role, side) for role in ("femur", "tibia"))
         if thigh is not None and shank is not None and model.segment(shank).parent == thigh:
             axis = _find_first_axis(model, model.segment(shank))
             if axis is not None:
@@ -116,7 +116,7 @@ def _list_joints(model: body.BodyModel, segment: str) -> Iterator[Array]:
     R, origin = frames[segment]
     for child in model.children(segment):
         yield (frames[child.name][1] - origin) @ R
-    yield from (np.array(at) for where, at in find_joint_centres(model).values() if where == segment)
+    yield from (np.array(at) for where, at in lengths.find_joint_centres(model).values() if where == segment)
 
 
 def make_simple_shape(points: Array) -> trimesh.Trimesh | None:

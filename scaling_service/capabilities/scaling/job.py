@@ -9,14 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from scaling_service.capabilities.scaling.comparison_views import (
-    JointAngleComparison,
-    KinematicErrorComparison,
-    SegmentLengthComparison,
-)
+from scaling_service.capabilities.scaling import comparison_views
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
-from scaling_service.capabilities.shared.job import Kind, OfRecordings
-from scaling_service.capabilities.shared.names import check_methods, list_method_names
+from scaling_service.capabilities.shared import job, names
 from scaling_service.core.progress import Progress, report_part
 from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.results import ComparisonDocument, ScalingDocument
@@ -28,15 +23,15 @@ _COMPUTING, _WRITING = 0.6, 0.95
 """Chosen: about the shares of computing and of writing, of which models in OpenSim's form take most; the rest
 is what is played back."""
 
-ChosenMethods = Annotated[list[str] | None, AfterValidator(check_methods)]
+ChosenMethods = Annotated[list[str] | None, AfterValidator(names.check_methods)]
 
 
-class ScalingRequest(OfRecordings, ComparisonOptions):
+class ScalingRequest(job.OfRecordings, ComparisonOptions):
     """Scale a subject's model by one or several methods and compare them."""
 
     methods: ChosenMethods = Field(
         default=None,
-        description=f"Of {', '.join(list_method_names())}; all that the recordings allow unless given.",
+        description=f"Of {', '.join(names.list_method_names())}; all that the recordings allow unless given.",
         examples=[["MB", "MB_am"]],
     )
 
@@ -59,7 +54,7 @@ class JointAnglesRequest(ScalingRequest):
     view: ClassVar[str] = "joint_angles"
 
 
-class LinearRequest(OfRecordings, ScaleOptions):
+class LinearRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model in closed form: from marker distances, or from images."""
 
     method: Literal["MB", "EB"] = Field(
@@ -67,14 +62,14 @@ class LinearRequest(OfRecordings, ScaleOptions):
     )
 
 
-class OptimisedRequest(OfRecordings, ScaleOptions):
+class OptimisedRequest(job.OfRecordings, ScaleOptions):
     """Scale a subject's model by optimisation over its calibration trials."""
 
     method: str = Field(
         default="MB_am",
         description="What is free, and what it starts from.",
         examples=["MB_am"],
-        json_schema_extra={"enum": [name for name in list_method_names() if name not in ("MB", "EB")]},
+        json_schema_extra={"enum": [name for name in names.list_method_names() if name not in ("MB", "EB")]},
     )
 
 
@@ -112,7 +107,7 @@ def view_comparison(
 
 
 def _scale(
-    request: OfRecordings,
+    request: job.OfRecordings,
     methods: Sequence[str] | None,
     inputs: Path,
     outputs: Path,
@@ -136,31 +131,31 @@ def _scale(
 
 
 KINDS = {
-    "linear-scaling": Kind(
+    "linear-scaling": job.Kind(
         request=LinearRequest, work=scale_by_one, route="scalings/linear", result=ScalingDocument
     ),
-    "optimised-scaling": Kind(
+    "optimised-scaling": job.Kind(
         request=OptimisedRequest, work=scale_by_one, route="scalings/optimised", result=ScalingDocument
     ),
-    "scaling": Kind(
+    "scaling": job.Kind(
         request=ScalingRequest, work=compare_methods, route="comparisons", result=ComparisonDocument
     ),
-    "kinematic-error": Kind(
+    "kinematic-error": job.Kind(
         request=KinematicErrorRequest,
         work=view_comparison,
         route="comparisons/kinematic-error",
-        result=KinematicErrorComparison,
+        result=comparison_views.KinematicErrorComparison,
     ),
-    "segment-lengths": Kind(
+    "segment-lengths": job.Kind(
         request=SegmentLengthsRequest,
         work=view_comparison,
         route="comparisons/segment-lengths",
-        result=SegmentLengthComparison,
+        result=comparison_views.SegmentLengthComparison,
     ),
-    "joint-angles": Kind(
+    "joint-angles": job.Kind(
         request=JointAnglesRequest,
         work=view_comparison,
         route="comparisons/joint-angles",
-        result=JointAngleComparison,
+        result=comparison_views.JointAngleComparison,
     ),
 }

@@ -14,14 +14,8 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.motion.run import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.scaling.clinical_gait import ClinicalGait, compute_clinical_gait
-from scaling_service.capabilities.scaling.comparison.evidence import (
-    Evidence,
-    MethodEvidence,
-    Moment,
-    Verdict,
-    average_errors,
-)
+from scaling_service.capabilities.scaling import clinical_gait
+from scaling_service.capabilities.scaling.comparison import evidence
 from scaling_service.capabilities.scaling.comparison.geometry import (
     Geometry,
     estimate_usual_lengths,
@@ -203,16 +197,16 @@ class Results:
         return {"errors": self.errors, "lengths": self.lengths, "parameters": self.parameters, **motions}
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> evidence.Verdict:
         """Which model to use for this person, why, and how far to trust it."""
         return judge(gather_evidence(self))
 
     @cached_property
-    def gait(self) -> Mapping[str, ClinicalGait]:
+    def gait(self) -> Mapping[str, clinical_gait.ClinicalGait]:
         """What each method's model says in a gait laboratory's terms."""
         fitted = {trial.name for trial in self.session.calibration}
         return {
-            method: compute_clinical_gait(
+            method: clinical_gait.compute_clinical_gait(
                 scaling.calibration.model, scaling.motions, self.session.dynamic, fitted
             )
             for method, scaling in self.scalings.items()
@@ -226,12 +220,12 @@ class Results:
         return f"<p>{escape(repr(self))}</p>{self.errors._repr_html_()}{self.lengths._repr_html_()}"
 
 
-def gather_evidence(results: Results) -> Evidence:
+def gather_evidence(results: Results) -> evidence.Evidence:
     """What a verdict on the methods computed rests on."""
     session = results.session
     fitted = [trial.name for trial in session.calibration]
     names = {name for scaling in results.scalings.values() for name in scaling.geometry.lengths}
-    return Evidence(
+    return evidence.Evidence(
         tuple(
             _gather_method_evidence(scaling, fitted, results.held_out)
             for scaling in results.scalings.values()
@@ -243,24 +237,24 @@ def gather_evidence(results: Results) -> Evidence:
 
 def _gather_method_evidence(
     scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
-) -> MethodEvidence:
+) -> evidence.MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
     posterior, parameters = calibration.model.posterior, calibration.parameters
     # Where and when a marker is farthest from the model's.
-    found: list[Moment] = []
+    found: list[evidence.Moment] = []
     for trial, motion in scaling.motions.items():
         distances = motion.distances
         if np.isfinite(distances).any():
             frame, column = np.unravel_index(int(np.nanargmax(distances)), distances.shape)
             time, away = float(motion.times[frame]), float(distances[frame, column])
-            found.append(Moment(motion.markers[column], trial, time, away))
-    return MethodEvidence(
+            found.append(evidence.Moment(motion.markers[column], trial, time, away))
+    return evidence.MethodEvidence(
         method=calibration.method,
         from_images=METHODS[calibration.method].needs_images,
         skin=None if posterior is None else posterior.skin,
         worst=max(found, key=lambda moment: moment.distance, default=None),
-        fitted=average_errors(scaling.errors, fitted),
-        held_out=average_errors(scaling.errors, held_out),
+        fitted=evidence.average_errors(scaling.errors, fitted),
+        held_out=evidence.average_errors(scaling.errors, held_out),
         lengths=shape.lengths,
         length_sds={
             size.dimension: size.sd * shape.lengths[size.dimension]

@@ -18,28 +18,23 @@ from trimesh.exchange.gltf import export_glb
 from trimesh.exchange.stl import export_stl
 from trimesh.visual import ColorVisuals
 
+from scaling_service.capabilities.motion import saving
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.saving import HELD, write_motion, write_motion_sd
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.capabilities.playback.scene import INSIDE
-from scaling_service.capabilities.scaling.clinical_gait import (
-    ClinicalGait,
-    list_gait_angles,
-    make_clinical_document,
-    write_clinical,
-)
-from scaling_service.capabilities.scaling.comparison.evidence import Verdict, average_errors
+from scaling_service.capabilities.scaling import clinical_gait, result
+from scaling_service.capabilities.scaling.comparison import evidence
 from scaling_service.capabilities.scaling.exporting import export_models
-from scaling_service.capabilities.scaling.muscles.compare import make_muscle_document, write_courses
+from scaling_service.capabilities.scaling.muscles import compare
 from scaling_service.capabilities.scaling.muscles.surface import write_attachments
 from scaling_service.capabilities.scaling.options import ComparisonOptions
-from scaling_service.capabilities.scaling.result import Results, Scaling
 from scaling_service.capabilities.scaling.run import render_scaled
 from scaling_service.capabilities.scaling.scene import write_results_scene
 from scaling_service.capabilities.scaling.words import summarise
-from scaling_service.capabilities.subject.provenance import read_stated_sizes, record_provenance
-from scaling_service.core.errors import DependencyMissing, ModelRefused
+from scaling_service.capabilities.subject import provenance
+from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
+from scaling_service.documents import writing
 from scaling_service.documents.results import (
     ComparisonDocument,
     FittedParameter,
@@ -55,18 +50,17 @@ from scaling_service.documents.results import (
     VerdictDocument,
     WallTime,
 )
-from scaling_service.documents.writing import BONES, REPORT, SKELETON, all_or_nothing, write_json
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import Bone
-from scaling_service.report.onefile import Report, collect_files
+from scaling_service.report import onefile
 
 _NUMBERS_ONLY = (
     "what markers do not show is nan in motions; OpenSim's tools read numbers only: files that end in "
-    f"{HELD} hold it at its neutral value for them"
+    f"{saving.HELD} hold it at its neutral value for them"
 )
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
@@ -74,7 +68,7 @@ _BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the 
 
 
 def save(
-    results: Results,
+    results: result.Results,
     folder: str | Path,
     *,
     comparison: bool = True,
@@ -122,61 +116,63 @@ def save(
     ['MB']
     """
     tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
-    with all_or_nothing(Path(folder)) as scratch:
+    with writing.all_or_nothing(Path(folder)) as scratch:
         methods: dict[str, MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
             methods[method] = _write_method(scratch / method, scaling, gait[method], results)
         document = make_comparison_document(results, methods, truth, verdict)
         for method, own in make_scaling_documents(document).items():
-            write_json(scratch / method / "scaling.json", own)
+            writing.write_json(scratch / method / "scaling.json", own)
         if comparison:
-            write_json(scratch / "comparison.json", document)
+            writing.write_json(scratch / "comparison.json", document)
         if comparison and report:
             tell("writing the report", 1.0)
-            (scratch / REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
+            (scratch / writing.REPORT).write_text(make_report(results, document).html(), encoding="utf-8")
     return document
 
 
-def make_report(results: Results, document: ComparisonDocument) -> Report:
+def make_report(results: result.Results, document: ComparisonDocument) -> onefile.Report:
     """``report.html``: the comparison's views with the models in all recordings."""
-    files = collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
-    return Report(
+    files = onefile.collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
+    return onefile.Report(
         kind="scaling",
         name="comparison.json",
         summary=summarise(document),
         document=document,
         files=files,
         beside=[f"{name}/{file}" for name, method in document.methods.items() for file in method.files],
-        vocabulary={"gait_angles": [word.model_dump() for word in list_gait_angles()]},
+        vocabulary={"gait_angles": [word.model_dump() for word in clinical_gait.list_gait_angles()]},
     )
 
 
-def _write_method(folder: Path, scaling: Scaling, gait: ClinicalGait, results: Results) -> MethodResult:
+def _write_method(
+    folder: Path, scaling: result.Scaling, gait: clinical_gait.ClinicalGait, results: result.Results
+) -> MethodResult:
     """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
     content = json.dumps(to_document(calibration.model), indent=1, allow_nan=False)
     (folder / "model.json").write_text(content + "\n", encoding="utf-8")
     for name, motion in scaling.motions.items():
-        write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
+        saving.write_motion(folder / f"{name}_ik.mot", motion, calibration.model)
     for name, tracked in scaling.followed.items():
-        write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
-        write_motion_sd(
+        saving.write_motion(folder / f"{name}_ik.mot", tracked.motion, calibration.model)
+        saving.write_motion_sd(
             folder / f"{name}_ik_sd.mot", tracked.motion, tracked.uncertainty.sd, calibration.model
         )
-    if any(folder.glob(f"*{HELD}")):
+    if any(folder.glob(f"*{saving.HELD}")):
         warnings.append(_NUMBERS_ONLY)
-    write_clinical(folder, gait)
+    clinical_gait.write_clinical(folder, gait)
     if results.muscles is not None:
-        write_courses(folder, results.muscles.courses[calibration.method])
+        compare.write_courses(folder, results.muscles.courses[calibration.method])
     text = None
     try:
         text = scaling.osim or render_scaled(calibration, results.session)
         replace_text(folder / "model.osim", text)
         if calibration.model.posterior is not None:
             warnings.append(MARKERS_HELD)
-    except (DependencyMissing, ModelRefused) as error:
+    except (errors.DependencyMissing, errors.ModelRefused) as error:
         warnings.append(f"model.osim was not written: {error}")
     if scaling.attachments:
         write_attachments(folder / "attachments.csv", scaling.attachments)
@@ -193,36 +189,39 @@ def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone
     local = place_bones(calibration, bones)
     if not local:
         return []
-    (folder / BONES).mkdir()
+    (folder / writing.BONES).mkdir()
     frames, scene = pose_neutral_frames(calibration.model), trimesh.Scene()
     for name, bone in local.items():
         mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=False)
         mesh.merge_vertices()  # one corner where several fall together, as smooth shading asks
         mesh.visual = ColorVisuals(mesh, face_colors=COLOUR)
-        (folder / BONES / f"{name}.stl").write_bytes(export_stl(mesh))
+        (folder / writing.BONES / f"{name}.stl").write_bytes(export_stl(mesh))
         transform = np.eye(4)
         transform[:3, :3], transform[:3, 3] = frames[name]
         scene.add_geometry(mesh, node_name=name, geom_name=name, transform=transform)
-    (folder / SKELETON).write_bytes(export_glb(scene))  # type: ignore[no-untyped-call]
-    return [*(f"{BONES}/{name}.stl" for name in local), SKELETON]
+    (folder / writing.SKELETON).write_bytes(export_glb(scene))  # type: ignore[no-untyped-call]
+    return [*(f"{writing.BONES}/{name}.stl" for name in local), writing.SKELETON]
 
 
 def make_comparison_document(
-    results: Results, methods: dict[str, MethodResult], truth: TruthDocument | None, verdict: Verdict
+    results: result.Results,
+    methods: dict[str, MethodResult],
+    truth: TruthDocument | None,
+    verdict: evidence.Verdict,
 ) -> ComparisonDocument:
     """``comparison.json``."""
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     chosen = {"comparison": results.options.resolved()} if results.options != ComparisonOptions() else {}
     return ComparisonDocument(
-        **record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
-        sizes=read_stated_sizes(session.subject),
+        **provenance.record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
+        sizes=provenance.read_stated_sizes(session.subject),
         verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
         truth=truth,
-        muscles=None if results.muscles is None else make_muscle_document(results.muscles),
+        muscles=None if results.muscles is None else compare.make_muscle_document(results.muscles),
     )
 
 
@@ -236,16 +235,16 @@ def make_scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDoc
 
 
 def make_method_document(
-    scaling: Scaling,
-    results: Results,
-    gait: ClinicalGait,
+    scaling: result.Scaling,
+    results: result.Results,
+    gait: clinical_gait.ClinicalGait,
     files: Sequence[str] = (),
     warnings: Sequence[str] = (),
 ) -> MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
-    fitted = average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
-    held_out = average_errors(scaling.errors, results.held_out)
+    fitted = evidence.average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
+    held_out = evidence.average_errors(scaling.errors, results.held_out)
     return MethodResult(
         method=calibration.method,
         kinematic_error_mm={
@@ -291,7 +290,7 @@ def make_method_document(
             calibration=round(calibration.wall_s, 4),
             inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
         ),
-        clinical=make_clinical_document(gait),
+        clinical=clinical_gait.make_clinical_document(gait),
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )

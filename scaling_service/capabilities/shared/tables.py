@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scaling_service.files.result_tables import check_forms, save_tables
+from scaling_service.files import result_tables
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -24,11 +24,11 @@ def make_table_writer(forms: str, out: Path) -> Callable[[Mapping[str, ResultTab
 
     ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
     """
-    chosen = check_forms(forms)
+    chosen = result_tables.check_forms(forms)
 
     def write(tables: Mapping[str, ResultTable], document: BaseModel) -> None:
         if chosen:
             about = document.model_dump(mode="json", include=_SOURCE)
-            save_tables(tables, out / FOLDER, chosen, about)
+            result_tables.save_tables(tables, out / FOLDER, chosen, about)
 
     return write

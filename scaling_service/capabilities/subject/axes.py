@@ -19,7 +19,7 @@ from scaling_service.model.compile import compile_model, list_parameter_values, 
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.rigid import fit_rigid
 from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
-from scaling_service.recording.orientation import Orientation, decide
+from scaling_service.recording import orientation
 
 
 def decide_axes(
@@ -31,7 +31,7 @@ def decide_axes(
     static: Path | None,
     facing: bool,
     vertical: int,
-) -> Orientation:
+) -> orientation.Orientation:
     """One decision for the session: up from its first recording, forward from how most movements face.
 
     A person may stand for the static trial in another direction than they walk; what matters for
@@ -42,12 +42,12 @@ def decide_axes(
     as in :func:`scaling_service.recording.orientation.decide`. ``vertical``: the axis along which the model
     stands.
     """
-    decided: dict[Path, Orientation] = {}
+    decided: dict[Path, orientation.Orientation] = {}
     for path, trial in trials.items():
         roles = {label: role for label in trial.labels if (role := find_canonical(label)) is not None}
         up = next(iter(decided.values())).up if decided else settings.up
         with blame_file(path, [path]):
-            decided[path] = decide(
+            decided[path] = orientation.decide(
                 trial,
                 roles=roles,
                 up=up,
@@ -90,7 +90,9 @@ def list_level_corners(recording: Recording) -> Array | None:
     return np.array([plate.corners for plate in plates.plates])
 
 
-def agree_on_axes(decided: Mapping[Path, Orientation], static: Path | None) -> Orientation:
+def agree_on_axes(
+    decided: Mapping[Path, orientation.Orientation], static: Path | None
+) -> orientation.Orientation:
     """One decision from those on each recording: up from the first, forward from how most movements face.
 
     A movement counts the more the clearer it faces along an axis: a turn counts less than a straight walk.

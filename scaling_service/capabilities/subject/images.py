@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from scaling_service.bones.images import SEGMENTATION, read_bones
-from scaling_service.bones.results import BoneLandmarks, MeshRefused
-from scaling_service.bones.whole import check_joined, collect_evidence, find_landmarks
+from scaling_service.bones import images, results, whole
 from scaling_service.core.notes import Note
 from scaling_service.files.image_markers import read_image_markers
+from scaling_service.model import body, trial
 from scaling_service.model.anatomy.bones import find_body
 from scaling_service.model.anatomy.markers import match_labels
-from scaling_service.model.body import BodyModel, Vector
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import Bone, ImageEvidence
 
 _BONES_UNUSED = Note(
     code="bones_unused",
@@ -23,7 +20,9 @@ _BONES_UNUSED = Note(
 )
 
 
-def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | None, tuple[Note, ...]]:
+def gather_images(
+    subject: Subject, model: body.BodyModel
+) -> tuple[trial.ImageEvidence | None, tuple[Note, ...]]:
     """What a subject's bones and image markers say, and what to tell of it.
 
     Returns ``evidence``: None where there are no bones, or they cannot be used with the model. Raises
@@ -33,21 +32,21 @@ def gather_images(subject: Subject, model: BodyModel) -> tuple[ImageEvidence | N
         return None, ()
     if subject.model not in BUILTIN_NAMES and not subject.model.lower().endswith(".osim"):
         return None, (_BONES_UNUSED,)
-    imaged = read_bones(subject.bones, subject.bone_units)
+    imaged = images.read_bones(subject.bones, subject.bone_units)
     try:
-        found = imaged.widen(find_landmarks(imaged.meshes))
-        of_image = (*check_joined(found), *imaged.tell())
-    except MeshRefused as error:
-        file = subject.bones.get(error.field or "", subject.bones.get(SEGMENTATION))
+        found = imaged.widen(whole.find_landmarks(imaged.meshes))
+        of_image = (*whole.check_joined(found), *imaged.tell())
+    except results.MeshRefused as error:
+        file = subject.bones.get(error.field or "", subject.bones.get(images.SEGMENTATION))
         field = f"bones.{error.field}" if error.field in subject.bones else error.field
-        raise MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
-    bones = {find_body(model, name) or name: Bone(*shape) for name, shape in imaged.meshes.items()}
-    evidence = collect_evidence(found, _read_image_markers(subject, model), bones)
+        raise results.MeshRefused(error.problem, file=file, field=field, remedy=error.remedy) from None
+    bones = {find_body(model, name) or name: trial.Bone(*shape) for name, shape in imaged.meshes.items()}
+    evidence = whole.collect_evidence(found, _read_image_markers(subject, model), bones)
     notes = [note for name, bone in found.items() for note in _tell_bone(name, bone)]
     return evidence, (*notes, *(Note(code="image", problem=text) for text in of_image))
 
 
-def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:
+def _tell_bone(name: str, bone: results.BoneLandmarks) -> Iterator[Note]:
     for text in bone.warnings:
         yield Note(code="bone", place=name, problem=text)
     for point, why in bone.refused.items():
@@ -59,7 +58,7 @@ def _tell_bone(name: str, bone: BoneLandmarks) -> Iterator[Note]:
         )
 
 
-def _read_image_markers(subject: Subject, model: BodyModel) -> dict[str, tuple[str, Vector]]:
+def _read_image_markers(subject: Subject, model: body.BodyModel) -> dict[str, tuple[str, body.Vector]]:
     """Image markers under the model's names, those on segments that the model has."""
     if subject.image_markers is None:
         return {}

@@ -7,25 +7,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors, text
 from scaling_service.core.notes import Note
-from scaling_service.core.text import list_few, suggest_name
+from scaling_service.model.anatomy import markers
 from scaling_service.model.anatomy.marker_sets import assign_tracking_segments
-from scaling_service.model.anatomy.markers import (
-    SACRUM,
-    LabelMap,
-    find_canonical,
-    is_computed,
-    match_labels,
-    strip_prefix,
-)
 from scaling_service.model.anatomy.rotations import match_rotation
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair, Trial
+from scaling_service.recording import orientation
 from scaling_service.recording.identity.identify import Identification, identify
-from scaling_service.recording.orientation import apply, decide
 
 _LIMBS = ("femur", "tibia")
 _SURE = 0.5  # of a label's segment: likelier than all others together
@@ -39,7 +31,7 @@ def without_computed(model: BodyModel, subject: Subject) -> BodyModel:
     """
     return model.with_markers(
         tuple(
-            replace(m, weight=0.0) if is_computed(m.name) and m.name not in subject.marker_map else m
+            replace(m, weight=0.0) if markers.is_computed(m.name) and m.name not in subject.marker_map else m
             for m in model.markers
         )
     )
@@ -49,10 +41,10 @@ def check_segments(subject: Subject, model: BodyModel) -> None:
     """Extra markers sit on segments of the model."""
     for label, segment in subject.extra_markers.items():
         if segment not in model.segment_names:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"model '{model.name}' has no segment '{segment}'",
                 field=f"extra_markers.{label}",
-                remedy=f"{suggest_name(segment, model.segment_names)}Its segments are "
+                remedy=f"{text.suggest_name(segment, model.segment_names)}Its segments are "
                 f"{', '.join(model.segment_names)}",
             )
 
@@ -61,17 +53,17 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
     """A marker that the subject file maps is the model's, and its label in at least one recording."""
     present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
     for marker, label in subject.marker_map.items():
-        if marker not in (*model.marker_names, *subject.extra_markers, SACRUM):
-            raise SubjectInvalid(
+        if marker not in (*model.marker_names, *subject.extra_markers, markers.SACRUM):
+            raise errors.SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
-                remedy=f"{suggest_name(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+                remedy=f"{text.suggest_name(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
             )
         if not _has(present, label):
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{suggest_name(label, [strip_prefix(p) for p in present])}Their labels are "
+                remedy=f"{text.suggest_name(label, [markers.strip_prefix(p) for p in present])}Their labels are "
                 f"{', '.join(present)}",
             )
 
@@ -90,7 +82,7 @@ def with_tracking_markers(
         return subject, ()
     moving = [trial for path, trial in trials.items() if path != subject.static] or list(trials.values())
     labels = set(moving[0].labels).intersection(*(trial.labels for trial in moving[1:]))
-    matched = match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
+    matched = markers.match_labels(sorted(labels), model.marker_names, _list_explicit(subject, labels)).mapped
     carried = Counter(m.segment for m in model.markers if m.name in matched and m.weight > 0.0)
     limbs = {s for s in model.segment_names if s.startswith(_LIMBS) and carried[s] < _FEWEST}
     free = sorted(labels - set(matched.values()))
@@ -103,7 +95,7 @@ def with_tracking_markers(
         Note(
             code="tracking",
             severity="note",
-            problem=f"{list_few(list(found))}: {why}, used though no extra_markers name them",
+            problem=f"{text.list_few(list(found))}: {why}, used though no extra_markers name them",
             remedy="Nothing is to be done; name them under `extra_markers:` to decide it yourself",
         )
         for found, why in (
@@ -112,7 +104,7 @@ def with_tracking_markers(
         )
         if found
     ]
-    added = {strip_prefix(label): segment for label, segment in (by_set | by_place).items()}
+    added = {markers.strip_prefix(label): segment for label, segment in (by_set | by_place).items()}
     return (replace(subject, extra_markers=added) if added else subject), tuple(notes)
 
 
@@ -130,7 +122,7 @@ def _find_clusters(
         standing = trials[subject.static]
         told = _list_roles(standing)
         who = identify(
-            apply(decide(standing, roles=told), standing),
+            orientation.apply(orientation.decide(standing, roles=told), standing),
             [trial for path, trial in trials.items() if path != subject.static],
             stature=subject.height_m,
             landmarks={label: name for label, name in told.items() if list(told.values()).count(name) == 1},
@@ -143,7 +135,7 @@ def _find_clusters(
 
 
 def _list_roles(trial: Trial) -> dict[str, str]:
-    found = ((label, find_canonical(label)) for label in trial.labels)
+    found = ((label, markers.find_canonical(label)) for label in trial.labels)
     return {label: role for label, role in found if role is not None}
 
 
@@ -157,7 +149,7 @@ def with_model_names(
 ) -> tuple[Trial, Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
-    found = match_labels(trial.labels, wanted, explicit)
+    found = markers.match_labels(trial.labels, wanted, explicit)
     _refuse_rivals(found, explicit)
     # A label that happens to carry a marker's name, while the user mapped that marker to another one.
     shadowed = [label for label in found.unused_labels if label in found.mapped]
@@ -171,12 +163,16 @@ def with_model_names(
     return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
 
 
-def _refuse_rivals(found: LabelMap, explicit: Mapping[str, str]) -> None:
+def _refuse_rivals(found: markers.LabelMap, explicit: Mapping[str, str]) -> None:
     """The same label with and without a prefix, or with two: they may be of two persons."""
     for marker, label in found.mapped.items():
-        rivals = [other for other in found.unused_labels if strip_prefix(other) == strip_prefix(label)]
+        rivals = [
+            other
+            for other in found.unused_labels
+            if markers.strip_prefix(other) == markers.strip_prefix(label)
+        ]
         if rivals and marker not in explicit:
-            raise InputError(
+            raise errors.InputError(
                 f"marker '{marker}' could be {' or '.join(repr(name) for name in (label, *rivals))}",
                 field=f"markers.{marker}",
                 remedy="Say under `markers:` in the subject file which label it is",
@@ -188,7 +184,7 @@ def _list_explicit(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
 
 
 def _has(labels: Sequence[str], label: str) -> bool:
-    return label in labels or label in map(strip_prefix, labels)
+    return label in labels or label in map(markers.strip_prefix, labels)
 
 
 def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, ...]]:

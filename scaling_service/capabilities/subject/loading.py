@@ -10,20 +10,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import checks, labels
+from scaling_service.capabilities.subject import checks, labels, reading
 from scaling_service.capabilities.subject.axes import (
     decide_axes,
     list_level_corners,
 )
 from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.persons import select_person
-from scaling_service.capabilities.subject.reading import (
-    apply_to_each,
-    blame_file,
-    list_recordings,
-    load_subject,
-    with_stated_sizes,
-)
 from scaling_service.capabilities.subject.rotations import (
     decide_axes_of_rotations,
     part_rotations,
@@ -31,14 +24,12 @@ from scaling_service.capabilities.subject.rotations import (
 )
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
-from scaling_service.files.model_json import SUFFIX, read_model_json
-from scaling_service.files.osim.models import read_osim, read_vertical
+from scaling_service.files import model_json, recording
+from scaling_service.files.osim import models
 from scaling_service.files.osim.setups import read_scale_setup
-from scaling_service.files.recording import Recording, read_recording
+from scaling_service.model import body, builtin
+from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
-from scaling_service.model.anatomy.key_points import add_key_points, tell_key_points
-from scaling_service.model.body import GROUND, BodyModel
-from scaling_service.model.builtin import load_builtin, lock_unmarked
 from scaling_service.model.forces import PlateRecording
 from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
@@ -57,7 +48,7 @@ from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
 
-_NOTHING: Mapping[Path, Recording] = MappingProxyType({})
+_NOTHING: Mapping[Path, recording.Recording] = MappingProxyType({})
 
 
 def _tell_lying(vertical: int) -> Note:
@@ -87,7 +78,10 @@ class Loaded:
     @contextmanager
     def blame_files(self) -> Iterator[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
-        with blame_file(self.file), blame_file(None, list_recordings(self.session.subject)):
+        with (
+            reading.blame_file(self.file),
+            reading.blame_file(None, reading.list_recordings(self.session.subject)),
+        ):
             yield
 
 
@@ -99,8 +93,8 @@ class Read:
     """
 
     subject: Subject
-    model: BodyModel
-    recordings: Mapping[Path, Recording]
+    model: body.BodyModel
+    recordings: Mapping[Path, recording.Recording]
     vertical: int
     notes: tuple[Note, ...]
 
@@ -114,7 +108,7 @@ class Understood:
     """
 
     subject: Subject
-    model: BodyModel
+    model: body.BodyModel
     trials: Mapping[Path, Trial]
     labels: Mapping[Path, Mapping[str, str]]
     clusters: Mapping[str, tuple[str, ...]]
@@ -137,8 +131,8 @@ def open_subject(
     """
     check_axes(settings.up, settings.forward)
     file = None if isinstance(subject, Subject) else Path(subject)
-    known = subject if isinstance(subject, Subject) else load_subject(subject)
-    with blame_file(file):
+    known = subject if isinstance(subject, Subject) else reading.load_subject(subject)
+    with reading.blame_file(file):
         loaded = load(known, settings, facing=facing)
         return replace(loaded, session=part_rotations(loaded.session, wanted=rotations), file=file)
 
@@ -146,7 +140,7 @@ def open_subject(
 def load(
     subject: Subject,
     settings: Settings = Settings(),
-    read: Mapping[Path, Recording] = _NOTHING,
+    read: Mapping[Path, recording.Recording] = _NOTHING,
     *,
     facing: bool = False,
     standing: bool = False,
@@ -169,7 +163,7 @@ def load(
     return prepare(understood, question(understood), settings.processing)
 
 
-def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> Read:
+def read_files(subject: Subject, known: Mapping[Path, recording.Recording] = _NOTHING) -> Read:
     """Read the model with its bones and the recordings; sizes that these state complete the subject.
 
     ``known``: recordings that were read already.
@@ -177,12 +171,12 @@ def read_files(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> 
     model, of_bones = assign_bones(read_model(subject.model, subject.marker_set), subject.bone_bodies)
     labels.check_segments(subject, model)
     recordings = read_recordings(subject, known)
-    completed, of_sizes = with_stated_sizes(subject, recordings)
+    completed, of_sizes = reading.with_stated_sizes(subject, recordings)
     return Read(
         subject=completed,
         model=model,
         recordings=recordings,
-        vertical=read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
+        vertical=models.read_vertical(Path(subject.model)) if subject.model.lower().endswith(".osim") else 1,
         notes=(*(Note(code="model", problem=text) for text in model.notes), *of_bones, *of_sizes),
     )
 
@@ -197,14 +191,16 @@ def understand(
 ) -> Understood:
     """Whose marker each label is, which way is up and forward, and the unit; options as in :func:`load`."""
     every = [label for found in read.recordings.values() for label in found.labels]
-    model = labels.without_computed(add_key_points(read.model, every), read.subject)
+    model = labels.without_computed(key_points.add_key_points(read.model, every), read.subject)
     marked = {path: found for path, found in read.recordings.items() if found.labels}
     if not marked:
         return _understand_rotations(read, model, settings)
     labels.check_explicit(read.subject, model, list(marked.values()))
     subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
-    named = apply_to_each(lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked)
+    named = reading.apply_to_each(
+        lambda path, one: labels.with_model_names(one.trial, wanted, subject, path), marked
+    )
     axes = decide_axes(
         {path: trial for path, (trial, _) in named.items()},
         {path: list_level_corners(found) for path, found in read.recordings.items()},
@@ -231,7 +227,7 @@ def understand(
     )
 
 
-def _understand_rotations(read: Read, model: BodyModel, settings: Settings) -> Understood:
+def _understand_rotations(read: Read, model: body.BodyModel, settings: Settings) -> Understood:
     """As :func:`understand`, where no recording has a marker."""
     if read.vertical != 1:
         raise TrialUnusable(
@@ -263,7 +259,7 @@ def question(understood: Understood) -> tuple[Finding, ...]:
     trials = {path: trial for path, trial in understood.trials.items() if trial.labels}
     if not trials:
         return ()
-    apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
+    reading.apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
     checks.refuse_repeated(trials, subject)
     given = Recordings(
         trials=list(trials.values()),
@@ -272,22 +268,22 @@ def question(understood: Understood) -> tuple[Finding, ...]:
         stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=understood.model,
     )
-    with blame_file(None, list(trials)):
+    with reading.blame_file(None, list(trials)):
         return refuse(person.ask(given))
 
 
 def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
-    ready = apply_to_each(
+    ready = reading.apply_to_each(
         lambda _, trial: clean(trial, understood.clusters, settings) if trial.labels else trial,
         understood.trials,
     )
     placed = labels.list_placed(understood.model, subject, ready.values())
     marked = [trial for trial in understood.trials.values() if trial.labels]
     seen = [label for trial in marked for label in trial.shown_labels]
-    of_video = tell_key_points(understood.model, seen)
-    model, of_freedoms = lock_unmarked(understood.model, placed)
+    of_video = key_points.tell_key_points(understood.model, seen)
+    model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
     session = Session(
@@ -318,25 +314,27 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
     )
 
 
-def read_recordings(subject: Subject, known: Mapping[Path, Recording] = _NOTHING) -> dict[Path, Recording]:
+def read_recordings(
+    subject: Subject, known: Mapping[Path, recording.Recording] = _NOTHING
+) -> dict[Path, recording.Recording]:
     """The recordings of all trials as their files hold them, their own faults taken out.
 
     Those that are ``known`` are not read again.
     """
     read = {}
-    for path in list_recordings(subject):
-        with blame_file(path, [path]):
-            found = known[path] if path in known else repair_markers(read_recording(path))
+    for path in reading.list_recordings(subject):
+        with reading.blame_file(path, [path]):
+            found = known[path] if path in known else repair_markers(recording.read_recording(path))
             read[path] = select_person(found, subject.marker_map)
     for path, one in zip(read, choose_repeated(list(read.values())), strict=True):
-        with blame_file(path, [path]):
+        with reading.blame_file(path, [path]):
             read[path] = person.mend(
                 one, subject.corrections.get(path.name, ()), subject.mirrored.get(path.name)
             )
     return read
 
 
-def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> BodyModel:
+def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -> body.BodyModel:
     """Read a body model: a built-in one by its name, another by its path.
 
     Parameters
@@ -363,14 +361,14 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
     BodyModel 'lower_limb_14dof': 5 segments, 14 coordinates, 16 markers, 32.6 kg
     """
     if str(name_or_path).lower().endswith(".osim"):
-        with blame_file(Path(name_or_path)):
+        with reading.blame_file(Path(name_or_path)):
             # The model with the whole body's place and turns unbounded: a person may walk a laboratory either
             # way. Models declare a right angle to either side and a few metres, clamped or not, so that a
             # walk back could not be followed. What hangs on the ground by a joint of fewer freedoms, as an
             # arm does, keeps its ranges.
-            model = read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
+            model = models.read_osim(Path(name_or_path), None if marker_set is None else Path(marker_set))
             free: set[str] = set()
-            for segment in model.children(GROUND):
+            for segment in model.children(body.GROUND):
                 driven = {
                     t.coordinate for j in segment.joints for t in j.law.terms if t.coordinate is not None
                 }
@@ -380,14 +378,14 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
                 for c in model.coordinates
             )
             return replace(model, coordinates=coordinates)
-    if str(name_or_path).lower().endswith(SUFFIX):
-        with blame_file(Path(name_or_path)):
-            return read_model_json(name_or_path)
-    return load_builtin(str(name_or_path))
+    if str(name_or_path).lower().endswith(model_json.SUFFIX):
+        with reading.blame_file(Path(name_or_path)):
+            return model_json.read_model_json(name_or_path)
+    return builtin.load_builtin(str(name_or_path))
 
 
 def _scale_setup(
-    subject: Subject, model: BodyModel, ready: Mapping[Path, Trial]
+    subject: Subject, model: body.BodyModel, ready: Mapping[Path, Trial]
 ) -> tuple[ScaleSetup | None, tuple[Note, ...]]:
     """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
     if subject.scale_setup is None:
@@ -396,7 +394,7 @@ def _scale_setup(
     of_setup: tuple[Note, ...] = ()
     standing = next(iter(p for p in (subject.static, *subject.calibration) if p is not None), None)
     if standing is not None:
-        with blame_file(None, [standing]):
+        with reading.blame_file(None, [standing]):
             of_setup = tuple(checks.require_measurements(setup, model, ready[standing], subject.scale_setup))
     if setup.placement is None:
         return setup, of_setup

@@ -11,7 +11,7 @@ from pathlib import Path, PurePath
 from typing import TypeVar
 
 from scaling_service.bones.images import SEGMENTATION, list_files_of
-from scaling_service.core.errors import InputError, SubjectInvalid
+from scaling_service.core import errors
 from scaling_service.core.notes import Note
 from scaling_service.core.text import suggest_name
 from scaling_service.documents.reading import read_document
@@ -55,7 +55,7 @@ def load_subject(path: str | Path) -> Subject:
     """
     file = Path(path)
     if file.suffix.lower() in READERS:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "this is a recording, not a subject file",
             file=file,
             remedy="Name it under `trials:` in a subject file, and give that",
@@ -110,7 +110,7 @@ class _Finder:
         found = self._folder / Path(path).expanduser()
         if not found.is_file():
             problem = "is a folder, not a file" if found.is_dir() else "does not exist"
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{path}' {problem} (looked for {found})",
                 file=self._file,
                 field=field,
@@ -136,7 +136,7 @@ class _Finder:
 
     def recording(self, path: str, field: str) -> Path:
         if PurePath(path).suffix.lower() not in READERS:
-            raise SubjectInvalid(
+            raise errors.SubjectInvalid(
                 f"'{path}' is of no format that recordings are read from",
                 file=self._file,
                 field=field,
@@ -150,7 +150,7 @@ class _Finder:
     def builtin(self, name: str) -> str:
         if name in BUILTIN_NAMES:
             return name
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             f"there is no built-in model '{name}'",
             file=self._file,
             field="model",
@@ -204,7 +204,7 @@ def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]
     """
     try:
         yield
-    except InputError as error:
+    except errors.InputError as error:
         by_stem = {path.stem: path for path in trials}
         found = file if error.file is None else by_stem.get(error.file)
         if found is not None:

@@ -13,10 +13,10 @@ from scaling_service.core.notes import Note
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Rotations, Trial
-from scaling_service.recording.orientation import Orientation, decide, turn_rotations
+from scaling_service.recording import orientation
 
 
-def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
+def decide_axes_of_rotations(trial: Trial, settings: Settings) -> orientation.Orientation:
     """Which axes of a recording without markers point up and forward.
 
     Of a markerless system by where thighs and feet are, else by the segments' upright axis as documented;
@@ -26,7 +26,7 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
     held, table = trial.rotations, read_rotation_table()
     assert held is not None
     if held.of == "sensors" and settings.up is None:
-        return Orientation(np.eye(3))
+        return orientation.Orientation(np.eye(3))
     upright = None
     if held.of == "segments":
         upright = _find_upright_of_segments(held, int(np.abs(table.axes[1]).argmax()))
@@ -36,7 +36,9 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> Orientation:
         points = np.broadcast_to(ends, (trial.n_frames, 2, 3))
     labels = tuple(f"point {k}" for k in range(points.shape[1]))
     as_points = replace(trial, labels=labels, markers=points, rotations=None)
-    return decide(as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False)
+    return orientation.decide(
+        as_points, up=settings.up, forward=settings.forward, upright=upright, facing=False
+    )
 
 
 def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
@@ -57,7 +59,7 @@ def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
 
 def turn_alone(trial: Trial, settings: Settings) -> Trial:
     """A recording of rotations without markers, whose laboratory may be another."""
-    return turn_rotations(decide_axes_of_rotations(trial, settings), trial)
+    return orientation.turn_rotations(decide_axes_of_rotations(trial, settings), trial)
 
 
 def part_rotations(session: Session, *, wanted: bool) -> Session:

@@ -18,8 +18,7 @@ from urllib.parse import quote, unquote
 from fastapi import APIRouter, Request, Response
 
 from scaling_service.documents.service import Link, LinkRequest
-from scaling_service.service.http import callers, problems
-from scaling_service.service.http.bodies import in_writer_thread, read_model
+from scaling_service.service.http import bodies, callers, problems
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.streams import BoundedResponse
 from scaling_service.service.jobs.submission import RequestInvalid
@@ -188,7 +187,7 @@ async def make_link(request: Request, owner: callers.Owner, service: callers.Ser
     Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.
     Whoever has the link can fetch that file, and nothing else, until then.
     """
-    asked = await read_model(LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days")
+    asked = await bodies.read_model(LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days")
     wanted = unquote(asked.path)
     if not _FILE.fullmatch(wanted):
         raise RequestInvalid(
@@ -196,7 +195,7 @@ async def make_link(request: Request, owner: callers.Owner, service: callers.Ser
             field="path",
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
-    ticket, until_us = await in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
+    ticket, until_us = await bodies.in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
     return Link(
         path=f"{quote(wanted)}?{callers.PARAMETER}={ticket}",
         until=datetime.fromtimestamp(until_us / 1e6, UTC),

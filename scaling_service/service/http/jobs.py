@@ -20,14 +20,10 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.jobs import State
 from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
-from scaling_service.service.http import contents, subjects
-from scaling_service.service.http.bodies import in_writer_thread, read_json
-from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.documentation import RESULT, describe_json_body
+from scaling_service.service.http import bodies, callers, contents, documentation, streams, subjects
 from scaling_service.service.http.problems import describe_refusals
-from scaling_service.service.http.streams import BOUNDED, BoundedResponse
 from scaling_service.service.jobs.kinds import Kind
-from scaling_service.service.store.errors import NotFound, StoreUnavailable
+from scaling_service.service.store import errors
 from scaling_service.service.store.tables import JobRow
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -93,8 +89,8 @@ def _answer(
 
 @router.get("", responses=describe_refusals())
 def list_jobs(
-    owner: Owner,
-    service: ServiceDep,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
     state: State | None = None,
     kind: _Kind = None,
     subject: _Subject = None,
@@ -113,7 +109,7 @@ def list_jobs(
     response_model=JobDocument,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_job(job: JobId, request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
     """Look at a job."""
     row = service.job(owner, job)
     return contents.answer_unless_cached(request, row.revision, lambda headers: _answer(row, headers=headers))
@@ -126,7 +122,7 @@ def get_job(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> 
     response_description="It was not over and is being cancelled",
     responses=describe_refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
-def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
+def delete_job(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Response:
     """Cancel a job that is not over; delete one that is, with all that it made."""
     if service.job(owner, job).state.is_over:
         service.delete_job(owner, job)
@@ -145,10 +141,14 @@ def delete_job(job: JobId, owner: Owner, service: ServiceDep) -> Response:
         },
         204: {"description": "It is over, and its last event was seen"},
     },
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
 async def get_events(
-    job: JobId, request: Request, owner: Owner, service: ServiceDep, last_event_id: _Seen = None
+    job: JobId,
+    request: Request,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
+    last_event_id: _Seen = None,
 ) -> Response:
     """Follow a job's progress as server-sent events; ids are revisions of the job."""
     row = await run_in_threadpool(service.job, owner, job)
@@ -160,7 +160,7 @@ async def get_events(
         return as_document(await run_in_threadpool(service.job, owner, job))
 
     longest_s = service.settings.limit_stream_s
-    return BoundedResponse(
+    return streams.BoundedResponse(
         stream_events(as_document(row), look, seen, request.app.state.stopping, longest_s),
         longest_s=longest_s + QUIET_S,  # for who reads it; who does not is cut off
         media_type="text/event-stream",
@@ -173,11 +173,11 @@ async def get_events(
     response_class=Response,
     responses=describe_refusals(404)
     | {
-        200: {"description": "The result", "content": {"application/json": {"schema": RESULT}}},
+        200: {"description": "The result", "content": {"application/json": {"schema": documentation.RESULT}}},
         304: {"description": "Unchanged"},
     },
 )
-def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_result(job: JobId, request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
     """Fetch the result of a job that is done; what it holds depends on the job's kind."""
     row, text = service.job(owner, job), service.result(owner, job)
     if text is None:
@@ -189,7 +189,7 @@ def get_result(job: JobId, request: Request, owner: Owner, service: ServiceDep) 
 
 
 @router.get("/{job}/origin", responses=describe_refusals(404))
-def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
+def get_origin(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
     return Origin(
@@ -199,7 +199,7 @@ def get_origin(job: JobId, owner: Owner, service: ServiceDep) -> Origin:
 
 
 @router.get("/{job}/files", responses=describe_refusals(404))
-def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
+def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> FileList:
     """List what a job made."""
     return FileList(items=subjects.list_file_entries(service.files(owner, job)))
 
@@ -209,9 +209,9 @@ def list_files(job: JobId, owner: Owner, service: ServiceDep) -> FileList:
     response_class=Response,
     responses=describe_refusals(404)
     | {200: {"description": "An archive", "content": {"application/zip": {"schema": {"type": "string"}}}}},
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
-def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
+def get_archive(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Response:
     """Download all that a job made as one zip."""
     row, files = service.job(owner, job), service.files(owner, job)
     if not files:
@@ -222,35 +222,35 @@ def get_archive(job: JobId, owner: Owner, service: ServiceDep) -> Response:
     }
     stream = contents.zip_files(files, service.store.blobs.open)
     longest_s = service.settings.limit_stream_s
-    return BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
+    return streams.BoundedResponse(stream, longest_s=longest_s, media_type="application/zip", headers=headers)
 
 
 @router.get(
     "/{job}/files/{path:path}",
     response_class=Response,
     responses=contents.describe_file_responses({"type": "string"}),
-    dependencies=BOUNDED,
+    dependencies=streams.BOUNDED,
 )
 def get_file(
     job: JobId,
     path: Annotated[str, Path(max_length=512)],
     request: Request,
-    owner: Owner,
-    service: ServiceDep,
+    owner: callers.Owner,
+    service: callers.ServiceDep,
 ) -> Response:
     """Download one file that a job made, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.file(owner, job, path)
     return contents.send_stored_file(request, service.store.blobs, row)
 
 
-def _report_no_result(row: JobRow) -> NotFound:
+def _report_no_result(row: JobRow) -> errors.NotFound:
     if not row.state.is_over:
         remedy = "Wait until the job is done; its events tell"
     elif row.failure is not None:
         remedy = f"It failed: {row.failure}"
     else:
         remedy = "Ask for it again"
-    return NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
+    return errors.NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
 def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
@@ -271,7 +271,7 @@ def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
             response_description="It waits or runs",
             responses=describe_refusals(400, 404, 408, 413, 415, 507)
             | {200: {"model": JobDocument, "description": "It was done before"}},
-            openapi_extra=describe_json_body(make_example(kind.request), kind.request),
+            openapi_extra=documentation.describe_json_body(make_example(kind.request), kind.request),
         )(_make_submission(name))
     return router
 
@@ -283,10 +283,12 @@ def make_example(model: type[BaseModel]) -> dict[str, Any]:
     }
 
 
-def _make_submission(kind: str) -> Callable[[Request, Owner, ServiceDep], Awaitable[Response]]:
-    async def ask(request: Request, owner: Owner, service: ServiceDep) -> Response:
-        asked = await read_json(request)
-        row, _ = await in_writer_thread(service.ask, owner, kind, asked)
+def _make_submission(
+    kind: str,
+) -> Callable[[Request, callers.Owner, callers.ServiceDep], Awaitable[Response]]:
+    async def ask(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
+        asked = await bodies.read_json(request)
+        row, _ = await bodies.in_writer_thread(service.ask, owner, kind, asked)
         status = HTTPStatus.OK if row.state is State.DONE else HTTPStatus.ACCEPTED
         return _answer(row, status, {"Location": f"/v1/jobs/{row.id}"})
 
@@ -319,10 +321,10 @@ async def stream_events(
             return
         try:
             document = await look()
-        except NotFound:
+        except errors.NotFound:
             yield _format_event("gone", "{}")
             return
-        except StoreUnavailable:
+        except errors.StoreUnavailable:
             continue  # the client keeps what it knows; the store comes back by itself
 
 

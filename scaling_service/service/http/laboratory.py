@@ -24,10 +24,9 @@ from scaling_service.documents.service import (
     ModelWord,
     Vocabulary,
 )
+from scaling_service.model import builtin
 from scaling_service.model.body import BodyModel
-from scaling_service.model.builtin import BUILTIN_NAMES, load_builtin
-from scaling_service.service.http.bodies import in_writer_thread, read_model
-from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http import bodies, callers
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.subjects import as_datetime
@@ -53,7 +52,7 @@ Persons = Annotated[int, Query(ge=1, le=MOST, description="How many; more than o
     | {200: {"model": ExampleList, "description": "They were there"}},
 )
 async def put_examples(
-    request: Request, response: Response, owner: Owner, persons: Persons = 1
+    request: Request, response: Response, owner: callers.Owner, persons: Persons = 1
 ) -> ExampleList:
     """Put the built-in example among the caller's subjects.
 
@@ -61,19 +60,19 @@ async def put_examples(
     image markers. In the recordings two things are hidden for a discovery to find. It takes seconds.
     """
     examples: Examples = request.app.state.examples
-    names, new = await in_writer_thread(examples.put, owner, persons)
+    names, new = await bodies.in_writer_thread(examples.put, owner, persons)
     response.status_code = HTTPStatus.CREATED if new else HTTPStatus.OK
     return ExampleList(subjects=names)
 
 
 @router.get("/vocabulary", responses=describe_refusals())
-def get_vocabulary(owner: Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
+def get_vocabulary(owner: callers.Owner) -> Vocabulary:  # noqa: ARG001 (a key is needed where the service has keys)
     """List the built-in models with their markers, the methods, and the bones that can be given."""
     return list_vocabulary()
 
 
 @router.get("/marker-map", responses=describe_refusals())
-def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
+def get_marker_map(owner: callers.Owner, service: callers.ServiceDep) -> MarkerMapDocument:
     """Look at the laboratory's marker map: which label is which marker. It is empty until one is given."""
     return _make_document(service.marker_map(owner))
 
@@ -83,14 +82,16 @@ def get_marker_map(owner: Owner, service: ServiceDep) -> MarkerMapDocument:
     responses=describe_refusals(400, 408, 413, 415, 507),
     openapi_extra=describe_json_body(EXAMPLE, MarkerMap),
 )
-async def put_marker_map(request: Request, owner: Owner, service: ServiceDep) -> MarkerMapDocument:
+async def put_marker_map(
+    request: Request, owner: callers.Owner, service: callers.ServiceDep
+) -> MarkerMapDocument:
     """Keep the laboratory's marker map, in place of the one before.
 
     It is one for each owner of keys. Give its `labels` with a request for a proof, and they are proposed.
     """
     remedy = "Give texts of 1 to 200 letters, label first, under `labels`"
-    given = await read_model(MarkerMap, request, remedy)
-    return _make_document(await in_writer_thread(service.put_marker_map, owner, given.labels))
+    given = await bodies.read_model(MarkerMap, request, remedy)
+    return _make_document(await bodies.in_writer_thread(service.put_marker_map, owner, given.labels))
 
 
 def _make_document(row: MarkerMapRow | None) -> MarkerMapDocument:
@@ -103,7 +104,7 @@ def _make_document(row: MarkerMapRow | None) -> MarkerMapDocument:
 def list_vocabulary() -> Vocabulary:
     """All names that come with the product."""
     return Vocabulary(
-        models=[_describe_model(load_builtin(name)) for name in BUILTIN_NAMES],
+        models=[_describe_model(builtin.load_builtin(name)) for name in builtin.BUILTIN_NAMES],
         methods=[
             MethodWord(
                 name=name,

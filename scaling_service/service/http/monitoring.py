@@ -24,8 +24,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from scaling_service.core.errors import InputError
-from scaling_service.service.http.callers import Owner, ServiceDep
-from scaling_service.service.http.problems import answer_problem, describe_refusals
+from scaling_service.service.http import callers, problems
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.jobs.submission import code_version
 from scaling_service.service.sandbox.child import code_places
@@ -65,7 +64,7 @@ async def health() -> dict[str, str]:
     return {"status": "alive", "code_version": code_version()}
 
 
-@router.get("/ready", responses=_ANSWER | describe_refusals())
+@router.get("/ready", responses=_ANSWER | problems.describe_refusals())
 def ready(request: Request) -> dict[str, str]:
     """Say whether database and disk answer, so that requests can be taken."""
     request.app.state.recent.check()
@@ -75,10 +74,10 @@ def ready(request: Request) -> dict[str, str]:
 @router.get(
     "/metrics",
     response_class=Response,
-    responses=describe_refusals()
+    responses=problems.describe_refusals()
     | {200: {"description": "Figures", "content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
-def metrics(request: Request, _owner: Owner, _service: ServiceDep) -> Response:
+def metrics(request: Request, _owner: callers.Owner, _service: callers.ServiceDep) -> Response:
     """Give figures in Prometheus' text format."""
     registry: CollectorRegistry = request.app.state.registry
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
@@ -160,7 +159,7 @@ class RequestMonitor:
             log.error("a request failed", extra={"error": type(error).__name__, "at": code_places(error)})
             if status:
                 raise _CutShort from None
-            await answer_problem(_DEFECT, 500)(scope, receive, sending)
+            await problems.answer_problem(_DEFECT, 500)(scope, receive, sending)
         finally:
             self._open.dec()
             whole_s = time.perf_counter() - begun

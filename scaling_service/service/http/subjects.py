@@ -14,8 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
 from scaling_service.documents.subject import SubjectDocument
-from scaling_service.service.http import bodies, contents
-from scaling_service.service.http.callers import Owner, ServiceDep
+from scaling_service.service.http import bodies, callers, contents
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.http.streams import BOUNDED
@@ -60,7 +59,7 @@ _BYTES = {"type": "string", "format": "binary"}
     openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
 )
 async def put_subject(
-    request: Request, response: Response, owner: Owner, service: ServiceDep
+    request: Request, response: Response, owner: callers.Owner, service: callers.ServiceDep
 ) -> SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
@@ -75,7 +74,9 @@ async def put_subject(
 
 
 @router.get("", responses=describe_refusals())
-def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limit: Size = 50) -> SubjectPage:
+def list_subjects(
+    owner: callers.Owner, service: callers.ServiceDep, cursor: Cursor = None, limit: Size = 50
+) -> SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
     return SubjectPage(items=[SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following)
@@ -86,7 +87,9 @@ def list_subjects(owner: Owner, service: ServiceDep, cursor: Cursor = None, limi
     response_model=SubjectDetail,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
-def get_subject(subject: Named, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_subject(
+    subject: Named, request: Request, owner: callers.Owner, service: callers.ServiceDep
+) -> Response:
     """Look at a subject: its document and its files."""
     detail = _make_detail(service, owner, subject)
     return contents.answer_unless_cached(
@@ -95,13 +98,13 @@ def get_subject(subject: Named, request: Request, owner: Owner, service: Service
 
 
 @router.delete("/{subject}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
-def delete_subject(subject: Named, owner: Owner, service: ServiceDep) -> None:
+def delete_subject(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> None:
     """Delete a subject, its files, and all jobs on them, for good."""
     service.delete_subject(owner, subject)
 
 
 @router.get("/{subject}/files", responses=describe_refusals(404))
-def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
+def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> FileList:
     """List a subject's files."""
     return FileList(items=list_file_entries(service.subject_files(owner, subject)))
 
@@ -116,7 +119,7 @@ def list_files(subject: Named, owner: Owner, service: ServiceDep) -> FileList:
     },
 )
 async def put_file(
-    subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep
+    subject: Named, name: FileName, request: Request, owner: callers.Owner, service: callers.ServiceDep
 ) -> FileEntry:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
     _refuse_too_large(request, service.settings.limit_upload_mb)
@@ -134,14 +137,16 @@ async def put_file(
     responses=contents.describe_file_responses(_BYTES),
     dependencies=BOUNDED,
 )
-def get_file(subject: Named, name: FileName, request: Request, owner: Owner, service: ServiceDep) -> Response:
+def get_file(
+    subject: Named, name: FileName, request: Request, owner: callers.Owner, service: callers.ServiceDep
+) -> Response:
     """Download a file of a subject, or with `Range: bytes=a-b` a part of it."""
     row, _ = service.subject_file(owner, subject, name)
     return contents.send_stored_file(request, service.store.blobs, row)
 
 
 @router.delete("/{subject}/files/{name}", status_code=HTTPStatus.NO_CONTENT, responses=describe_refusals(404))
-def delete_file(subject: Named, name: FileName, owner: Owner, service: ServiceDep) -> None:
+def delete_file(subject: Named, name: FileName, owner: callers.Owner, service: callers.ServiceDep) -> None:
     """Remove a file of a subject; jobs that were asked for before keep theirs."""
     service.remove_subject_file(owner, subject, name)
 

@@ -29,18 +29,16 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.documents.base import DOCUMENT, PARTS
+from scaling_service.documents import base
 from scaling_service.documents.jobs import Failure
 from scaling_service.service.jobs.kinds import Kind
 from scaling_service.service.jobs.settings import ServiceSettings
 from scaling_service.service.jobs.submission import code_version
-from scaling_service.service.sandbox import outcomes
+from scaling_service.service.sandbox import outcomes, supervisor
 from scaling_service.service.sandbox.child import Child
 from scaling_service.service.sandbox.limits import Limits
-from scaling_service.service.sandbox.supervisor import supervise, warm_up
-from scaling_service.service.store import jobs, parts
+from scaling_service.service.store import errors, jobs, parts
 from scaling_service.service.store.blobs import Blobs
-from scaling_service.service.store.errors import StoreUnavailable, disk_errors
 from scaling_service.service.store.store import Store
 from scaling_service.service.store.tables import JobRow
 
@@ -115,23 +113,23 @@ def run_attempt(order: Order) -> outcomes.Outcome:
     try:
         documents = asked["documents"]
         blobs, inputs = Blobs(order.data), order.folder / "inputs"
-        with disk_errors(order.data):
+        with errors.disk_errors(order.data):
             for name in ("inputs", "outputs", "tmp"):
                 (order.folder / name).mkdir(mode=0o700, parents=True)
             for subject, document in documents.items():
                 (inputs / subject).mkdir()
                 text = json.dumps(document, ensure_ascii=False)
-                (inputs / subject / DOCUMENT).write_text(text, encoding="utf-8")
+                (inputs / subject / base.DOCUMENT).write_text(text, encoding="utf-8")
             if order.parts is not None:
-                (inputs / PARTS).write_text(order.parts, encoding="utf-8")
+                (inputs / base.PARTS).write_text(order.parts, encoding="utf-8")
         for path, sha256 in order.inputs:
-            with disk_errors(order.data):
+            with errors.disk_errors(order.data):
                 (inputs / path).parent.mkdir(exist_ok=True)
             blobs.copy(sha256, inputs / path)
         watch = Watch(order.folder, order.patience_s)
         child = Child(partial(order.kind.perform, asked["request"]), order.folder, order.limits)
-        outcome = supervise(child, stop=watch.should_stop, progress=watch.write_progress)
-    except StoreUnavailable as error:
+        outcome = supervisor.supervise(child, stop=watch.should_stop, progress=watch.write_progress)
+    except errors.StoreUnavailable as error:
         return outcomes.Lost(error.problem)
     return replace(outcome, host=socket.gethostname()) if isinstance(outcome, outcomes.Finished) else outcome
 
@@ -179,7 +177,7 @@ class AttemptFolder:
     def open(self) -> None:
         """Make the folder, empty."""
         self.remove()
-        with disk_errors(self.folder.parent):
+        with errors.disk_errors(self.folder.parent):
             self.folder.mkdir(mode=0o700)
         self.touch_heartbeat()
 
@@ -230,7 +228,7 @@ def choose_executor(settings: ServiceSettings) -> MakeExecutor:
 
 def make_local_executor(workers: int) -> Executor:
     """Threads on this machine: each watches over one attempt, which computes in a process of its own."""
-    warm_up()
+    supervisor.warm_up()
     return ThreadPoolExecutor(workers, thread_name_prefix="attempt")
 
 
@@ -241,7 +239,7 @@ class ClusterExecutor(Executor):
         try:
             self._client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError) as error:
-            raise StoreUnavailable(
+            raise errors.StoreUnavailable(
                 "the Dask scheduler does not answer",
                 field="dask_address",
                 remedy="Start it; the service goes on by itself",

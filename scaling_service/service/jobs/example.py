@@ -14,7 +14,7 @@ from scaling_service.documents.base import DOCUMENT
 from scaling_service.documents.reading import check_document
 from scaling_service.service.jobs.service import Service
 from scaling_service.service.sandbox.supervisor import find_python
-from scaling_service.service.store.errors import InUse, NotFound
+from scaling_service.service.store import errors
 
 NAME = "example"
 MOST = 5  # examples that can be had. Chosen: enough for a cohort's statistics, made in ten seconds.
@@ -49,10 +49,10 @@ class Examples:
     def _is_there(self, owner: str, name: str) -> bool:
         try:
             document = self._service.subject_document(owner, name)
-        except NotFound:
+        except errors.NotFound:
             return False
         if "trials" not in document or document.get("image_markers") != "image_markers.csv":
-            raise InUse(
+            raise errors.InUse(
                 f"you have a subject '{name}' of your own",
                 field="subject",
                 remedy="Delete it, or upload it under another name, then ask for the example again",

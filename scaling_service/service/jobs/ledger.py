@@ -13,12 +13,10 @@ from sqlalchemy.exc import IntegrityError
 from scaling_service.core.errors import InputError
 from scaling_service.documents.jobs import Failure, State
 from scaling_service.service.jobs import machine
-from scaling_service.service.store import jobs, parts
-from scaling_service.service.store.blobs import Content, keep
+from scaling_service.service.store import blobs, jobs, parts, tables
 from scaling_service.service.store.database import NowUs
 from scaling_service.service.store.errors import report_needed
 from scaling_service.service.store.store import Store
-from scaling_service.service.store.tables import FileRow, JobRow
 
 PARTS_SHARE = 0.95
 """Of a job that is made of others. Chosen: what is left to do when they are over takes seconds."""
@@ -41,7 +39,7 @@ class AttemptOutput:
     """What an attempt made, ready to be kept: the result as JSON, path and content of each file."""
 
     result: str
-    files: tuple[tuple[str, Content], ...] = ()
+    files: tuple[tuple[str, blobs.Content], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +50,7 @@ class Ledger:
     most_losses: int
     lease_s: float
 
-    def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+    def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[tables.JobRow, bool]:
         """Make a job or find the one that there is, and whether it was put in the queue by this.
 
         One that failed or was cancelled is queued again. ``make`` reads what the job rests on within the
@@ -63,7 +61,9 @@ class Ledger:
                 return self._ask(make, most_waiting)
         return self._ask(make, most_waiting)
 
-    def _ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[JobRow, bool]:
+    def _ask(
+        self, make: Callable[[Connection], jobs.NewJob], most_waiting: int
+    ) -> tuple[tables.JobRow, bool]:
         with self.store.write() as connection:
             new = make(connection)
             row = jobs.find(connection, new.id)
@@ -96,7 +96,7 @@ class Ledger:
         elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
             self._move(connection, row, machine.Event.ASK, _FRESH)
 
-    def _await_parts(self, connection: Connection, row: JobRow) -> None:
+    def _await_parts(self, connection: Connection, row: tables.JobRow) -> None:
         """Let a job that is queued wait for its parts, unless they are over."""
         over, count = parts.count_ended(connection, row.id)
         if over < count:
@@ -104,7 +104,7 @@ class Ledger:
 
     def lease(
         self, worker: str, host: str, kinds: Collection[str] | None = None, without: Collection[str] = ()
-    ) -> JobRow | None:
+    ) -> tables.JobRow | None:
         """Take the next job, of any kind or of some, of no owner ``without``; None where nothing waits."""
         with self.store.write() as connection:
             row = jobs.lock_next(connection, kinds, without)
@@ -120,7 +120,7 @@ class Ledger:
             self._move(connection, row, machine.Event.LEASE, begun)
             return jobs.lock(connection, row.id)
 
-    def finish(self, held: JobRow, made: AttemptOutput, provenance: str) -> State | None:
+    def finish(self, held: tables.JobRow, made: AttemptOutput, provenance: str) -> State | None:
         """Keep a result, all of it or nothing; None where the job is no longer ours."""
         with self.store.write() as connection:
             row = self._lock_if_held(connection, held)
@@ -128,8 +128,8 @@ class Ledger:
                 return None
             if row.state is State.CANCELLING:
                 return self._move(connection, row, machine.Event.FINISH)
-            keep(connection, self.store.blobs, [content for _, content in made.files])
-            files = [FileRow(path, content.sha256, content.size) for path, content in made.files]
+            blobs.keep(connection, self.store.blobs, [content for _, content in made.files])
+            files = [tables.FileRow(path, content.sha256, content.size) for path, content in made.files]
             jobs.add_files(connection, row.id, files)
             parts.take_files(connection, row.id)
             done = {"result": made.result, "provenance": provenance}
@@ -137,7 +137,7 @@ class Ledger:
             return self._move(connection, row, machine.Event.FINISH, done | progress)
 
     def settle(
-        self, held: JobRow, event: machine.Event, failure: Failure, provenance: str | None
+        self, held: tables.JobRow, event: machine.Event, failure: Failure, provenance: str | None
     ) -> State | None:
         """Record an attempt that ended without a result; None where the job is no longer ours.
 
@@ -151,7 +151,7 @@ class Ledger:
                 event = machine.Event.STOP
             return self._move(connection, row, event, _list_failure_columns(failure, provenance))
 
-    def cancel(self, owner: str, job: str) -> JobRow:
+    def cancel(self, owner: str, job: str) -> tables.JobRow:
         """Wish that a job ends; one that is over stays as it is.
 
         NotFound where this owner has no such job, InUse where it is a part of one that is not over.
@@ -179,7 +179,7 @@ class Ledger:
                 self._move(connection, row, machine.Event.LOSE, why)
         return [row.id for row in taken]
 
-    def _lock_if_held(self, connection: Connection, held: JobRow) -> JobRow | None:
+    def _lock_if_held(self, connection: Connection, held: tables.JobRow) -> tables.JobRow | None:
         """The job, locked, if this very attempt still holds it."""
         row = jobs.lock(connection, held.id)
         if row is None or (row.attempt, row.worker) != (held.attempt, held.worker):
@@ -189,7 +189,7 @@ class Ledger:
     def _move(
         self,
         connection: Connection,
-        row: JobRow,
+        row: tables.JobRow,
         event: machine.Event,
         values: Mapping[str, Any] | None = None,
     ) -> State:
@@ -231,7 +231,7 @@ class Ledger:
                 jobs.change(connection, whole, _sum_progress(over, count))
 
 
-def report_worker_lost(row: JobRow, reason: str) -> Failure:
+def report_worker_lost(row: tables.JobRow, reason: str) -> Failure:
     """Why a job fails that lost its last worker."""
     return Failure(
         kind="WorkerLost",
@@ -240,14 +240,14 @@ def report_worker_lost(row: JobRow, reason: str) -> Failure:
     )
 
 
-def _require_existing(connection: Connection, job: str) -> JobRow:
+def _require_existing(connection: Connection, job: str) -> tables.JobRow:
     """A job that is there, for it was made or locked in this transaction."""
     row = jobs.find(connection, job)
     assert row is not None
     return row
 
 
-def _is_active(row: JobRow) -> bool:
+def _is_active(row: tables.JobRow) -> bool:
     return not (row.state.is_over or row.state is State.CANCELLING)
 
 

@@ -18,11 +18,10 @@ from pathlib import Path
 from typing import IO
 
 from scaling_service.documents.jobs import Failure, State
-from scaling_service.service.jobs import attempts, ledger
+from scaling_service.service.jobs import attempts, ledger, submission
 from scaling_service.service.jobs.kinds import KINDS, Kind
 from scaling_service.service.jobs.machine import Event
 from scaling_service.service.jobs.settings import ServiceSettings
-from scaling_service.service.jobs.submission import code_version, write_provenance
 from scaling_service.service.sandbox import outcomes
 from scaling_service.service.store import deletion, errors, jobs
 from scaling_service.service.store.blobs import Content
@@ -105,7 +104,7 @@ class Runner:
 
         Whatever happens to the database or the disk, it goes on when they are there again.
         """
-        log.info("runner started", extra={"runner": self.name, "code_version": code_version()})
+        log.info("runner started", extra={"runner": self.name, "code_version": submission.code_version()})
         tidying = threading.Thread(target=self._tidy, name="tidy", daemon=True)
         tidying.start()
         try:
@@ -213,7 +212,7 @@ class Runner:
         """Where the job stands then; None where this attempt holds it no longer, and nothing was kept."""
         row, outputs = held.row, held.folder.folder / "outputs"
         host = outcome.host if isinstance(outcome, outcomes.Finished) else row.host
-        origin = write_provenance(row, held.order.specification, host, wall_s)
+        origin = submission.write_provenance(row, held.order.specification, host, wall_s)
         match outcome:
             case outcomes.Finished():
                 files = tuple((path, Content(sha, size, outputs / path)) for path, sha, size in outcome.files)

@@ -19,9 +19,8 @@ from typing import BinaryIO
 
 from sqlalchemy import Connection, delete, exists, or_, select
 
-from scaling_service.service.store import errors
+from scaling_service.service.store import errors, tables
 from scaling_service.service.store.database import Database, NowUs, insert_for
-from scaling_service.service.store.tables import REFERENCES, blobs
 
 _CHUNK = 1 << 20
 """Bytes held at once. Chosen: large enough that disks run at full speed, small beside a process."""
@@ -29,7 +28,7 @@ _CHUNK = 1 << 20
 _PRIVATE = 0o700  # only the service's own user may look: the files are of patients
 _AT_ONCE = 100  # contents removed in one transaction. Chosen: others wait for some ms only.
 
-_UNREFERRED = ~or_(*(exists().where(table.c.sha256 == blobs.c.sha256) for table in REFERENCES))
+_UNREFERRED = ~or_(*(exists().where(table.c.sha256 == tables.blobs.c.sha256) for table in tables.REFERENCES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +200,12 @@ def remove_unreferenced(database: Database, files: Blobs, digests: Iterable[str]
     removed = 0
     with database.write() as connection:
         for sha256 in sorted(set(digests)):
-            this = select(blobs.c.sha256).where(blobs.c.sha256 == sha256)
+            this = select(tables.blobs.c.sha256).where(tables.blobs.c.sha256 == sha256)
             if connection.scalar(this.with_for_update()) is None:
                 continue
             # A statement of its own: it sees what those who held the lock before have committed.
             if connection.scalar(this.where(_UNREFERRED)) is not None:
-                connection.execute(delete(blobs).where(blobs.c.sha256 == sha256))
+                connection.execute(delete(tables.blobs).where(tables.blobs.c.sha256 == sha256))
                 files.remove(sha256)
                 removed += 1
     return removed
@@ -219,8 +218,8 @@ def collect_garbage(database: Database, files: Blobs) -> int:
     commit it: making the row first waits for that.
     """
     with database.read() as connection:
-        unused = list(connection.scalars(select(blobs.c.sha256).where(_UNREFERRED)))
-        listed = set(connection.scalars(select(blobs.c.sha256)))
+        unused = list(connection.scalars(select(tables.blobs.c.sha256).where(_UNREFERRED)))
+        listed = set(connection.scalars(select(tables.blobs.c.sha256)))
     unlisted = [sha256 for sha256 in files.list_stored() if sha256 not in listed]
     for sha256 in unlisted:
         with database.write() as connection:
@@ -235,5 +234,5 @@ def collect_garbage(database: Database, files: Blobs) -> int:
 def _lock(connection: Connection, sha256: str, size: dict[str, int]) -> None:
     """Make the content's row or lock the one that is there."""
     changed = {"touched_us": NowUs()} | size
-    made = insert_for(connection)(blobs).values({"sha256": sha256, "size": 0} | changed)
-    connection.execute(made.on_conflict_do_update(index_elements=[blobs.c.sha256], set_=changed))
+    made = insert_for(connection)(tables.blobs).values({"sha256": sha256, "size": 0} | changed)
+    connection.execute(made.on_conflict_do_update(index_elements=[tables.blobs.c.sha256], set_=changed))

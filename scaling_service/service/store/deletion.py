@@ -13,10 +13,9 @@ from collections.abc import Iterable, Sequence
 
 from sqlalchemy import ColumnElement, Connection, delete, exists, select, union
 
-from scaling_service.service.store import parts, tables
+from scaling_service.service.store import errors, parts, tables
 from scaling_service.service.store.blobs import Blobs, remove_unreferenced
 from scaling_service.service.store.database import US_PER_S, Database, NowUs
-from scaling_service.service.store.errors import StoreFull, report_needed
 from scaling_service.service.store.jobs import report_no_job
 from scaling_service.service.store.subjects import report_no_subject
 
@@ -50,7 +49,7 @@ def delete_job(database: Database, blobs: Blobs, owner: str, job: str) -> None:
         if not found:
             raise report_no_job(job)
         if parts.is_needed(connection, job):
-            raise report_needed(job)
+            raise errors.report_needed(job)
         gone, digests = _delete_jobs(connection, found)
     erase(database, blobs, gone, digests)
 
@@ -63,7 +62,7 @@ def delete_subject(database: Database, blobs: Blobs, owner: str, identity: str) 
     try:
         with database.write() as connection:
             found, digests = _delete_subject(connection, owner, identity)
-    except StoreFull:
+    except errors.StoreFull:
         _delete_jobs_singly(database, blobs, owner, identity)
         with database.write() as connection:
             found, digests = _delete_subject(connection, owner, identity)

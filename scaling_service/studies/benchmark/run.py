@@ -17,10 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.core import progress
-from scaling_service.core.errors import DependencyMissing, InputError
+from scaling_service.core import errors, progress
 from scaling_service.core.text import suggest_name
-from scaling_service.documents.writing import code_version, write_json
+from scaling_service.documents import writing
 from scaling_service.studies.benchmark.document import (
     DOCUMENT,
     BenchmarkDocument,
@@ -83,7 +82,7 @@ def run_benchmark(
     Raises InputError: a task or entry does not exist. Raises DependencyMissing: OpenSim is not installed.
     """
     if find_spec("opensim") is None:
-        raise DependencyMissing(
+        raise errors.DependencyMissing(
             "the benchmark reads models and motions by OpenSim, which is not installed",
             field="opensim",
             remedy="Install it with `pip install scaling-service[opensim]`",
@@ -92,7 +91,7 @@ def run_benchmark(
     folders = {name: out / "entries" / name for name in (OURS, OPENSIM)}
     for entry in entries:
         if not entry.is_dir() or entry.name in folders:
-            raise InputError(
+            raise errors.InputError(
                 f"'{entry.name}' is no folder, or another entry's name",
                 file=entry,
                 field="--entry",
@@ -111,7 +110,7 @@ def run_benchmark(
         for name in (folders if done else ())
     }
     document = BenchmarkDocument(
-        code_version=code_version(),
+        code_version=writing.code_version(),
         seed=seed,
         tasks=done,
         left_out=left_out,
@@ -119,14 +118,14 @@ def run_benchmark(
         wall_s=time.monotonic() - start,
     )
     out.mkdir(parents=True, exist_ok=True)
-    write_json(out / DOCUMENT, document)
+    writing.write_json(out / DOCUMENT, document)
     return document
 
 
 def _find_task(name: str) -> Task:
     if name not in TASKS:
         guess = suggest_name(name, TASKS, cutoff=0.5)
-        raise InputError(
+        raise errors.InputError(
             f"there is no task '{name}'", field="--tasks", remedy=f"{guess}There are {', '.join(TASKS)}"
         )
     return TASKS[name]
@@ -218,7 +217,7 @@ def _answer(case: Case, name: str, folder: Path) -> None:
     (part / _WRITTEN).mkdir(parents=True)
     try:
         make(part, partial(_run_program, part / _WRITTEN))
-    except (ProgramFailed, InputError) as error:
+    except (ProgramFailed, errors.InputError) as error:
         (part / FAILED).write_text(str(error), encoding="utf-8")
     shutil.rmtree(part / _WRITTEN)
     shutil.rmtree(folder, ignore_errors=True)

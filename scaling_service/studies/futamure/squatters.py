@@ -11,9 +11,8 @@ from scaling_service.capabilities.consistent.recording import expect_artefacts
 from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import inertia
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
-from scaling_service.model.body import BodyModel, Marker
+from scaling_service.model import body, inertia
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
@@ -109,7 +108,7 @@ class VirtualSquatter:
     name: str
     height_m: float
     mass_kg: float
-    model: BodyModel  # the truth: lengths, inertia, places of markers standing
+    model: body.BodyModel  # the truth: lengths, inertia, places of markers standing
     fitted: Squats
     held_out: Squats
 
@@ -136,9 +135,9 @@ def _build(seed: int) -> tuple[float, float]:
             return height, mass
 
 
-def _draw_person(seed: int, height: float, mass: float) -> BodyModel:
+def _draw_person(seed: int, height: float, mass: float) -> body.BodyModel:
     """Lengths and inertia."""
-    generic = load_builtin(SQUAT)
+    generic = load_builtin(inertia_planar.SQUAT)
     rng = stream(seed, "squatter", "lengths")
     factors = {}
     for name, sd in LENGTH_SD.items():
@@ -147,11 +146,11 @@ def _draw_person(seed: int, height: float, mass: float) -> BodyModel:
     factors["foot"] = height / STATURE_M[0]
     model = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
     table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
-    mean = apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
+    mean = inertia_planar.apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
     return _scatter_model(seed, mean, mass)
 
 
-def _measure_reach(generic: BodyModel, name: str) -> float:
+def _measure_reach(generic: body.BodyModel, name: str) -> float:
     """The generic length of a segment, m."""
     child = generic.children(name)
     if not child:
@@ -159,7 +158,7 @@ def _measure_reach(generic: BodyModel, name: str) -> float:
     return sum(j.law.constant_part for j in child[0].joints if j.kind == "translation")
 
 
-def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
+def _scatter_model(seed: int, model: body.BodyModel, mass: float) -> body.BodyModel:
     rng, mean = stream(seed, "squatter", "inertia"), inertia.gather_inertias(model)
     count = len(mean.mass)
     heavy = mean.mass * (1.0 + MASS_SD * rng.normal(size=count))
@@ -170,18 +169,19 @@ def _scatter_model(seed: int, model: BodyModel, mass: float) -> BodyModel:
     return inertia.with_inertias(model, Inertias(heavy, com, mean.tensor * growth[:, None, None]))
 
 
-def _with_placement(seed: int, model: BodyModel, faults: float) -> BodyModel:
-    def move(marker: Marker) -> Marker:
+def _with_placement(seed: int, model: body.BodyModel, faults: float) -> body.BodyModel:
+    def move(marker: body.Marker) -> body.Marker:
         sd = faults * PLACEMENT_M.get(marker.name, PLACEMENT_ELSE_M)
         x, y = np.array(marker.nominal)[:2] + sd * stream(seed, "placement", marker.name).normal(size=2)
         return replace(
-            Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)), anatomical=marker.anatomical
+            body.Marker.at(marker.name, marker.segment, (float(x), float(y), 0.0)),
+            anatomical=marker.anatomical,
         )
 
     return model.with_markers(tuple(map(move, model.markers)))
 
 
-def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Squats:
+def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) -> Squats:
     times = np.arange(round(RATE_HZ * LENGTH_S)) / RATE_HZ
     # Angles (n, 4) of repeated squats; the ankle keeps the centre of mass over the foot.
     rng, own = stream(seed, "motion", name), stream(seed, "motion")
@@ -221,7 +221,7 @@ def _perform_squats(seed: int, name: str, model: BodyModel, faults: float) -> Sq
     )
 
 
-def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
+def _in_balance(model: body.BodyModel, q: Array, over: Array) -> Array:
     """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
     tree, p = inertia.compile_mechanism(model).tree, list_parameter_values(model)
     masses = inertia.gather_inertias(model).mass / inertia.gather_inertias(model).mass.sum()
@@ -238,7 +238,7 @@ def _in_balance(model: BodyModel, q: Array, over: Array) -> Array:
     return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
 
 
-def _record_markers(seed: int, name: str, model: BodyModel, truth: RatedMotion, faults: float) -> Array:
+def _record_markers(seed: int, name: str, model: body.BodyModel, truth: RatedMotion, faults: float) -> Array:
     """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
     tree, p = compile_model(model), list_parameter_values(model)
     poses = pose_links(tree, np.ascontiguousarray(truth.q.T), p)

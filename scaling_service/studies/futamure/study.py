@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import planar
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, estimate_consistent
+from scaling_service.capabilities.consistent import estimate, planar, recording
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
-from scaling_service.capabilities.consistent.recording import SAGITTAL, ConsistentRecording
 from scaling_service.capabilities.consistent.run import read
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.kinetics.inverse_dynamics import ORDER
@@ -23,7 +21,7 @@ from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.arrays import Array
 from scaling_service.core.progress import show_nothing
 from scaling_service.documents.writing import code_version
-from scaling_service.model.anatomy.inertia_planar import SQUAT, apply_to_squat
+from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.forces import SegmentLoads
@@ -90,7 +88,7 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     model = start_model(person, plane)
     fitted, held_out = (make_recording(model, squats, plane) for squats in (person.fitted, person.held_out))
     clock = time.perf_counter()
-    found = estimate_consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
+    found = estimate.estimate_consistent(model, [fitted], [held_out], ConsistentSettings(placed_m=PLACED_M))
     seconds = time.perf_counter() - clock
     inertia = [compute_inertia_distance(m, person.model).tolist() for m in (model, found.model)]
     lengths = [_MM * (measure_lengths(m) - measure_lengths(person.model)) for m in (model, found.model)]
@@ -114,7 +112,9 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
     )
 
 
-def describe_recording(found: ConsistentResult, k: int, truth: Array | None = None) -> RecordingEntry:
+def describe_recording(
+    found: estimate.ConsistentResult, k: int, truth: Array | None = None
+) -> RecordingEntry:
     """The errors of all ways in recording k, (fitted, held out).
 
     ``truth``: its angles, (n, 4), rad, where they are known.
@@ -133,24 +133,26 @@ def describe_recording(found: ConsistentResult, k: int, truth: Array | None = No
 
 def start_model(person: squatters.VirtualSquatter, plane: planar.SagittalPlane) -> BodyModel:
     """What a laboratory would start from: it knows the recording, the stature and what the plate bears."""
-    sized = planar.scale_squat(load_builtin(SQUAT), planar.in_plane(person.fitted.trial, plane))
+    sized = planar.scale_squat(
+        load_builtin(inertia_planar.SQUAT), planar.in_plane(person.fitted.trial, plane)
+    )
     borne = float(person.fitted.loads.total[:, 1].mean() / -GRAVITY[1])
-    return apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
+    return inertia_planar.apply_to_squat(sized, TABLE, sex="M", height_m=person.height_m, mass_kg=borne).model
 
 
 def make_recording(
     model: BodyModel, squats: squatters.Squats, plane: planar.SagittalPlane
-) -> ConsistentRecording:
+) -> recording.ConsistentRecording:
     """Markers and filtered forces in the plane, and what inverse kinematics makes of the markers."""
     trial = planar.in_plane(squats.trial, plane)
     count = len(trial.times)
-    return ConsistentRecording(
+    return recording.ConsistentRecording(
         trial=trial,
         motion=inverse_kinematics(model, trial),
         loads=_filter_loads(planar.project_loads(squats.loads, plane)),
         supported=np.ones(count, dtype=bool),
         about=np.zeros((count, 3)),
-        components=SAGITTAL,
+        components=recording.SAGITTAL,
     )
 
 
@@ -230,7 +232,7 @@ def _study_real(file: Path) -> RealEntry:
         cut = int(FITTED_SHARE * len(whole.trial.times))
         parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]
         clock = time.perf_counter()
-        found = estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
+        found = estimate.estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
     return RealEntry(
         name=f"{subject.id} {whole.name}",
         model=Path(subject.model).name,

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from scaling_service.core.arrays import Array
 from scaling_service.documents.base import Part
-from scaling_service.studies.claims import PersonPart, StudyDocument
+from scaling_service.studies import claims
 
 _DIGITS = 8
 
@@ -76,7 +76,7 @@ class WindowEntry(Part):
     uncertainty: float = Field(description="Mean SD of the residual force over body weight.")
 
 
-class PropagatedEntry(PersonPart):
+class PropagatedEntry(claims.PersonPart):
     """One recording's residual and its uncertainty, by samples."""
 
     reconstruction_error_mm: float
@@ -116,7 +116,7 @@ class PersonEntry(PropagatedEntry):
         return np.greater(self.true_inertial_error, self.true_measurement_error)
 
 
-class Muller2017Document(StudyDocument):
+class Muller2017Document(claims.StudyDocument):
     """``study.json``."""
 
     study: Literal["muller2017"] = "muller2017"

@@ -16,9 +16,8 @@ from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMo
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
-from scaling_service.model import body
+from scaling_service.model import body, builtin
 from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
-from scaling_service.model.builtin import load_builtin, load_generic_person
 from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
@@ -240,8 +239,8 @@ def make_excited_person(
 
 
 def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.BodyModel:
-    generic = load_builtin(MODEL)
-    stature = height / load_generic_person(MODEL).height_m
+    generic = builtin.load_builtin(MODEL)
+    stature = height / builtin.load_generic_person(MODEL).height_m
     factors = {}
     for name in generic.segment_names:
         both_sides = name.removesuffix("_r").removesuffix("_l")

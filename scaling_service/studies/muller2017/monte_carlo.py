@@ -27,7 +27,7 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.streams import stream
 from scaling_service.core.threads import Serial
 from scaling_service.numerics.multibody.tree import cross
-from scaling_service.studies.muller2017.points import PointBody, compute_residual
+from scaling_service.studies.muller2017 import points
 
 PER_SAMPLE = 3
 """Motions in the database for each sample of a level (chosen: as noise is uniform in size, over a third of
@@ -64,7 +64,7 @@ class Level:
 
 
 def draw_database(
-    body: PointBody,
+    body: points.PointBody,
     reference: Reference,
     count: int,
     seed: int,
@@ -101,16 +101,18 @@ def _list_rows(sample: Callable[[int], Array], numbers: range) -> Array:
     return np.array([sample(number) for number in numbers])
 
 
-def _perturb(body: PointBody, reference: Reference, seed: int, largest: float, number: int) -> Array:
+def _perturb(body: points.PointBody, reference: Reference, seed: int, largest: float, number: int) -> Array:
     """Size, error and indicator of one perturbed motion, shape (8,)."""
     rng = stream(seed, "uncertainty", reference.trial, "motion", number)
     size = largest * rng.random()
     noise = rng.standard_normal((len(reference.varied), reference.n_frames))
-    error, residual = compute_residual(body, reference, reference.perturb(noise, size))
+    error, residual = points.compute_residual(body, reference, reference.perturb(noise, size))
     return np.concatenate([[size, error], reference.indicator(residual)])
 
 
-def _find_largest(body: PointBody, reference: Reference, seed: int, error: float, reach: float) -> float:
+def _find_largest(
+    body: points.PointBody, reference: Reference, seed: int, error: float, reach: float
+) -> float:
     """The size of perturbations whose error is ``reach`` times the reference's, in the mean of few motions.
 
     The squared error grows about as the squared size; two steps settle it.
@@ -121,7 +123,7 @@ def _find_largest(body: PointBody, reference: Reference, seed: int, error: float
         reached = []
         for number in range(_PILOTS):
             noise = stream(seed, "uncertainty", reference.trial, "pilot", number).standard_normal(shape)
-            reached.append(compute_residual(body, reference, reference.perturb(noise, size))[0])
+            reached.append(points.compute_residual(body, reference, reference.perturb(noise, size))[0])
         size *= float(np.sqrt((reach**2 - 1.0) / ((np.mean(reached) / error) ** 2 - 1.0)))
     return size
 
@@ -210,7 +212,7 @@ def propagate_by_samples(
     """
     reference = Reference.of(recording, settings.noise_on)
     run = executor or Serial()
-    body = PointBody.of(recording.model, recording.motion.markers)
+    body = points.PointBody.of(recording.model, recording.motion.markers)
     database = draw_database(
         body, reference, settings.database_size, settings.seed, 1.0 + max(settings.levels), run, progress
     )

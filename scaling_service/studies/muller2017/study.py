@@ -10,19 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.dynamics.inertia import identification
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
-from scaling_service.capabilities.dynamics.inertia.identification import (
-    IdentificationSettings,
-    identify_inertia,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import PriorSpread
 from scaling_service.capabilities.dynamics.run import dynamics
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from scaling_service.capabilities.dynamics.uncertainty import total
 from scaling_service.capabilities.dynamics.uncertainty.markers import (
     choose_frames,
     propagate_marker_errors,
 )
-from scaling_service.capabilities.dynamics.uncertainty.total import is_inertia_dominant, propagate
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared.names import AS_IT_IS
 from scaling_service.capabilities.shared.settings import UNSMOOTHED
@@ -92,7 +89,7 @@ def study_person(
     performance = person.performances["in_order"]
     recording = performance.recording
     found = monte_carlo.propagate_by_samples(recording, replace(settings, seed=seed))
-    linear = propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
+    linear = total.propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
     error, inertial = _compute_true_errors(person, performance)
@@ -106,7 +103,7 @@ def study_person(
             "true_measurement_error": _compute_rms(error[rows]) / scale,
             "true_inertial_error": _compute_rms(inertial[rows]) / scale,
             "markers_sd": markers_sd,
-            "supported_by_markers": is_inertia_dominant(found.dr, markers_sd),
+            "supported_by_markers": total.is_inertia_dominant(found.dr, markers_sd),
             "coverage": (np.abs(error[rows]) <= INTERVAL * markers.sd).mean(axis=0),
             "markers": [
                 {
@@ -126,9 +123,11 @@ def study_person(
                 for w in choice.windows
             ],
             "windows_share": round(choice.share, 4),
-            "identified_beside_tables": _identify(person, IdentificationSettings(despite_verdict=True)),
+            "identified_beside_tables": _identify(
+                person, identification.IdentificationSettings(despite_verdict=True)
+            ),
             "identified_freely": _identify(
-                person, IdentificationSettings(spread=_widen_prior(), despite_verdict=True)
+                person, identification.IdentificationSettings(spread=_widen_prior(), despite_verdict=True)
             ),
         }
     )
@@ -191,12 +190,14 @@ def _measure_dynamics(
     return inverse_dynamics.solve_inverse_dynamics(model, recording.motion, recording.loads)
 
 
-def _identify(person: excitation.ExcitedPerson, settings: IdentificationSettings) -> IdentificationEntry:
+def _identify(
+    person: excitation.ExcitedPerson, settings: identification.IdentificationSettings
+) -> IdentificationEntry:
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
     scale, inner = _scale(person), other.recording.frames
     evidence = ForceRecording(_measure_dynamics(person.model, fit), fit.recording.frames)
-    found = identify_inertia(person.model, [evidence], settings=settings)
+    found = identification.identify_inertia(person.model, [evidence], settings=settings)
     entry = {}
     for when, model in (("before", person.model), ("after", found.model)):
         true = inertia.with_inertias(person.truth, inertia.gather_inertias(model))

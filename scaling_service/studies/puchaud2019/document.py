@@ -13,11 +13,11 @@ from pydantic import Field
 from scaling_service.capabilities.cohort.document import QuantityEntry, StatisticsDocument
 from scaling_service.capabilities.cohort.words import describe_quantity
 from scaling_service.core.text import format_p
-from scaling_service.documents.base import Part, Rounded
-from scaling_service.model.reference import find_reference_folder, read_reference
+from scaling_service.documents import base
+from scaling_service.model import reference
+from scaling_service.report import tables
 from scaling_service.report.summary import Summary
-from scaling_service.report.tables import Row, Table
-from scaling_service.studies.claims import StudyDocument, summarise_study
+from scaling_service.studies import claims
 
 METHODS = ("MB", "MB_lam", "MB_am", "EB", "EB_am")
 """The five models, in the order of the paper's figures."""
@@ -32,15 +32,15 @@ SAME_LENGTHS: Mapping[str, str] = {"MB_am": "MB", "EB_am": "EB"}
 """Methods that keep the lengths of their first guess share its column in table 2."""
 
 
-class Beside(Part):
+class Beside(base.Part):
     """One cell of a table of the paper beside ours; mean and standard deviation over subjects."""
 
     quantity: str
     method: str
-    paper_mean: Rounded | None = Field(description="Null where the paper gives none.")
-    paper_sd: Rounded | None
-    mean: Rounded
-    sd: Rounded
+    paper_mean: base.Rounded | None = Field(description="Null where the paper gives none.")
+    paper_sd: base.Rounded | None
+    mean: base.Rounded
+    sd: base.Rounded
     paper_stars: str = Field(default="", description="The paper's mark of a difference from EB.")
     p_from_EB: float | None = Field(
         default=None, description="Ours, Tukey's HSD; null where it was not tested."
@@ -48,7 +48,7 @@ class Beside(Part):
     significant: bool | None = Field(default=None, description="After Friedman's test, at 5 %.")
 
 
-class Puchaud2019Document(StudyDocument):
+class Puchaud2019Document(claims.StudyDocument):
     """``study.json``."""
 
     study: Literal["puchaud2019"] = "puchaud2019"
@@ -77,7 +77,7 @@ Spread = tuple[float, float]
 @cache
 def read_paper() -> Mapping[str, Any]:
     """The paper's numbers as ``puchaud2019.yaml`` has them, read once."""
-    return MappingProxyType(read_reference(find_reference_folder() / "puchaud2019.yaml"))
+    return MappingProxyType(reference.read_reference(reference.find_reference_folder() / "puchaud2019.yaml"))
 
 
 def compare_lengths(found: StatisticsDocument) -> list[Beside]:
@@ -162,10 +162,10 @@ def _put_against_image(found: QuantityEntry, method: str, theirs: Spread, stars:
 
 def summarise(document: Puchaud2019Document) -> Summary:
     """The study in short."""
-    return summarise_study("Puchaud et al. 2019", document, make_tables(document))
+    return claims.summarise_study("Puchaud et al. 2019", document, make_tables(document))
 
 
-def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
+def make_tables(document: Puchaud2019Document) -> Iterator[tables.Table]:
     """The paper's tables beside ours."""
     yield _tabulate_beside("Table 2: segment lengths, mm", document.segment_lengths_mm)
     yield _tabulate_beside("Table 3: knee axes, degrees", document.knee_axis_deg)
@@ -178,18 +178,20 @@ def make_tables(document: Puchaud2019Document) -> Iterator[Table]:
     yield _tabulate_beside("Marker shifts (section 3.1), mm", document.marker_shift_mm)
 
 
-def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> Table:
+def _tabulate_beside(caption: str, cells: Sequence[Beside], note: str = "") -> tables.Table:
     methods = list(dict.fromkeys(cell.method for cell in cells))
-    rows: list[Row] = []
+    rows: list[tables.Row] = []
     # Quantity to method to its cell
     found: dict[str, dict[str, Beside]] = {}
     for cell in cells:
         found.setdefault(cell.quantity, {})[cell.method] = cell
     for quantity, of in found.items():
-        rows.append(Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods]))
-        rows.append(Row("here", [_format_ours(of.get(m)) for m in methods]))
+        rows.append(
+            tables.Row(f"{describe_quantity(quantity)}, paper", [_format_paper(of.get(m)) for m in methods])
+        )
+        rows.append(tables.Row("here", [_format_ours(of.get(m)) for m in methods]))
     said = "Mean ± SD over subjects. A star: differs from EB (Tukey's HSD after Friedman's test)."
-    return Table(caption=caption, columns=["", *methods], rows=rows, note=f"{said} {note}".strip())
+    return tables.Table(caption=caption, columns=["", *methods], rows=rows, note=f"{said} {note}".strip())
 
 
 def _format_paper(cell: Beside | None) -> str:

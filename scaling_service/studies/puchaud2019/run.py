@@ -18,7 +18,7 @@ from scaling_service.capabilities.cohort.outcomes import Done, run_members
 from scaling_service.capabilities.cohort.run import Watcher
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import SubjectSummary, Truth, summarise
-from scaling_service.capabilities.scaling.methods.placement import move_markers, with_centre
+from scaling_service.capabilities.scaling.methods import placement
 from scaling_service.capabilities.scaling.run import run
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject.loading import Loaded
@@ -26,9 +26,9 @@ from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress
 from scaling_service.core.threads import count_cores
 from scaling_service.documents.writing import code_version
-from scaling_service.model.body import BodyModel, Vector
+from scaling_service.model import body
 from scaling_service.model.builtin import load_generic_person
-from scaling_service.studies.claims import answer_claims, draw_person_seeds
+from scaling_service.studies import claims
 from scaling_service.studies.puchaud2019.claims import CLAIMS
 from scaling_service.studies.puchaud2019.document import (
     METHODS,
@@ -69,7 +69,7 @@ Generic = Literal["custom", "mean"]
 
 _STATURE_M = 1.80
 
-_MARKERS: Mapping[str, Vector] = {
+_MARKERS: Mapping[str, body.Vector] = {
     "ASIS": (0.0, 0.0, 0.140),
     "PSIS": (-0.1703, 0.0, 0.040),
     "LFE": (-0.0206, -0.467, 0.073),
@@ -83,7 +83,7 @@ _MARKERS: Mapping[str, Vector] = {
 }
 """Right side in the segment's frame, m: mid-ASIS, hip centre, knee centre."""
 
-_CENTRES: Mapping[str, Vector] = {"femur": (-0.0843, -0.0651, 0.080), "tibia": (-0.025, -0.455, 0.010)}
+_CENTRES: Mapping[str, body.Vector] = {"femur": (-0.0843, -0.0651, 0.080), "tibia": (-0.025, -0.455, 0.010)}
 """Of the right hip in the pelvis and the right knee in the thigh, m."""
 
 
@@ -119,7 +119,7 @@ class VirtualPerson:
         return Done(summarise(results, Truth(person.model, person.motions)))
 
 
-def make_custom_legs(mean: BodyModel) -> BodyModel:
+def make_custom_legs(mean: body.BodyModel) -> body.BodyModel:
     """The built-in ``lower_limb_14dof`` with joint centres and markers where CusToM's legs have them."""
     k = load_generic_person(mean.name).height_m / _STATURE_M
     local = {
@@ -127,14 +127,14 @@ def make_custom_legs(mean: BodyModel) -> BodyModel:
         for name, place in _MARKERS.items()
         for letter, side in (("R", 1.0), ("L", -1.0))
     }
-    model = move_markers(mean, local)
+    model = placement.move_markers(mean, local)
     for segment, place in _CENTRES.items():
         for letter, side in (("r", 1.0), ("l", -1.0)):
-            model = with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
+            model = placement.with_centre(model, f"{segment}_{letter}", _mirror_side(place, k, side))
     return replace(model, name=f"{mean.name}, as CusToM")
 
 
-def _mirror_side(place: Vector, k: float, side: float) -> Vector:
+def _mirror_side(place: body.Vector, k: float, side: float) -> body.Vector:
     x, y, z = place
     return (k * x, k * y, k * side * z)
 
@@ -164,7 +164,7 @@ def reproduce_puchaud2019(
     )  # as the paper
     people = [
         VirtualPerson(seed=seed, images=True, generic=generic)
-        for seed in draw_person_seeds(settings.seed, count)
+        for seed in claims.draw_person_seeds(settings.seed, count)
     ]
     processes = min(worker_count or count_cores(), count)
     if watcher is not None:
@@ -226,4 +226,4 @@ def build_document(
         slowest_subject_s=round(slowest_s, 3),
         wall_s=round(time.perf_counter() - started, 3),
     )
-    return answer_claims(document, CLAIMS)
+    return claims.answer_claims(document, CLAIMS)

@@ -35,8 +35,8 @@ from scaling_service.capabilities.dynamics.inertia.parameters import (
     describe_parameters,
     make_inertial_prior,
 )
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia import find_possible_tensor
@@ -260,7 +260,7 @@ def identify_inertia(
     components, of_components = _choose_components(supported, settings)
     model, repaired = _make_possible(model)
     if not fitted:
-        raise InputError(
+        raise errors.InputError(
             "there is no recording to identify inertia from",
             field="trials.calibration",
             remedy="Name recordings with forces",
@@ -305,7 +305,7 @@ def _choose_components(
         return components, []
     said = "the residual is within the uncertainty of the measurement: it says nothing about the inertia"
     if not settings.despite_verdict:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             said,
             field="inertia",
             remedy="Keep the table's inertia, or record a livelier movement with smaller marker errors",
@@ -351,7 +351,7 @@ def _solve(
         1.0 + gains[kept], slopes[kept], prior.mean, prior.scale @ directions, bodies
     )
     if moves is None:
-        raise TrialUnusable(
+        raise errors.TrialUnusable(
             "no possible inertia was found that fits the forces",
             file=evidence[0].trial,
             field="forces",

@@ -19,7 +19,7 @@ from scaling_service.capabilities.dynamics.uncertainty import linear
 from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
-from scaling_service.model.inertia import compile_mechanism, gather_inertias
+from scaling_service.model import inertia
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
 from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
@@ -260,10 +260,10 @@ def _gather_information(
     rows, q = uncertainty.frames[picked], reference.q.T
     first, second = differentiate_spline(recording.motion.times, q)
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
-    blocks = compute_regressor_blocks(compile_mechanism(recording.model), rates, reference.p)
+    blocks = compute_regressor_blocks(inertia.compile_mechanism(recording.model), rates, reference.p)
     regressor = np.concatenate([block.ground for block in blocks])
     # Standard deviation of all inertial parameters before the recording, shape (10 n_segments,).
-    inertias = gather_inertias(recording.model)
+    inertias = inertia.gather_inertias(recording.model)
     result = np.empty((len(inertias.mass), N_PARAMETERS))
     mass = inertias.mass
     result[:, 0] = MASS_SHARE * mass

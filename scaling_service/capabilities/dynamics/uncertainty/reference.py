@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
-from scaling_service.model import body
+from scaling_service.model import body, inertia
 from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.motion import Motion as Rates
@@ -24,7 +23,7 @@ from scaling_service.numerics.multibody.tree import (
     pose_links,
     pose_markers,
 )
-from scaling_service.numerics.signals.filters import filter_run, find_runs
+from scaling_service.numerics.signals import filters
 from scaling_service.numerics.wrench import compute_root_wrench, move_moment
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
@@ -127,13 +126,13 @@ class Reference:
         """
         model, motion = recording.model, recording.motion
         inverse_dynamics.check_clock(recording.loads, motion.times, motion.trial)
-        scale = inverse_dynamics.scale_indicator(sum_mass(model), recording.height_m)
+        scale = inverse_dynamics.scale_indicator(inertia.sum_mass(model), recording.height_m)
         raw = inverse_dynamics.in_model_order(model, motion)
         rated = inverse_dynamics.differentiate_motion(
             model, motion.times, raw, cutoff_hz=recording.cutoff_hz, order=recording.order
         )
         known = np.asarray(np.isfinite(rated.q).all(axis=1))
-        spans = tuple((a, b) for a, b in find_runs(known).tolist() if b - a > 2 * HALO)
+        spans = tuple((a, b) for a, b in filters.find_runs(known).tolist() if b - a > 2 * HALO)
         inner = np.zeros(len(known), dtype=bool)
         for start, stop in spans:
             inner[start + HALO : stop - HALO] = True
@@ -153,7 +152,7 @@ class Reference:
         ]
         return cls(
             trial=motion.trial,
-            mechanism=compile_mechanism(model),
+            mechanism=inertia.compile_mechanism(model),
             tree=compile_model(model, motion.markers),
             p=list_parameter_values(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
@@ -230,7 +229,7 @@ class LowPass:
 
     def apply(self, noise: Array) -> Array:
         """Filter finite noise (m, n) along the last axis; what is too short for it stays as it is."""
-        found = filter_run(noise, rate_hz=self.rate_hz, cutoff_hz=self.cutoff_hz, order=self.order)
+        found = filters.filter_run(noise, rate_hz=self.rate_hz, cutoff_hz=self.cutoff_hz, order=self.order)
         return noise if found is None else found
 
     def autocovariance(self, lags: int) -> Array:

@@ -14,7 +14,7 @@ from scaling_service.capabilities.scaling.result import Results
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.streams import stream
-from scaling_service.model.anatomy.frames import SIDES, Side
+from scaling_service.model.anatomy import frames
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
@@ -125,7 +125,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         group = [trial for trial in trials if (trial.name in results.held_out) == held_out]
         curves: list[CycleCurves] = []
         used: list[str] = []
-        for side in SIDES:
+        for side in frames.SIDES:
             angles = [name for name in _list_moving(results, group) if name.endswith(f"_{side}")]
             cut, _ = _cut_strides(group, [s.motions for s in results.scalings.values()], angles, side)
             if cut:
@@ -140,7 +140,7 @@ def make_gait_curves(results: Results, reference: str) -> Gait:
         )
         if gait.curves:
             return gait
-    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in SIDES]
+    reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in frames.SIDES]
     return Gait(reason=next(filter(None, reasons), "no whole stride is followed"))
 
 
@@ -191,7 +191,7 @@ def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyMod
     strides: dict[str, int] = {}
     reasons: dict[str, str] = {}
     every = [motion for of_method in motions.values() for motion in of_method.values()]
-    for side in SIDES:
+    for side in frames.SIDES:
         names = [
             n for n in list_leg_coordinates(model, side) if all(n in motion.estimated for motion in every)
         ]
@@ -207,7 +207,7 @@ def make_stride_curves(trials: Sequence[Trial], motions: Motions, model: BodyMod
     return StrideCurves(curves, strides, reasons)
 
 
-def list_leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
+def list_leg_coordinates(model: BodyModel, side: frames.Side) -> tuple[str, ...]:
     """The rotations of hip, knee and ankle of one side, by their OpenSim-like names (``hip_flexion_r``)."""
     return tuple(
         c.name
@@ -217,7 +217,7 @@ def list_leg_coordinates(model: BodyModel, side: Side) -> tuple[str, ...]:
 
 
 def _cut_strides(
-    trials: Sequence[Trial], methods: Sequence[Mapping[str, Motion]], names: Sequence[str], side: Side
+    trials: Sequence[Trial], methods: Sequence[Mapping[str, Motion]], names: Sequence[str], side: frames.Side
 ) -> tuple[dict[str, list[Array]], list[str]]:
     """Trial to its strides that all methods follow, (n_methods, n_names, n_nodes), rad; why not others."""
     cut, why = dict[str, list[Array]](), list[str]()

@@ -11,14 +11,9 @@ import numpy as np
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
 from scaling_service.capabilities.scaling.methods.osim_image_based import find_axis_in_parent
 from scaling_service.core.arrays import Array
-from scaling_service.model import body
+from scaling_service.model import body, parameters, results
 from scaling_service.model.anatomy.lengths import find_joint_centres, measure_segment_lengths, straighten
 from scaling_service.model.compile import compile_model, list_parameter_values
-from scaling_service.model.parameters import Tilt, tilt_of
-from scaling_service.model.results import (
-    Calibration,
-    Motion,
-)
 from scaling_service.numerics.multibody.tree import pose_markers
 
 _CORNERS: tuple[body.Vector, ...] = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -51,7 +46,7 @@ class Geometry:
     marker_shifts: Mapping[str, float]
 
 
-def measure_geometry(calibration: Calibration) -> Geometry:
+def measure_geometry(calibration: results.Calibration) -> Geometry:
     """Lengths, joint centres, knee axes and marker shifts of a calibration's model."""
     return Geometry(
         measure_segment_lengths(calibration.model),
@@ -61,7 +56,7 @@ def measure_geometry(calibration: Calibration) -> Geometry:
     )
 
 
-def _measure_knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
+def _measure_knee_tilts(calibration: results.Calibration) -> dict[str, parameters.Tilt]:
     """The turns of each knee's axis from z of the thigh.
 
     An OpenSim model's joint has a frame of its own, turned against the thigh: where images moved the joint,
@@ -74,11 +69,11 @@ def _measure_knee_tilts(calibration: Calibration) -> dict[str, Tilt]:
         thigh = calibration.model.bone_of(segment.parent).startswith("femur")
         if thigh and move is not None and any(move.turn):
             axis = find_axis_in_parent(segment, values)
-            tilts[segment.joint_name] = tilt_of(axis if axis[2] > 0.0 else -axis)
+            tilts[segment.joint_name] = parameters.tilt_of(axis if axis[2] > 0.0 else -axis)
     return tilts
 
 
-def measure_marker_shifts(calibration: Calibration) -> dict[str, float]:
+def measure_marker_shifts(calibration: results.Calibration) -> dict[str, float]:
     """How far a fit moved each marker on its segment, beyond following the segment's size, m.
 
     The length of the variation of its local coordinates (Puchaud 2019, section 3.1), zero where the
@@ -158,7 +153,10 @@ def compute_length_errors(model: body.BodyModel, truth: body.BodyModel) -> dict[
 
 
 def compute_centre_errors(
-    model: body.BodyModel, motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
+    model: body.BodyModel,
+    motions: Iterable[results.Motion],
+    truth: body.BodyModel,
+    true_q: Mapping[str, Array],
 ) -> dict[str, float]:
     """Mean distance between estimated and true joint centres in space, m.
 
@@ -177,7 +175,7 @@ def compute_centre_errors(
 
 
 def compute_angle_errors(
-    motions: Iterable[Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
+    motions: Iterable[results.Motion], truth: body.BodyModel, true_q: Mapping[str, Array]
 ) -> dict[str, float]:
     """Root mean square difference between estimated and true joint angles, rad.
 

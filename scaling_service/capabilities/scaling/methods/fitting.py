@@ -24,13 +24,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
-from scaling_service.numerics.least_squares.estimator import (
-    Outcome,
-    Solution,
-    estimate_repetition,
-    estimate_residual_variance,
-    solve,
-)
+from scaling_service.numerics.least_squares import estimator
 from scaling_service.numerics.least_squares.problem import (
     SQUARED,
     Huber,
@@ -134,10 +128,10 @@ class Fit:
 
     def noise(self, q: Array, p: Array) -> float:
         """Variance of a marker coordinate in one frame as if frames were independent (m2)."""
-        variance = estimate_residual_variance(self.problem, q, p)
-        return variance * estimate_repetition(self.problem, q, p, self.blocks, variance)
+        variance = estimator.estimate_residual_variance(self.problem, q, p)
+        return variance * estimator.estimate_repetition(self.problem, q, p, self.blocks, variance)
 
-    def error(self, solution: Solution) -> float:
+    def error(self, solution: estimator.Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
         return compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
 
@@ -147,19 +141,21 @@ class Fitted:
     """A solution with the fit that it solves, and the noise of one independent frame (m2)."""
 
     fit: Fit
-    solution: Solution
+    solution: estimator.Solution
     variance: float
 
 
 def fit_together(fit: Fit, _: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Motion and parameters in one bordered problem, the prior weighed by the noise that is left."""
     steps = 0
-    solution = Solution(q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=Outcome.MAX_STEPS)
+    solution = estimator.Solution(
+        q=fit.q0, p=fit.p0, cost=np.inf, steps=0, outcome=estimator.Outcome.MAX_STEPS
+    )
     variance = fit.noise(fit.q0, fit.p0)
     for _round in range(_ROUNDS):
         weighed = fit.with_prior(variance)
         report = None if progress is None else partial(_report_later, progress, steps)
-        solution = solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
+        solution = estimator.solve(weighed.problem, solution.q, fit.p0, progress=report, start=solution.p)
         steps += solution.steps
         before, variance = variance, weighed.noise(solution.q, solution.p)
         if abs(variance - before) <= _SETTLED * before or not np.isfinite(fit.prior_sd).any():
@@ -174,17 +170,17 @@ def _report_later(progress: Progress, steps: int, step: int, cost: float) -> Non
 def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
-    cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), Outcome.MAX_STEPS, 0
-    while outcome is Outcome.MAX_STEPS and loop < settings.max_loops:
+    cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), estimator.Outcome.MAX_STEPS, 0
+    while outcome is estimator.Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
-        p = solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
+        p = estimator.solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
         before, cost = cost, compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:
-            outcome = Outcome.CONVERGED
-    return Fitted(fit, Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
+            outcome = estimator.Outcome.CONVERGED
+    return Fitted(fit, estimator.Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
 
 
 STRATEGIES = {"joint": fit_together, "alternating": fit_in_turn}

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import trial
 from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.people import People, read_people
-from scaling_service.model.trial import ImageEvidence, Trial
 
 _DOUBTFUL, _IMPOSSIBLE = 3.0, 6.0  # deviations before it is said, and before it is refused; chosen
 _IMPOSSIBLE_SHARE = 0.3  # chosen: beside them, as of lengths between joints: what no marker is misplaced by
@@ -55,7 +55,7 @@ _SPANS = _PELVIS + tuple(
 )
 
 
-def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str]:
+def doubt_landmarks(evidence: trial.ImageEvidence, standing: trial.Trial | None) -> list[str]:
     """A warning for hips where no person's are, and for each distance in the image that markers do not have.
 
     Hips: below the pelvis's own spines as a regression has them. Distances: between the image's own markers
@@ -67,7 +67,7 @@ def doubt_landmarks(evidence: ImageEvidence, standing: Trial | None) -> list[str
     return [*_compare_hips(evidence), *([] if standing is None else _compare(evidence, standing))]
 
 
-def _compare_hips(evidence: ImageEvidence) -> Iterator[str]:
+def _compare_hips(evidence: trial.ImageEvidence) -> Iterator[str]:
     """A warning for a hip that lies where no person's does in a pelvis of such spines."""
     if not {"RASIS", "LASIS", "RPSIS", "LPSIS"} <= evidence.landmarks.keys():
         return
@@ -94,7 +94,7 @@ def _compare_hips(evidence: ImageEvidence) -> Iterator[str]:
         yield f"EB: {said}: {_HIP_REMEDY}"
 
 
-def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:
+def _expect(evidence: trial.ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:
     """Distance of markers by the image, its deviation, m, and whether skin may widen it; None if unseen."""
     imaged = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
     skin = not set(span.ends) <= imaged.keys()
@@ -113,7 +113,7 @@ def _expect(evidence: ImageEvidence, span: _Span, people: People) -> tuple[float
     return apart, float(np.sqrt(variance)), skin and span.outwards and span.bone != "pelvis"
 
 
-def _compare(evidence: ImageEvidence, standing: Trial) -> Iterator[str]:
+def _compare(evidence: trial.ImageEvidence, standing: trial.Trial) -> Iterator[str]:
     people = read_people()
     shown = {find_canonical(label) or label: label for label in standing.shown_labels}
     for span in _SPANS:

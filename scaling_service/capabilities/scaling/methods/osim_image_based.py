@@ -16,17 +16,16 @@ from scipy.optimize import minimize_scalar
 
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import body, trial
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.body import BodyModel, Joint, Law, Segment, Vector, to_vector
 from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
-from scaling_service.model.trial import ImageEvidence, ImagePose
+from scaling_service.numerics.multibody import rigid
 from scaling_service.numerics.multibody.laws import Array
-from scaling_service.numerics.multibody.rigid import convert_vector_to_rotation, rotate_about
 
 MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far for a standing or lying person
 
@@ -35,10 +34,10 @@ MOST_BENT = 0.6  # chosen: rad; beyond it a knee in the image is bent too far fo
 class Registration:
     """A model on its way onto the bones of an image."""
 
-    model: BodyModel
+    model: body.BodyModel
     # ratios: segment to its size over the model's before; poses: segment to where it lies in the image
     ratios: dict[str, float] = field(default_factory=dict)
-    poses: dict[str, ImagePose] = field(default_factory=dict)
+    poses: dict[str, trial.ImagePose] = field(default_factory=dict)
     moves: dict[str, JointMove] = field(default_factory=dict)
 
     def resize(self, ratios: Mapping[str, float]) -> None:
@@ -52,11 +51,11 @@ class Registration:
         self.model = scale_model(self.model, {name: (ratio,) * 3 for name, ratio in spread.items()})
         self.ratios |= {name: self.ratios.get(name, 1.0) * ratio for name, ratio in spread.items()}
 
-    def shift(self, segment: Segment, by: Array) -> None:
+    def shift(self, segment: body.Segment, by: Array) -> None:
         """Move the centre of the joint that carries a segment, m, in its parent's frame."""
-        self._rejoint(segment, (*_make_shifts(by), *segment.joints), shift=to_vector(by))
+        self._rejoint(segment, (*_make_shifts(by), *segment.joints), shift=body.to_vector(by))
 
-    def turn_child(self, segment: Segment, turn: Array, pivot: Array) -> None:
+    def turn_child(self, segment: body.Segment, turn: Array, pivot: Array) -> None:
         """Turn a segment against the joint that carries it, about a point of its own.
 
         ``turn``: a rotation vector, rad. ``pivot``: m. Both in the segment's frame.
@@ -64,22 +63,22 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        rotation = convert_vector_to_rotation(turn)
-        about = Joint("rotation", to_vector(turn / angle), Law.constant(angle))
+        rotation = rigid.convert_vector_to_rotation(turn)
+        about = body.Joint("rotation", body.to_vector(turn / angle), body.Law.constant(angle))
         shift = pivot - rotation @ pivot
         joints = (*segment.joints, *_make_shifts(shift), about)
-        self._rejoint(segment, joints, child_turn=to_vector(turn), child_shift=to_vector(shift))
+        self._rejoint(segment, joints, child_turn=body.to_vector(turn), child_shift=body.to_vector(shift))
 
-    def move_axis(self, segment: Segment, by: Array, values: Mapping[str, float]) -> None:
+    def move_axis(self, segment: body.Segment, by: Array, values: Mapping[str, float]) -> None:
         """Move the joint that carries a segment, m, in its parent's frame; at ``values`` the segment stays.
 
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
         back = -follow(segment.joints, values)[0].T @ by
         joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
-        self._rejoint(segment, joints, shift=to_vector(by), child_shift=to_vector(back))
+        self._rejoint(segment, joints, shift=body.to_vector(by), child_shift=body.to_vector(back))
 
-    def turn(self, segment: Segment, onto: Array, values: Mapping[str, float]) -> None:
+    def turn(self, segment: body.Segment, onto: Array, values: Mapping[str, float]) -> None:
         """Turn the axes of the joint that carries a segment, so that its first one points along ``onto``.
 
         ``onto``: (3,), in the parent's frame.
@@ -90,13 +89,13 @@ class Registration:
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
             return
-        axis = to_vector(turn / angle)
-        there, back = (Joint("rotation", axis, Law.constant(a)) for a in (angle, -angle))
+        axis = body.to_vector(turn / angle)
+        there, back = (body.Joint("rotation", axis, body.Law.constant(a)) for a in (angle, -angle))
         joints = segment.joints
         turned = (*joints[:first], there, *joints[first:last], back, *joints[last:])
-        self._rejoint(segment, turned, turn=to_vector(turn))
+        self._rejoint(segment, turned, turn=body.to_vector(turn))
 
-    def _rejoint(self, segment: Segment, joints: tuple[Joint, ...], **moved: Vector) -> None:
+    def _rejoint(self, segment: body.Segment, joints: tuple[body.Joint, ...], **moved: body.Vector) -> None:
         known = self.moves.get(segment.joint_name, JointMove())
         self.moves[segment.joint_name] = replace(known, **moved)
         changed = replace(segment, joints=joints)
@@ -104,15 +103,15 @@ class Registration:
         self.model = replace(self.model, segments=segments)
 
 
-def _make_shifts(by: Array) -> tuple[Joint, ...]:
+def _make_shifts(by: Array) -> tuple[body.Joint, ...]:
     return tuple(
-        Joint("translation", to_vector(axis), Law.constant(value))
+        body.Joint("translation", body.to_vector(axis), body.Law.constant(value))
         for axis, value in zip(np.eye(3), by.tolist(), strict=True)
         if value
     )
 
 
-def find_turning_joints(segment: Segment) -> tuple[int, int]:
+def find_turning_joints(segment: body.Segment) -> tuple[int, int]:
     """The slice of a segment's joints from its first driven turn to its last.
 
     Raises SubjectInvalid: none of them turns.
@@ -127,7 +126,7 @@ def find_turning_joints(segment: Segment) -> tuple[int, int]:
     return driven[0], driven[-1] + 1
 
 
-def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
+def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
     rotation, _ = follow(segment.joints[:first], values)
@@ -135,7 +134,7 @@ def find_axis_in_parent(segment: Segment, values: Mapping[str, float]) -> Array:
     return axis
 
 
-def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames) -> None:
+def register_pelvis(found: Registration, evidence: trial.ImageEvidence, image: frames.Frames) -> None:
     """Lay the pelvis between the hip centres, and move its hips to them; its size stays.
 
     How far apart the hips are says little of the rest of a pelvis: of two persons they were 10 and 20 %
@@ -158,7 +157,7 @@ def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames)
         @ _make_axes(ours["r"] - ours["l"], forward).T
     )
     middle = 0.5 * (ours["r"] + ours["l"])
-    pose = found.poses[name] = ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
+    pose = found.poses[name] = trial.ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
     for side in "rl":
         femur = find_segment(found.model, "femur", side)
         if femur is not None:
@@ -166,7 +165,7 @@ def register_pelvis(found: Registration, evidence: ImageEvidence, image: Frames)
             found.shift(first, pose.to_local(seen[side]) - ours[side])
 
 
-def _place_hips(model: BodyModel, pelvis: str) -> dict[str, Array]:
+def _place_hips(model: body.BodyModel, pelvis: str) -> dict[str, Array]:
     """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
     found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := find_joint_ends(model, "hip", side))}
     for side, other in ("rl", "lr"):
@@ -185,17 +184,17 @@ def _refuse_without_joint(joint: str, segment: str) -> SubjectInvalid:
     )
 
 
-def _find_model_forward(model: BodyModel, pelvis: str) -> Array:
+def _find_model_forward(model: body.BodyModel, pelvis: str) -> Array:
     """The direction from the PSIS (or the sacrum) to the ASIS in the pelvis's frame, (3,)."""
     marks = {find_canonical(m.name): np.array(m.nominal) for m in model.markers if m.segment == pelvis}
     back = [marks[name] for name in ("RPSIS", "LPSIS", "SACR") if name in marks][:2]
     if not {"RASIS", "LASIS"} <= marks.keys() or not back:
         return np.array([1.0, 0.0, 0.0])
     middle = np.mean(back, axis=0)
-    return build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
+    return frames.build_pelvis_frame(marks["RASIS"], marks["LASIS"], middle, middle).rotation[0, :, 0]
 
 
-def register_leg(found: Registration, evidence: ImageEvidence, side: str, lateral: Array) -> None:
+def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, lateral: Array) -> None:
     """Size a thigh and a shank, lay them into the image, and move knee axis and ankle to what it shows.
 
     Where the ankle was not imaged the shank stays as it is.
@@ -225,7 +224,7 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         _make_axes_along(centres["hip"] - centres["knee"], flexion)
         @ _make_axes_along(hip_at - knee_at, rightward).T
     )
-    thigh = ImagePose(rotation, centres["hip"] - rotation @ hip_at)
+    thigh = trial.ImagePose(rotation, centres["hip"] - rotation @ hip_at)
     found.poses[femur] = thigh
     onto = carried.T @ rotation.T @ flexion
     found.turn(knee, onto / np.linalg.norm(onto) * np.sign(model_axis[2]), values)
@@ -234,7 +233,9 @@ def register_leg(found: Registration, evidence: ImageEvidence, side: str, latera
         _move_ankle(found, evidence, tibia, side, centres["ankle"])
 
 
-def _find_leg_ends(model: BodyModel, femur: str, tibia: str, side: str) -> dict[str, tuple[Array, Array]]:
+def _find_leg_ends(
+    model: body.BodyModel, femur: str, tibia: str, side: str
+) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
     hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
@@ -247,7 +248,7 @@ def _register_shank(
     found: Registration,
     femur: str,
     tibia: str,
-    thigh: ImagePose,
+    thigh: trial.ImagePose,
     ankle: Array,
     ends: tuple[Array, Array],
 ) -> None:
@@ -293,7 +294,9 @@ def _register_shank(
     found.poses[tibia] = thigh.carry((turn, origin))
 
 
-def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: str, ankle: Array) -> None:
+def _move_ankle(
+    found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str, ankle: Array
+) -> None:
     """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
     foot = find_segment(found.model, "foot", side)
     if foot is None:
@@ -309,7 +312,7 @@ def _move_ankle(found: Registration, evidence: ImageEvidence, tibia: str, side: 
         _register_subtalar(found, evidence, tibia, side)
 
 
-def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str, side: str) -> None:
+def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str) -> None:
     """The subtalar axis where the talus shows it; the foot stays where it is in the neutral pose.
 
     The talus is laid by the ankle's centre and axis and bent until the model's subtalar axis comes nearest to
@@ -330,8 +333,8 @@ def _register_subtalar(found: Registration, evidence: ImageEvidence, tibia: str,
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
-    bend = rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
-    placed = ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
+    bend = rigid.rotate_about(hinge, _measure_angle_about(hinge, ours, theirs))
+    placed = trial.ImagePose(bend @ pose.rotation, ankle + bend @ (pose.origin - ankle))
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
@@ -347,9 +350,9 @@ def _measure_angle_about(axis: Array, start: Array, end: Array) -> float:
     return float(np.arctan2(np.cross(start, end) @ axis, start @ end - (start @ axis) * (end @ axis)))
 
 
-def _find_turning_in(chain: list[Segment], values: Mapping[str, float]) -> tuple[Segment, Array]:
+def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> tuple[body.Segment, Array]:
     """The first segment of a chain that turns, and the rotation, (3, 3), that leads to its parent."""
-    before: list[Joint] = []
+    before: list[body.Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
             return segment, follow(before, values)[0]

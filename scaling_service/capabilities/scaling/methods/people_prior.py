@@ -13,11 +13,11 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
 from scaling_service.model.anatomy.anthropometry import DimensionPrior
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
-from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.parameters import LETTERS
 from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
@@ -61,7 +61,7 @@ class Imaged:
         """The same of a joint's axis, rad, about each of the segment's others."""
         return max(people.image_axis_sd, self.turned.get(joint, 0.0))
 
-    def tells(self, model: BodyModel, name: str) -> bool:
+    def tells(self, model: body.BodyModel, name: str) -> bool:
         """Whether images gave this parameter's value (``scale.femur_r``, ``axis.knee_r.x`` …)."""
         group, target, *_ = name.split(".")
         if group == "scale":
@@ -169,7 +169,7 @@ def expect_sizes(
         prior.add_values([name], np.ones(1), np.array([[sd**2]]))
 
 
-def find_spines(model: BodyModel, told: Mapping[str, str]) -> Spines | None:
+def find_spines(model: body.BodyModel, told: Mapping[str, str]) -> Spines | None:
     """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks.
 
     ``told``: marker to the landmark that it marks.
@@ -196,7 +196,7 @@ def _measure_spines(spines: Spines) -> tuple[float, float]:
 class _HipRelation:
     """How far regressions put the hips from the model's, as sizes and skin vary."""
 
-    model: BodyModel
+    model: body.BodyModel
     people: People
     pelvis: str
     spines: Spines
@@ -240,7 +240,7 @@ class _HipRelation:
 
 def expect_hips(
     prior: GaussianPrior,
-    model: BodyModel,
+    model: body.BodyModel,
     pelvis: str,
     sides: tuple[str, ...],
     people: People,
@@ -300,7 +300,7 @@ def expect_hips(
 
 def expect_places(
     prior: GaussianPrior,
-    shown: Sequence[Marker],
+    shown: Sequence[body.Marker],
     people: People,
     expected: DimensionPrior,
     imaged: Imaged,
@@ -335,7 +335,7 @@ def expect_places(
 def _expect_opposite(
     prior: GaussianPrior,
     row: Opposite,
-    ends: Mapping[int, Marker],
+    ends: Mapping[int, body.Marker],
     width: str,
     people: People,
     expected: DimensionPrior,
@@ -354,7 +354,7 @@ def _expect_opposite(
     prior.add_values(names, mean.ravel(), palpated + apart)
 
 
-def _list_shifts(marker: Marker) -> Iterator[str]:
+def _list_shifts(marker: body.Marker) -> Iterator[str]:
     return (f"marker.{marker.name}.{letter}" for letter in LETTERS)
 
 

@@ -11,15 +11,12 @@ from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Protocol
 
+from scaling_service.capabilities.scaling.methods import optimised
 from scaling_service.capabilities.scaling.methods.fitting import Progress
 from scaling_service.capabilities.scaling.methods.image_based import EB
 from scaling_service.capabilities.scaling.methods.marker_based import MB
-from scaling_service.capabilities.scaling.methods.optimised import EB_AM, MB_AM, MB_LAM
 from scaling_service.capabilities.scaling.methods.posterior import MAP
-from scaling_service.capabilities.scaling.sizes.without_markers import (
-    has_no_markers,
-    refuse_without_markers,
-)
+from scaling_service.capabilities.scaling.sizes import without_markers
 from scaling_service.capabilities.shared.settings import PAPER, CalibrationSettings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
@@ -65,7 +62,14 @@ def _with_others(own: Mapping[str, Method]) -> Mapping[str, Method]:
 
 
 _OURS: Mapping[str, Method] = MappingProxyType(
-    {"MB": MB, "MB_lam": MB_LAM, "MB_am": MB_AM, "EB": EB, "EB_am": EB_AM, "MAP": MAP}
+    {
+        "MB": MB,
+        "MB_lam": optimised.MB_LAM,
+        "MB_am": optimised.MB_AM,
+        "EB": EB,
+        "EB_am": optimised.EB_AM,
+        "MAP": MAP,
+    }
 )
 METHODS: Mapping[str, Method] = _with_others(_OURS)
 
@@ -95,8 +99,8 @@ def calibrate(
     Raises SubjectInvalid: there is no such method.
     """
     check_methods([method])
-    if method in _OURS and has_no_markers(session):  # others say themselves what they need
-        refuse_without_markers(method)
+    if method in _OURS and without_markers.has_no_markers(session):  # others say themselves what they need
+        without_markers.refuse_without_markers(method)
     done = {} if known is None else known
     if method not in done:
         row = METHODS[method]

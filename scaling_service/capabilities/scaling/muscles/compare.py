@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
-from scaling_service.capabilities.kinetics.inverse_dynamics import find_judged_frames, solve_inverse_dynamics
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.core import errors
 from scaling_service.core.arrays import Array
-from scaling_service.core.errors import InputError, SubjectInvalid
 from scaling_service.core.progress import Progress
 from scaling_service.documents import results
-from scaling_service.files.osim.muscles import MuscleGeometry, measure_muscles
-from scaling_service.files.sto import Table, write_sto
+from scaling_service.files import sto
+from scaling_service.files.osim import muscles
 from scaling_service.model.body import BodyModel
 from scaling_service.model.results import Motion
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
@@ -43,7 +43,7 @@ class MuscleCourses:
 
     times: Array  # (n_frames,), s
     angles: Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
-    geometry: MuscleGeometry
+    geometry: muscles.MuscleGeometry
     moments: Mapping[str, Array]
     """Coordinate to its generalised force, (n_frames,), N m; NaN where forces do not determine it. Empty
     without forces."""
@@ -86,7 +86,7 @@ def compare_muscles(
     if not loaded.session.subject.model.lower().endswith(".osim"):
         raise _report_no_muscles("is no .osim model")
     if not trials:
-        raise SubjectInvalid(
+        raise errors.SubjectInvalid(
             "muscles are compared over movements, and none was recorded",
             field="trials",
             remedy="Name evaluation trials",
@@ -112,8 +112,8 @@ def compare_muscles(
     return MuscleComparison(reference, found, tuple(differences), notes)
 
 
-def _report_no_muscles(what: str) -> SubjectInvalid:
-    return SubjectInvalid(
+def _report_no_muscles(what: str) -> errors.SubjectInvalid:
+    return errors.SubjectInvalid(
         f"muscles cannot be compared: the subject's model {what}",
         field="model",
         remedy="Give an .osim model with muscles, or compare without them",
@@ -127,7 +127,7 @@ def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, Tri
         found, unusable = assign_forces(
             loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: DYNAMICS_CUTOFF_HZ
         )
-    except InputError as error:
+    except errors.InputError as error:
         return {}, (f"joint moments are not compared: {error}",)
     without = [trial for trial in trials if trial not in found]
     said = f"joint moments are not compared in {', '.join(without)}: there are no forces"
@@ -140,14 +140,14 @@ def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | N
     order = [motion.coordinates.index(name) for name in model.coordinate_names]
     moments: dict[str, Array] = {}
     if forces is not None:
-        dynamics = solve_inverse_dynamics(model, motion, forces.loads)
-        judged = find_judged_frames(dynamics, forces.contacts, DYNAMICS_CUTOFF_HZ)
+        dynamics = inverse_dynamics.solve_inverse_dynamics(model, motion, forces.loads)
+        judged = inverse_dynamics.find_judged_frames(dynamics, forces.contacts, DYNAMICS_CUTOFF_HZ)
         values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
         moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}
     return MuscleCourses(
         motion.times[rows],
         {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
-        measure_muscles(text, model, motion.q[rows][:, order]),
+        muscles.measure_muscles(text, model, motion.q[rows][:, order]),
         moments,
     )
 
@@ -228,13 +228,13 @@ def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
         }
         for what, columns in tables.items():
             if columns:
-                write_sto(
+                sto.write_sto(
                     folder / f"{trial}_{what}.sto", _tabulate_muscles(f"{trial} {what}", own.times, columns)
                 )
 
 
-def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> Table:
-    return Table(
+def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> sto.Table:
+    return sto.Table(
         name=name,
         columns=("time", *columns),
         data=np.column_stack([times, *columns.values()]),

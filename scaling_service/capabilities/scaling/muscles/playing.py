@@ -9,7 +9,7 @@ import numpy as np
 
 from scaling_service.capabilities.playback.document import MuscleCurve, MuscleScene
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.capabilities.scaling.muscles.compare import UNITS, MuscleComparison
+from scaling_service.capabilities.scaling.muscles import compare
 from scaling_service.documents.results import MuscleDifference
 from scaling_service.documents.writing import write_json
 from scaling_service.files.table_files import ArrayFiles
@@ -20,7 +20,7 @@ MOST_CURVES = 6
 """Of each quantity. Chosen: two rows of a page."""
 
 
-def write_muscle_scene(found: MuscleComparison, outputs: Path, *, brief: bool = False) -> MuscleScene:
+def write_muscle_scene(found: compare.MuscleComparison, outputs: Path, *, brief: bool = False) -> MuscleScene:
     """Write ``scene/muscles.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -34,7 +34,7 @@ def write_muscle_scene(found: MuscleComparison, outputs: Path, *, brief: bool = 
 
 def _list_distinct(differences: Sequence[MuscleDifference]) -> Iterator[MuscleDifference]:
     """Of each quantity the largest of all methods, each muscle and coordinate once."""
-    for quantity in UNITS:
+    for quantity in compare.UNITS:
         largest: dict[tuple[str, str], MuscleDifference] = {}
         of = [each for each in differences if each.quantity == quantity]
         for each in sorted(of, key=lambda each: -abs(each.difference)):
@@ -42,8 +42,10 @@ def _list_distinct(differences: Sequence[MuscleDifference]) -> Iterator[MuscleDi
         yield from list(largest.values())[:MOST_CURVES]
 
 
-def _write_curve(found: MuscleComparison, each: MuscleDifference, k: int, files: ArrayFiles) -> MuscleCurve:
-    factor, unit = UNITS[each.quantity]
+def _write_curve(
+    found: compare.MuscleComparison, each: MuscleDifference, k: int, files: ArrayFiles
+) -> MuscleCurve:
+    factor, unit = compare.UNITS[each.quantity]
     times = found.courses[each.method][each.trial].times
     courses = {
         method: trials[each.trial].courses(each.quantity).get((each.muscle, each.coordinate))

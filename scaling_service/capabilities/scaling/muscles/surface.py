@@ -15,11 +15,8 @@ from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.files.osim.muscles import Attachment, Wrap, move_attachments, read_attachments
+from scaling_service.model import results
 from scaling_service.model.anatomy.lengths import find_joint_ends
-from scaling_service.model.results import (
-    Calibration,
-    JointMove,
-)
 from scaling_service.model.trial import Bone
 
 
@@ -42,7 +39,7 @@ class FollowedSurfaces:
 
 
 def follow_surfaces(
-    osim: str, calibration: Calibration, bones: Mapping[str, Bone], source: Path
+    osim: str, calibration: results.Calibration, bones: Mapping[str, Bone], source: Path
 ) -> FollowedSurfaces:
     """Move a model's attachments by the smooth map from its own bones, as scaled, to the person's.
 
@@ -104,7 +101,7 @@ def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) ->
     }
 
 
-def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]:
+def _find_centres(calibration: results.Calibration, segment: str) -> tuple[Array, Array]:
     """Joint centres that a segment knows, each (n, 3), m: where its own bone as scaled has them, and now."""
     model, now, before = calibration.model, [], []
     for joint in ("hip", "knee", "ankle"):
@@ -113,7 +110,7 @@ def _find_centres(calibration: Calibration, segment: str) -> tuple[Array, Array]
             if segment not in ends:
                 continue
             parent, *carried = ends
-            moved = JointMove()
+            moved = results.JointMove()
             if segment == parent and carried:
                 moved = calibration.joint_moves.get(model.segment(carried[0]).joint_name, moved)
             now.append(ends[segment])

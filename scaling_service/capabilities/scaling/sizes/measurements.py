@@ -20,8 +20,8 @@ from functools import partial
 import numpy as np
 
 from scaling_service.core.arrays import Array
+from scaling_service.model.anatomy import frames
 from scaling_service.model.anatomy.centres import Points
-from scaling_service.model.anatomy.frames import Frames, build_pelvis_frame
 from scaling_service.model.body import Vector
 
 Pair = tuple[tuple[str, ...], tuple[str, ...]]
@@ -254,7 +254,7 @@ def _measure_hip_depth(points: Points) -> float | None:
     psis = [name if name in points else "SACR" for name in _PSIS]
     if any(name not in points for name in (*_ASIS, *psis, "hip_r", "hip_l")):
         return None
-    frame: Frames = build_pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
+    frame: frames.Frames = frames.build_pelvis_frame(*(points[name] for name in (*_ASIS, *psis)))
     depths: Array = -np.concatenate([frame.to_local(points[f"hip_{side}"])[:, 1] for side in "rl"])
     known = depths[np.isfinite(depths)]
     return float(known.mean()) if known.size and known.mean() > 0.0 else None

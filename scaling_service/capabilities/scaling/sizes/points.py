@@ -10,6 +10,8 @@ import numpy as np
 
 from scaling_service.capabilities.scaling.methods.functional import FunctionalJoints
 from scaling_service.core.arrays import Array
+from scaling_service.model import body
+from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.centres import (
     BodySizes,
     Centre,
@@ -19,9 +21,7 @@ from scaling_service.model.anatomy.centres import (
     with_mirrored_psis,
 )
 from scaling_service.model.anatomy.hip_centre import solve_chord_centre
-from scaling_service.model.anatomy.lengths import find_joint_centres, find_segment
 from scaling_service.model.anatomy.markers import SACRUM, find_canonical, strip_prefix
-from scaling_service.model.body import BodyModel, Marker
 from scaling_service.model.poses import pose_neutral_frames
 from scaling_service.model.trial import Trial
 
@@ -178,7 +178,7 @@ def measure_standing_legs(points: Points) -> dict[str, float]:
     return found
 
 
-def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
+def find_model_points(model: body.BodyModel, places: Places = NO_PLACES) -> Points:
     """The same points on the model in its neutral pose, one frame."""
     points: dict[str, Array] = {}
     frames = pose_neutral_frames(model)
@@ -188,9 +188,9 @@ def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
             points.setdefault(name, (origin + rotation @ np.array(marker.nominal))[None])
     if "SACR" not in points and {"RPSIS", "LPSIS"} <= points.keys():
         points["SACR"] = (points["RPSIS"] + points["LPSIS"]) / 2.0
-    own = find_joint_centres(model)
+    own = lengths.find_joint_centres(model)
     for side in "rl":
-        femur = find_segment(model, "femur", side)
+        femur = lengths.find_segment(model, "femur", side)
         if femur is not None:
             points[f"hip_{side}"] = frames[femur][1][None]
         for joint, landmarks in _MIDDLES.items():
@@ -205,14 +205,14 @@ def find_model_points(model: BodyModel, places: Places = NO_PLACES) -> Points:
     return points
 
 
-def find_doubtful_joints(model: BodyModel, points: Points) -> dict[str, float]:
+def find_doubtful_joints(model: body.BodyModel, points: Points) -> dict[str, float]:
     """Knees and ankles (``knee_r``) that a model does not have in the middle of its landmarks; deviations, m.
 
     ``points``: the model's. Landmarks are put on a model by eye: they show the lengths of its bones to some
     millimetres along the leg, and no better than they lie where a person's do.
     """
     frames, found = pose_neutral_frames(model), {}
-    for name, (segment, at) in find_joint_centres(model).items():
+    for name, (segment, at) in lengths.find_joint_centres(model).items():
         above = _ABOVE_M.get(name.partition("_")[0])
         if above is not None and name in points:
             rotation, origin = frames[segment]
@@ -240,7 +240,7 @@ def _place_ankles(points: Points, side: str) -> Points:
     }
 
 
-def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
+def with_sacrum(model: body.BodyModel, trials: Iterable[Trial]) -> body.BodyModel:
     """The model with a sacral marker half-way between its PSIS, where recordings show one and no PSIS.
 
     It takes the name of the label; a model that has such a marker is left as it is.
@@ -258,7 +258,9 @@ def with_sacrum(model: BodyModel, trials: Iterable[Trial]) -> BodyModel:
         return model
     right, left = marked["RPSIS"], marked["LPSIS"]
     x, y, z = np.add(right.nominal, left.nominal) / 2.0
-    new = Marker.at(sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight)
+    new = body.Marker.at(
+        sorted(labels)[0], right.segment, (float(x), float(y), float(z)), weight=right.weight
+    )
     return model.with_markers((*model.markers, new))
 
 

@@ -24,13 +24,12 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
-from scaling_service.model import body
-from scaling_service.model.anatomy.anthropometry import DimensionPrior, predict_dimensions
+from scaling_service.model import body, results
+from scaling_service.model.anatomy import anthropometry
 from scaling_service.model.anatomy.centres import ADULT_STATURE_M, MARKER_RADIUS_M, BodySizes, Size, size_sd
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.places import find_landmarks_by_place
-from scaling_service.model.results import EstimatedCentre, SegmentSize
 from scaling_service.model.subject import Session, Subject
 
 _WORDS: Mapping[str, str] = MappingProxyType(
@@ -101,13 +100,13 @@ def find_dimension(segment: str) -> str | None:
     return f"{dimension}_{'l' if left else 'r'}"
 
 
-def expect_dimensions(subject: Subject) -> DimensionPrior:
+def expect_dimensions(subject: Subject) -> anthropometry.DimensionPrior:
     """What is known of a person's dimensions before markers are looked at: declared and measured by hand."""
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None).names
+    blank = anthropometry.predict_dimensions(sex=None, height_m=None, mass_kg=None).names
     sizes = {
         _PRIOR_NAMES.get(name, name): (value, size_sd(name, value)) for name, value in subject.sizes_m.items()
     }
-    return predict_dimensions(
+    return anthropometry.predict_dimensions(
         sex=subject.sex,
         height_m=subject.height_m,
         mass_kg=subject.mass_kg,
@@ -117,8 +116,8 @@ def expect_dimensions(subject: Subject) -> DimensionPrior:
 
 
 def estimate_sizes(
-    model: body.BodyModel, ratios: Ratios, prior: DimensionPrior, *, weighted: bool = True
-) -> dict[str, SegmentSize]:
+    model: body.BodyModel, ratios: Ratios, prior: anthropometry.DimensionPrior, *, weighted: bool = True
+) -> dict[str, results.SegmentSize]:
     """The size of every segment over the model's, with its standard deviation and what it rests on.
 
     ``model``: the generic model.
@@ -136,7 +135,7 @@ def estimate_sizes(
     expected = prior.select(names)
     ratios = ratios if weighted else ratios.average()
     # Logarithms of the model's own dimensions: its lengths, the rest as of a person with these lengths.
-    blank = predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
+    blank = anthropometry.predict_dimensions(sex=None, height_m=None, mass_kg=None, age_years=30.0)
     lengths = {}
     for name, length in measure_segment_lengths(model).items():
         sided = name if name in blank.names else f"{name}_r"
@@ -158,7 +157,7 @@ def estimate_sizes(
         k = names.index(dimension)
         mine = [j for j, row in enumerate(rows) if row == dimension]
         share = float(gain[k, mine].sum())
-        sizes[segment] = SegmentSize(
+        sizes[segment] = results.SegmentSize(
             dimension=dimension,
             factor=float(np.exp(logs[k])),
             sd=float(np.sqrt(covariance[k, k])),
@@ -169,7 +168,9 @@ def estimate_sizes(
     return _with_followers(model, sizes)
 
 
-def _with_followers(model: body.BodyModel, sizes: Mapping[str, SegmentSize]) -> dict[str, SegmentSize]:
+def _with_followers(
+    model: body.BodyModel, sizes: Mapping[str, results.SegmentSize]
+) -> dict[str, results.SegmentSize]:
     """Segments whose names say nothing take the size of the nearest one above, else of the first."""
     found = dict(sizes)
     parents = {segment.name: segment.parent for segment in model.segments}
@@ -192,8 +193,8 @@ class Sizing:
     """
 
     factors: Mapping[str, body.Vector]
-    sizes: Mapping[str, SegmentSize]
-    centres: Mapping[str, EstimatedCentre]
+    sizes: Mapping[str, results.SegmentSize]
+    centres: Mapping[str, results.EstimatedCentre]
     people: tuple[points.PersonPoints, ...]
     notes: tuple[str, ...]
 
@@ -276,7 +277,7 @@ def _size_by_own_markers(session: Session, people: tuple[points.PersonPoints, ..
         known = np.isfinite(theirs) & (ours > _SHORTEST_M)
         if known.any():
             factor = float(ours[known] @ theirs[known] / np.square(ours[known]).sum())
-            sizes[segment] = SegmentSize(
+            sizes[segment] = results.SegmentSize(
                 dimension=find_dimension(model.bone_of(segment)) or segment,
                 factor=factor,
                 sd=float(np.sqrt(2.0) * PALPATION_M / ours[known].max()),
@@ -309,7 +310,7 @@ def measure_distance(one: Array, other: Array) -> float:
 
 
 def estimate_body_sizes(
-    session: Session, prior: DimensionPrior, places: points.Places = points.NO_PLACES
+    session: Session, prior: anthropometry.DimensionPrior, places: points.Places = points.NO_PLACES
 ) -> BodySizes:
     """Sizes as measured, else as the other side's, else as of persons like this one."""
     measured = session.subject.sizes_m
@@ -330,18 +331,18 @@ def estimate_body_sizes(
     return sizes.with_leg_lengths(points.measure_standing_legs(points.read_landmarks(session.static, places)))
 
 
-def _list_centres(people: Sequence[points.PersonPoints]) -> dict[str, EstimatedCentre]:
-    found: dict[str, EstimatedCentre] = {}
+def _list_centres(people: Sequence[points.PersonPoints]) -> dict[str, results.EstimatedCentre]:
+    found: dict[str, results.EstimatedCentre] = {}
     for person in people:
         if not found.keys() >= person.centres.keys():
             for name, (x, y, z) in estimate_centre_sds(person).items():
                 sds = (float(x), float(y), float(z))
-                found.setdefault(name, EstimatedCentre(person.centres[name].source, sds))
+                found.setdefault(name, results.EstimatedCentre(person.centres[name].source, sds))
     return found
 
 
 def _write_notes(
-    model: body.BodyModel, ratios: Ratios, sizes: Mapping[str, SegmentSize], subject: Subject
+    model: body.BodyModel, ratios: Ratios, sizes: Mapping[str, results.SegmentSize], subject: Subject
 ) -> Sequence[str]:
     notes = []
     for measurement in dict.fromkeys(ratios.measurements):

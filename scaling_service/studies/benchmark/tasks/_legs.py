@@ -12,7 +12,7 @@ from scaling_service.files.trc import write_trc
 from scaling_service.model.body import Marker
 from scaling_service.model.builtin import load_builtin
 from scaling_service.model.trial import Trial
-from scaling_service.studies.benchmark.parts import Run, ask_opensim
+from scaling_service.studies.benchmark import parts
 
 GENERIC = "lower_limb_14dof"
 
@@ -87,7 +87,7 @@ def _write_setup(markers: list[str], last_s: float) -> str:
     )
 
 
-def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run) -> None:
+def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: parts.Run) -> None:
     """Our model, and the motion that the model, used again, has in a recording, with its deviations."""
     result = run(["scale", folder / "subject.yaml", "--method", method]) / method
     followed = run(["ik", result / "model.json", folder / f"{moving}.trc"])
@@ -96,14 +96,14 @@ def scale_by_ours(method: str, folder: Path, moving: str, answer: Path, run: Run
     (followed / f"{moving}_ik_sd.mot").replace(answer / f"{moving}_sd.mot")
 
 
-def scale_by_opensim(folder: Path, moving: str, answer: Path, _run: Run) -> None:
+def scale_by_opensim(folder: Path, moving: str, answer: Path, _run: parts.Run) -> None:
     """What the scale tool and then the inverse kinematics tool make of it."""
     model = answer / "model.osim"
-    ask_opensim(
+    parts.ask_opensim(
         "scale",
         folder / "setup_scale.xml",
         model=folder / "generic.osim",
         static=folder / "static.trc",
         output=model,
     )
-    ask_opensim("track", model, recording=folder / f"{moving}.trc", output=answer / f"{moving}.mot")
+    parts.ask_opensim("track", model, recording=folder / f"{moving}.trc", output=answer / f"{moving}.mot")

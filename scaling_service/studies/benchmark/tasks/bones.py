@@ -16,7 +16,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from scaling_service.studies.benchmark import parts
-from scaling_service.studies.benchmark.tasks.images import find_bone, list_imaged
+from scaling_service.studies.benchmark.tasks import images
 
 Bones = dict[str, trimesh.Trimesh]
 Place = Callable[[parts.Array], parts.Array]
@@ -107,8 +107,8 @@ VARIANTS: Mapping[str, tuple[Change, float | str, tuple[str, ...]]] = {
 def make_cases(data: Path, folder: Path, _seed: int) -> Sequence[parts.Case]:
     """Every variant of the right femur and tibia of three persons."""
     cases = []
-    for person, (where, expert) in list_imaged(data).items():
-        bones = {s: _read(find_bone(where, s)) for s in ("femur_r", "tibia_r")}
+    for person, (where, expert) in images.list_imaged(data).items():
+        bones = {s: _read(images.find_bone(where, s)) for s in ("femur_r", "tibia_r")}
         up = expert["hip_r"][0] - expert["knee_r"][0]
         for variant, (change, within, must) in VARIANTS.items():
             changed, place = change(bones, up / np.linalg.norm(up))

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scaling_service.files import sto
-from scaling_service.files.trc import read_trc, write_trc
+from scaling_service.files import sto, trc
 from scaling_service.model.trial import Trial
 from scaling_service.studies.benchmark.parts import WRONG, Array, Case, Metric, Run, Task, read_answer
 from scaling_service.studies.benchmark.tasks._legs import write_subject
@@ -37,8 +36,8 @@ class Hidden:
 
 def _change_markers(names: Sequence[str], change: Callable[[Trial], Array], box: Path) -> None:
     for name in names:
-        trial = read_trc(box / f"{name}.trc")
-        write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
+        trial = trc.read_trc(box / f"{name}.trc")
+        trc.write_trc(box / f"{name}.trc", replace(trial.trial, markers=change(trial)), "m")
 
 
 def _exchange(first: str, second: str, trial: Trial) -> Array:

@@ -10,7 +10,7 @@ Wolfe 1999, Nonparametric Statistical Methods, 2nd ed., section 7.3).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -35,7 +35,12 @@ _MM, _DEG = 1e3, 180.0 / math.pi
 
 
 def compare_groups(
-    values: ArrayLike, subjects: Sequence[str], methods: Sequence[str], *, quantity: str, alpha: float = 0.05
+    values: ArrayLike,
+    subjects: abc.Sequence[str],
+    methods: abc.Sequence[str],
+    *,
+    quantity: str,
+    alpha: float = 0.05,
 ) -> document.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
@@ -83,7 +88,7 @@ def compare_groups(
 
 
 def _compare_pairs(
-    table: Array, mean_rank: Array, error: float, methods: Sequence[str], alpha: float, *, gate: bool
+    table: Array, mean_rank: Array, error: float, methods: abc.Sequence[str], alpha: float, *, gate: bool
 ) -> list[document.RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
@@ -128,21 +133,23 @@ def _shift(method: summary.MethodSummary) -> dict[str, float]:
     return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
 
 
-KINDS: Mapping[str, tuple[float, Callable[[summary.MethodSummary], Mapping[str, float]]]] = MappingProxyType(
-    {
-        "segment_lengths_mm": (_MM, lambda method: method.lengths),
-        "kinematic_error_mm": (_MM, _average_errors),
-        "knee_axis_deg": (_DEG, _average_axes),
-        "marker_shift_mm": (_MM, _shift),
-        "from_truth_mm": (_MM, lambda method: method.from_truth_m),
-        "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
-    }
+KINDS: abc.Mapping[str, tuple[float, abc.Callable[[summary.MethodSummary], abc.Mapping[str, float]]]] = (
+    MappingProxyType(
+        {
+            "segment_lengths_mm": (_MM, lambda method: method.lengths),
+            "kinematic_error_mm": (_MM, _average_errors),
+            "knee_axis_deg": (_DEG, _average_axes),
+            "marker_shift_mm": (_MM, _shift),
+            "from_truth_mm": (_MM, lambda method: method.from_truth_m),
+            "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
+        }
+    )
 )
 """Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it."""
 
 
 def compare_quantities(
-    subjects: Sequence[summary.SubjectSummary], methods: Sequence[str], alpha: float
+    subjects: abc.Sequence[summary.SubjectSummary], methods: abc.Sequence[str], alpha: float
 ) -> dict[str, list[document.QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 

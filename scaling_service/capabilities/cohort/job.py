@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, StringConstraints
+import pydantic
 
 from scaling_service.capabilities.cohort import document
 from scaling_service.capabilities.cohort.members import COLUMN
@@ -44,7 +44,9 @@ def _refuse_subject_column(groups: dict[str, dict[str, str]]) -> dict[str, dict[
     return groups
 
 
-_Label = Annotated[str, StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)]
+_Label = Annotated[
+    str, pydantic.StringConstraints(pattern=r"^[\p{L}\p{N}_][\p{L}\p{N}_ .\-]*$", max_length=100)
+]
 
 
 class MemberRequest(ScalingRequest):
@@ -55,7 +57,7 @@ class MemberResult(base.Part):
     """How a member of a batch ended that did not fail."""
 
     status: Literal["done", "skipped"]
-    reason: str = Field(description="Why it was skipped; empty where it is done.")
+    reason: str = pydantic.Field(description="Why it was skipped; empty where it is done.")
     wall_s: float
 
 
@@ -65,24 +67,28 @@ class BatchRequest(job.JobRequest):
     One subject's failure does not stop the others; the result says how each ended.
     """
 
-    model_config = ConfigDict(serialize_by_alias=True)
+    model_config = pydantic.ConfigDict(serialize_by_alias=True)
 
-    batch_subjects: Annotated[tuple[Identifier, ...], AfterValidator(_require_each_once)] = Field(
-        alias="subjects",
-        min_length=1,
-        max_length=MOST_SUBJECTS,
-        description="Names of the subjects, as uploaded.",
-        examples=[["S01"]],
+    batch_subjects: Annotated[tuple[Identifier, ...], pydantic.AfterValidator(_require_each_once)] = (
+        pydantic.Field(
+            alias="subjects",
+            min_length=1,
+            max_length=MOST_SUBJECTS,
+            description="Names of the subjects, as uploaded.",
+            examples=[["S01"]],
+        )
     )
-    groups: Annotated[dict[Identifier, dict[_Label, _Label]], AfterValidator(_refuse_subject_column)] = Field(
+    groups: Annotated[
+        dict[Identifier, dict[_Label, _Label]], pydantic.AfterValidator(_refuse_subject_column)
+    ] = pydantic.Field(
         default={}, description="Subject to labels that are kept in the results, such as sex or side."
     )
-    methods: ChosenMethods = Field(
+    methods: ChosenMethods = pydantic.Field(
         default=None,
         description=f"Of {', '.join(list_method_names())}; all that each subject allows unless given.",
         examples=[["MB", "MB_am"]],
     )
-    settings: Settings = Field(
+    settings: Settings = pydantic.Field(
         default=Settings(), description="How recordings are processed and models fitted."
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,7 @@ class Listed:
 
     file: Path
     shown: str
-    groups: Mapping[str, str] = field(default_factory=dict)
+    groups: abc.Mapping[str, str] = field(default_factory=dict)
 
 
 def read_members(cohort: Path) -> tuple[tuple[Listed, ...], tuple[str, ...]]:
@@ -70,12 +70,12 @@ def _is_subject(file: Path) -> bool:
         content = reading.read_content(file)
     except errors.InputError:
         return True
-    return isinstance(content, Mapping) and (
-        "trials" in content or isinstance(content.get("subject"), Mapping)
+    return isinstance(content, abc.Mapping) and (
+        "trials" in content or isinstance(content.get("subject"), abc.Mapping)
     )
 
 
-def _in_table(file: Path) -> Iterator[Listed]:
+def _in_table(file: Path) -> abc.Iterator[Listed]:
     lines = reading.read_text(file, "a table of subjects").splitlines()
     # The header's names, and the other rows that are not blank with their line numbers
     filled = next((k for k, line in enumerate(lines) if line.strip()), None)
@@ -140,7 +140,7 @@ def _in_table(file: Path) -> Iterator[Listed]:
         yield Listed(path, shown, {name: cells[k].strip() for k, name in enumerate(header) if k != column})
 
 
-def _split(lines: Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
+def _split(lines: abc.Sequence[str], first: int, separator: str, file: Path) -> list[tuple[int, list[str]]]:
     reader = csv.reader(lines[first:], delimiter=separator, skipinitialspace=True)
     try:
         return [(first + reader.line_num, cells) for cells in reader]

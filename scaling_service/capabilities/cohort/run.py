@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -11,21 +11,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
+from scaling_service.capabilities.cohort import document as documents
+from scaling_service.capabilities.cohort import outcomes as cohort_outcomes
 from scaling_service.capabilities.cohort import saving
-from scaling_service.capabilities.cohort.document import (
-    CohortDocument,
-    QuantityEntry,
-    StatisticsDocument,
-    SubjectEntry,
-)
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.members import Listed, read_members
-from scaling_service.capabilities.cohort.outcomes import (
-    Outcome,
-    SubjectMember,
-    run_members,
-    select_possible_methods,
-)
 from scaling_service.capabilities.cohort.statistics import compute_cohort_statistics
 from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH
 from scaling_service.capabilities.scaling.methods import table
@@ -41,7 +31,7 @@ from scaling_service.recording.orientation import check_axes
 from scaling_service.report.words import spell_name
 
 
-def write_headline(found: StatisticsDocument) -> str:
+def write_headline(found: documents.StatisticsDocument) -> str:
     """Which method follows the markers most closely, and whether that is more than chance."""
     role, entry = next(_list_compared_errors(found), (None, None))
     if role is None or entry is None:
@@ -55,7 +45,9 @@ def write_headline(found: StatisticsDocument) -> str:
     return said if entry.friedman.significant else f"{said}, but the methods may differ by chance"
 
 
-def write_reasons(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> list[str]:
+def write_reasons(
+    found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
+) -> list[str]:
     """What the headline rests on, and what it does not say; ``groups``: the labels of each subject."""
     return [
         *_describe_errors(found),
@@ -67,7 +59,9 @@ def write_reasons(found: StatisticsDocument, groups: Mapping[str, Mapping[str, s
     ]
 
 
-def _list_compared_errors(found: StatisticsDocument) -> Iterator[tuple[str, QuantityEntry]]:
+def _list_compared_errors(
+    found: documents.StatisticsDocument,
+) -> abc.Iterator[tuple[str, documents.QuantityEntry]]:
     """Errors of two methods or more, in words where: held out first."""
     entries = {entry.quantity: entry for entry in found.kinematic_error_mm if len(entry.mean) > 1}
     for role, said in (("evaluation", "on held-out trials"), ("calibration", "on trials used to fit")):
@@ -75,21 +69,23 @@ def _list_compared_errors(found: StatisticsDocument) -> Iterator[tuple[str, Quan
             yield said, entries[role]
 
 
-def _rank(values: Mapping[str, float]) -> str:
+def _rank(values: abc.Mapping[str, float]) -> str:
     return ", ".join(f"{name} {values[name]:.1f}" for name in sorted(values, key=values.__getitem__))
 
 
-def _describe_errors(found: StatisticsDocument) -> Iterator[str]:
+def _describe_errors(found: documents.StatisticsDocument) -> abc.Iterator[str]:
     for said, entry in _list_compared_errors(found):
         ranked = f"Kinematic error {said}, mm, smallest first: {_rank(entry.mean)}."
         yield f"{ranked} {_describe_test(entry)}"
 
 
-def _describe_groups(found: StatisticsDocument, groups: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+def _describe_groups(
+    found: documents.StatisticsDocument, groups: abc.Mapping[str, abc.Mapping[str, str]]
+) -> abc.Iterator[str]:
     """The errors of the first role in each group of each label."""
     for said, entry in islice(_list_compared_errors(found), 1):
         for label in sorted({label for given in groups.values() for label in given}):
-            members: dict[str, list[Mapping[str, float]]] = {}
+            members: dict[str, list[abc.Mapping[str, float]]] = {}
             for subject in entry.compared.subjects:
                 members.setdefault(groups[subject].get(label) or "not given", []).append(
                     entry.values[subject]
@@ -101,24 +97,24 @@ def _describe_groups(found: StatisticsDocument, groups: Mapping[str, Mapping[str
                 yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
 
 
-def _average_by_method(values: Sequence[Mapping[str, float]]) -> dict[str, float]:
+def _average_by_method(values: abc.Sequence[abc.Mapping[str, float]]) -> dict[str, float]:
     return {method: sum(one[method] for one in values) / len(values) for method in values[0]}
 
 
-def _describe_test(entry: QuantityEntry) -> str:
+def _describe_test(entry: documents.QuantityEntry) -> str:
     if entry.friedman is None:
         return f"Not tested: {entry.note}."
     said = "The methods differ" if entry.friedman.significant else "No difference between methods is found"
     return f"{said} (Friedman p {format_p(entry.friedman.p)})."
 
 
-def _describe_lengths(found: StatisticsDocument) -> Iterator[str]:
+def _describe_lengths(found: documents.StatisticsDocument) -> abc.Iterator[str]:
     tests = [(spell_name(e.quantity), e.friedman) for e in found.segment_lengths_mm if e.friedman is not None]
     differ = dict.fromkeys(name for name, test in tests if test.significant)
     yield from _tell_differences(len(tests), ", ".join(differ), "segment length", "")
 
 
-def _describe_nearest(found: StatisticsDocument) -> Iterator[str]:
+def _describe_nearest(found: documents.StatisticsDocument) -> abc.Iterator[str]:
     """Which method's lengths lie nearest to each reference, by the RMS over lengths and subjects."""
     for reference, said in ((IMAGED, "the image"), (TRUTH, "the truth")):
         squares: dict[str, list[float]] = {}
@@ -130,13 +126,13 @@ def _describe_nearest(found: StatisticsDocument) -> Iterator[str]:
             yield f"Lengths against {said}, RMS in mm, nearest first: {_rank(rms)}."
 
 
-def _describe_angles(found: StatisticsDocument) -> Iterator[str]:
+def _describe_angles(found: documents.StatisticsDocument) -> abc.Iterator[str]:
     tests = [(spell_name(c.coordinate), c.anova) for c in found.joint_angles if c.anova is not None]
     differ = dict.fromkeys(name for name, test in tests if test.significant)
     yield from _tell_differences(len(tests), "; ".join(differ), "joint angle", " in the gait cycle")
 
 
-def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> Iterator[str]:
+def _tell_differences(tested: int, differ: str, quantity: str, where: str) -> abc.Iterator[str]:
     if differ:
         yield f"{quantity.capitalize()}s differ between methods{where} for {differ}."
     elif tested:
@@ -152,7 +148,7 @@ class Watcher(Protocol):
     def stage(self, name: str, what: str, share: float) -> None:
         """A subject is at some stage, this share of it done."""
 
-    def finish(self, outcome: Outcome) -> None:
+    def finish(self, outcome: cohort_outcomes.Outcome) -> None:
         """A subject ended."""
 
 
@@ -160,8 +156,10 @@ class Watcher(Protocol):
 class BatchResult:
     """All that a report of a cohort needs."""
 
-    document: CohortDocument  # cohort.json: mm and degrees
-    outcomes: tuple[Outcome, ...]  # how every member ended, with its own curves and figures in SI
+    document: documents.CohortDocument  # cohort.json: mm and degrees
+    outcomes: tuple[
+        cohort_outcomes.Outcome, ...
+    ]  # how every member ended, with its own curves and figures in SI
     files: tuple[str, ...] = ()  # what was written beside the subjects' folders
 
     @property
@@ -189,7 +187,7 @@ class BatchResult:
 def batch(
     cohort: str | Path,
     out: str | Path,
-    methods: Sequence[str] | None = None,
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     *,
     worker_count: int | None = None,
@@ -259,7 +257,7 @@ def batch(
     readable = [member for member in members if member.error is None]
     saving.check_names(((m.name, m.shown, m.file) for m in readable), source)
     subjects = [found for found in read if isinstance(found, Subject)]
-    answers = [select_possible_methods(subject, methods) for subject in subjects]
+    answers = [cohort_outcomes.select_possible_methods(subject, methods) for subject in subjects]
     if answers and not any(possible for possible, _ in answers):
         reasons = (f"{m}: {why}" for _, left_out in answers for m, why in left_out.items())
         raise explain_none_possible(reasons, methods, source)
@@ -269,18 +267,18 @@ def batch(
         watcher.start(len(members), count)
     listener, finished = (None, None) if watcher is None else (watcher.stage, watcher.finish)
     with _make_folder(folder), nullcontext(executor) if executor else workers(count, listener) as chosen:
-        outcomes = run_members(members, chosen, methods, settings, finished=finished)
+        outcomes = cohort_outcomes.run_members(members, chosen, methods, settings, finished=finished)
     result = summarise_cohort(outcomes, methods, settings, cohort=str(source), notes=notes, started=clock)
     return replace(result, files=saving.save_cohort(result.document, outcomes, folder))
 
 
 def summarise_cohort(
-    outcomes: Sequence[Outcome],
-    methods: Sequence[str] | None = None,
+    outcomes: abc.Sequence[cohort_outcomes.Outcome],
+    methods: abc.Sequence[str] | None = None,
     settings: Settings = Settings(),
     *,
     cohort: str,
-    notes: Sequence[str] = (),
+    notes: abc.Sequence[str] = (),
     started: float,
 ) -> BatchResult:
     """Compare the methods over the members that are done; whoever computed them, nothing is read or written.
@@ -291,7 +289,7 @@ def summarise_cohort(
     """
     summaries = [o.summary for o in outcomes if o.summary is not None]
     statistics = compute_cohort_statistics(summaries, methods or tuple(table.METHODS), seed=settings.seed)
-    document = CohortDocument(
+    document = documents.CohortDocument(
         code_version=writing.code_version(),
         cohort=cohort,
         methods_asked=None if methods is None else list(methods),
@@ -308,7 +306,7 @@ def summarise_cohort(
 
 
 def explain_none_possible(
-    reasons: Iterable[str], methods: Sequence[str] | None, source: str | Path
+    reasons: abc.Iterable[str], methods: abc.Sequence[str] | None, source: str | Path
 ) -> InputError:
     """The error that nobody can be done by any of the methods, for these reasons."""
     return InputError(
@@ -326,19 +324,21 @@ def _load(row: Listed) -> Subject | InputError:
         return error
 
 
-def _make_member(row: Listed, found: Subject | InputError, folder: Path, force: bool) -> SubjectMember:
+def _make_member(
+    row: Listed, found: Subject | InputError, folder: Path, force: bool
+) -> cohort_outcomes.SubjectMember:
     if isinstance(found, InputError):
-        return SubjectMember(
+        return cohort_outcomes.SubjectMember(
             name=row.shown, file=row.file, folder=folder, shown=row.shown, groups=row.groups, error=found
         )
     place = (folder / found.id).absolute()
-    return SubjectMember(
+    return cohort_outcomes.SubjectMember(
         name=found.id, file=row.file, folder=place, shown=row.shown, groups=row.groups, force=force
     )
 
 
 @contextmanager
-def _make_folder(folder: Path) -> Iterator[None]:
+def _make_folder(folder: Path) -> abc.Iterator[None]:
     """The folder made before workers want to make it at the same time, and gone if nothing came into it."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -349,9 +349,9 @@ def _make_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def _make_entry(outcome: Outcome) -> SubjectEntry:
+def _make_entry(outcome: cohort_outcomes.Outcome) -> documents.SubjectEntry:
     summary = outcome.summary
-    return SubjectEntry(
+    return documents.SubjectEntry(
         id=outcome.name,
         file=outcome.shown,
         groups=dict(outcome.groups),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock
@@ -25,7 +25,7 @@ _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subj
 _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen
 
 
-def show_cohort(document: CohortDocument, out: Path, files: Sequence[str]) -> None:
+def show_cohort(document: CohortDocument, out: Path, files: abc.Sequence[str]) -> None:
     """The methods over subjects, then the subjects that are not done, notes and files."""
     console = screen.make_console()
     ended = [s.status for s in document.subjects]
@@ -123,7 +123,7 @@ def _format_line(outcome: Outcome) -> str:
 
 
 @contextmanager
-def show_progress() -> Iterator[Screen]:
+def show_progress() -> abc.Iterator[Screen]:
     """A screen for the time of a batch; the bars are gone when it is left."""
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[counted]}"), _Rest())

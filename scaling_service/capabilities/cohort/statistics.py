@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scaling_service.capabilities.cohort import document, groups
-from scaling_service.capabilities.cohort.summary import IMAGED, TRUTH, MethodSummary, SubjectSummary
+from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.numerics.statistics import agreement, complete
+from scaling_service.numerics.statistics import waveforms as statistics_waveforms
 from scaling_service.numerics.statistics.permutation_tests import CurveTest
-from scaling_service.numerics.statistics.waveforms import (
-    Curves,
-    WaveformSettings,
-    compare_waveforms,
-)
 
 GATE_RMS_M, GATE_MAX_M = 0.02, 0.04
 """OpenSim's guideline for inverse kinematics: marker errors below 2 cm RMS and 2 to 4 cm at most (Hicks et
@@ -41,13 +37,15 @@ class CohortSettings:
     """How a cohort is compared."""
 
     alpha: float = 0.05  # of every test of single numbers
-    waveforms: WaveformSettings = field(default_factory=WaveformSettings)
+    waveforms: statistics_waveforms.WaveformSettings = field(
+        default_factory=statistics_waveforms.WaveformSettings
+    )
     confidence: float = 0.95  # of the intervals of agreement
 
 
 def compute_cohort_statistics(
-    subjects: Sequence[SubjectSummary],
-    methods: Sequence[str],
+    subjects: abc.Sequence[summaries.SubjectSummary],
+    methods: abc.Sequence[str],
     *,
     seed: int = 0,
     settings: CohortSettings = CohortSettings(),
@@ -77,7 +75,7 @@ def compute_cohort_statistics(
     )
 
 
-def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> document.GateEntry:
+def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> document.GateEntry:
     passed = [_list_passed(s.methods[method]) for s in subjects if method in s.methods]
     return document.GateEntry(
         method=method,
@@ -88,12 +86,12 @@ def _make_gate(subjects: Sequence[SubjectSummary], method: str) -> document.Gate
     )
 
 
-def _list_passed(method: MethodSummary) -> list[bool]:
+def _list_passed(method: summaries.MethodSummary) -> list[bool]:
     seen = [t for t in method.trials.values() if math.isfinite(t.mean)]
     return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
 
 
-def _describe_references(curves: Sequence[document.CurveEntry]) -> list[str]:
+def _describe_references(curves: abc.Sequence[document.CurveEntry]) -> list[str]:
     """What joint angles were compared to, where it is not what the paper takes."""
     if not curves:
         return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
@@ -107,10 +105,10 @@ def _describe_references(curves: Sequence[document.CurveEntry]) -> list[str]:
 
 
 def compare_with_references(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], confidence: float = 0.95
-) -> Iterator[document.AgreementEntry | str]:
+    subjects: abc.Sequence[summaries.SubjectSummary], methods: abc.Sequence[str], confidence: float = 0.95
+) -> abc.Iterator[document.AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
-    for reference in (IMAGED, TRUTH):
+    for reference in (summaries.IMAGED, summaries.TRUTH):
         tables = _tabulate_quantities(subjects, reference)
         known = {s for table in tables.values() for s, values in table.items() if reference in values}
         if 0 < len(known) < FEWEST:
@@ -125,8 +123,12 @@ def compare_with_references(
 
 
 def _agree(
-    quantity: str, table: Mapping[str, Mapping[str, float]], method: str, reference: str, confidence: float
-) -> Iterator[document.AgreementEntry]:
+    quantity: str,
+    table: abc.Mapping[str, abc.Mapping[str, float]],
+    method: str,
+    reference: str,
+    confidence: float,
+) -> abc.Iterator[document.AgreementEntry]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
@@ -161,7 +163,7 @@ def _keep_finite(value: float) -> float | None:
 
 
 def _tabulate_quantities(
-    subjects: Sequence[SubjectSummary], reference: str
+    subjects: abc.Sequence[summaries.SubjectSummary], reference: str
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Quantity to subject to method (the reference among them) to value, mm."""
     tables: dict[str, dict[str, dict[str, float]]] = {}
@@ -172,12 +174,14 @@ def _tabulate_quantities(
     return tables
 
 
-def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[str, str, float]]:
+def _list_quantities(
+    subject: summaries.SubjectSummary, reference: str
+) -> abc.Iterator[tuple[str, str, float]]:
     """Quantity, method and value: lengths, and joint centres' coordinates in the proximal segment."""
     for method, summary in subject.methods.items():
         yield from ((name, method, length) for name, length in summary.lengths.items())
-    if reference == TRUTH:
-        yield from ((name, TRUTH, length) for name, length in subject.true_lengths.items())
+    if reference == summaries.TRUTH:
+        yield from ((name, summaries.TRUTH, length) for name, length in subject.true_lengths.items())
     for method, joints in subject.centres.get(reference, {}).items():
         for joint, place in joints.items():
             for axis, value in zip("xyz", place, strict=True):
@@ -185,8 +189,11 @@ def _list_quantities(subject: SubjectSummary, reference: str) -> Iterator[tuple[
 
 
 def compare_curves(
-    subjects: Sequence[SubjectSummary], methods: Sequence[str], seed: int, settings: WaveformSettings
-) -> Iterator[document.CurveEntry]:
+    subjects: abc.Sequence[summaries.SubjectSummary],
+    methods: abc.Sequence[str],
+    seed: int,
+    settings: statistics_waveforms.WaveformSettings,
+) -> abc.Iterator[document.CurveEntry]:
     """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
@@ -202,9 +209,9 @@ def compare_curves(
 def _compare_curve(
     coordinate: str,
     panel: complete.Panel,
-    subjects: Sequence[SubjectSummary],
+    subjects: abc.Sequence[summaries.SubjectSummary],
     rng: np.random.Generator,
-    settings: WaveformSettings,
+    settings: statistics_waveforms.WaveformSettings,
 ) -> document.CurveEntry:
     side = coordinate.rpartition("_")[2]
     counted = [s for s in subjects if s.subject in panel.subjects]
@@ -214,8 +221,8 @@ def _compare_curve(
     reference = next((m for m in REFERENCES if m in panel.methods), None)
     note, test = groups.explain_too_few(panel), None
     if not note:
-        curves = Curves(coordinate, panel.subjects, panel.methods, values)
-        test = compare_waveforms(curves, rng, reference=reference, settings=settings)
+        curves = statistics_waveforms.Curves(coordinate, panel.subjects, panel.methods, values)
+        test = statistics_waveforms.compare_waveforms(curves, rng, reference=reference, settings=settings)
         # A note where too few subjects make significance impossible
         n = len(test.subjects)
         if not test.anova.can_decide:

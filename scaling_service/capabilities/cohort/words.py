@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.capabilities.cohort.document import (
-    CohortDocument,
-    CurveEntry,
-    QuantityEntry,
-    StatisticsDocument,
-    SubjectEntry,
-)
+from scaling_service.capabilities.cohort import document as documents
 from scaling_service.core.text import format_p
 from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
 
-TITLES: Mapping[str, str] = {
+TITLES: abc.Mapping[str, str] = {
     "kinematic_error_mm": "Kinematic error",
     "segment_lengths_mm": "Segment lengths",
     "knee_axis_deg": "Knee axes, turns from the thigh's z",
@@ -38,7 +32,7 @@ _NAMES = {
 }
 
 
-def summarise(document: CohortDocument) -> Summary:
+def summarise(document: documents.CohortDocument) -> Summary:
     """What the cohort shows, what to beware of, the methods over subjects, and how every subject ended."""
     done = any(subject.status == "done" for subject in document.subjects)
     statistics = make_screen_tables(document.statistics) if done else ()
@@ -63,11 +57,11 @@ def summarise(document: CohortDocument) -> Summary:
     )
 
 
-def make_screen_tables(found: StatisticsDocument) -> Iterator[tables.Table]:
+def make_screen_tables(found: documents.StatisticsDocument) -> abc.Iterator[tables.Table]:
     """For the terminal: all quantities in one table, OpenSim's limits, and where angles differ."""
     methods = [gate.method for gate in found.opensim_limits.methods]
     rows: list[tables.Row] = []
-    everything: list[QuantityEntry] = []
+    everything: list[documents.QuantityEntry] = []
     for kind, title in TITLES.items():
         if entries := getattr(found, kind):
             rows.append(tables.Row(f"{title}, {_UNITS[kind.rpartition('_')[2]]}"))
@@ -87,7 +81,9 @@ def describe_quantity(name: str) -> str:
     return _NAMES.get(name, words.spell_name(name))
 
 
-def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str]) -> list[tables.Row]:
+def list_quantity_rows(
+    entries: abc.Sequence[documents.QuantityEntry], methods: abc.Sequence[str]
+) -> list[tables.Row]:
     """For each quantity: how many subjects, mean ± SD over them by each method, Friedman's p."""
     return [
         tables.Row(
@@ -102,14 +98,14 @@ def list_quantity_rows(entries: Sequence[QuantityEntry], methods: Sequence[str])
     ]
 
 
-def _spread(entry: QuantityEntry, method: str) -> str:
+def _spread(entry: documents.QuantityEntry, method: str) -> str:
     if method not in entry.mean:
         return "–"
     sd = f" ± {entry.sd[method]:.1f}" if method in entry.sd else ""
     return f"{entry.mean[method]:.1f}{sd}"
 
 
-def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
+def describe_comparisons(entries: abc.Sequence[documents.QuantityEntry]) -> str:
     """Which pairs differ, what was not tested and why, and who is not counted."""
     said, untested, excluded = [], dict[str, list[str]](), dict[str, str]()
     for entry in entries:
@@ -125,7 +121,7 @@ def describe_comparisons(entries: Sequence[QuantityEntry]) -> str:
     return " ".join(said)
 
 
-def tabulate_curves(curves: Sequence[CurveEntry]) -> tables.Table:
+def tabulate_curves(curves: abc.Sequence[documents.CurveEntry]) -> tables.Table:
     """Where along the gait cycle methods differ, for every angle."""
     reference = next((c.reference for c in curves if c.reference is not None), None)
     pairs = f"pairs with {reference}" if reference else "pairs"
@@ -138,7 +134,7 @@ def tabulate_curves(curves: Sequence[CurveEntry]) -> tables.Table:
     )
 
 
-def _format_curve_cells(curve: CurveEntry) -> list[str]:
+def _format_curve_cells(curve: documents.CurveEntry) -> list[str]:
     count = str(len(curve.compared.subjects))
     if curve.anova is None:
         return [count, "–", "–", curve.note]
@@ -152,13 +148,13 @@ def _format_curve_cells(curve: CurveEntry) -> list[str]:
     return [count, p, words.describe_spans(curve.anova.spans), said]
 
 
-def _describe_end(subject: SubjectEntry) -> str:
+def _describe_end(subject: documents.SubjectEntry) -> str:
     left_out = "; ".join(f"no {method}: {why}" for method, why in subject.left_out.items())
     kept = "kept from an earlier run" if subject.kept else ""
     return "; ".join(text for text in (subject.reason, left_out, kept) if text)
 
 
-def _tabulate_gates(found: StatisticsDocument) -> tables.Table:
+def _tabulate_gates(found: documents.StatisticsDocument) -> tables.Table:
     rows = [
         tables.Row(g.method, [f"{g.subjects_passed} of {g.subjects}", f"{g.trials_passed} of {g.trials}"])
         for g in found.opensim_limits.methods

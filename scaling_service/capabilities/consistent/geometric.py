@@ -5,18 +5,18 @@ With the joint angles known, markers are linear in lengths and local coordinates
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import compile as compiling
 from scaling_service.model import parameters
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.numerics.least_squares.border import minimise_within
-from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_links
+from scaling_service.numerics.multibody import tree as trees
 
 FRAMES = 200
 """Frames used of each recording, evenly spaced (chosen: neighbours say the same)."""
@@ -40,7 +40,7 @@ class GeometricIdentification:
     """A model with other lengths and marker coordinates."""
 
     model: BodyModel
-    factors: Mapping[str, float]  # segment to its length over that of the start
+    factors: abc.Mapping[str, float]  # segment to its length over that of the start
     at_bound: tuple[str, ...]  # parameters that ended on a bound
 
 
@@ -64,8 +64,8 @@ class GeometryPrior:
 def identify_geometry(
     model: BodyModel,
     markers: tuple[str, ...],
-    fitted: Sequence[KnownMotion],
-    expected_m: Mapping[str, float],
+    fitted: abc.Sequence[KnownMotion],
+    expected_m: abc.Mapping[str, float],
     *,
     bound: float,
     axes: str = "xyz",
@@ -88,7 +88,7 @@ def identify_geometry(
         if reach > 0.0:
             free = parameters.free_marker(free, name, axes, reach)
     freed = free
-    start = list_parameter_values(freed)
+    start = compiling.list_parameter_values(freed)
     lower = np.array([p.lower for p in freed.parameters])
     upper = np.array([p.upper for p in freed.parameters])
     normal, slope = _form_normal_equations(freed, markers, fitted, expected_m, start)
@@ -124,23 +124,23 @@ def _find_sized_segments(model: BodyModel, markers: tuple[str, ...]) -> list[str
 def _form_normal_equations(
     freed: BodyModel,
     markers: tuple[str, ...],
-    fitted: Sequence[KnownMotion],
-    expected_m: Mapping[str, float],
+    fitted: abc.Sequence[KnownMotion],
+    expected_m: abc.Mapping[str, float],
     p: Array,
 ) -> tuple[Array, Array]:
     """Mean over frames of the regressor's normal equations, weighted by the markers' expected errors."""
-    tree = compile_model(freed, markers)
+    tree = compiling.compile_model(freed, markers)
     columns = len(freed.coordinates) + np.arange(len(p))
     weights = np.array([1.0 / expected_m[name] ** 2 for name in markers])
     normal, slope, frames = np.zeros((len(p), len(p))), np.zeros(len(p)), 0
     for known in fitted:
         rows = np.unique(np.linspace(0, len(known.q) - 1, FRAMES).astype(int))
-        poses = pose_links(tree, np.ascontiguousarray(known.q[rows].T), p)
-        placed = place_tree_markers(tree, poses)
+        poses = trees.pose_links(tree, np.ascontiguousarray(known.q[rows].T), p)
+        placed = trees.place_tree_markers(tree, poses)
         gap = np.moveaxis(known.measured[rows], 0, -1) - placed
         seen = np.isfinite(gap)
         heavy = np.where(seen, weights[:, None, None], 0.0).ravel()
-        regressor = compute_jacobian(tree, poses, placed, columns).reshape(len(p), -1)
+        regressor = trees.compute_jacobian(tree, poses, placed, columns).reshape(len(p), -1)
         normal += (regressor * heavy) @ regressor.T
         slope += regressor @ (heavy * np.where(seen, gap, 0.0).ravel())
         frames += len(rows)

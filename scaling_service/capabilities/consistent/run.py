@@ -18,11 +18,11 @@ from scaling_service.capabilities.dynamics import start
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.dynamics.weight import weigh_motions
 from scaling_service.capabilities.kinetics import inverse_dynamics
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject import loading
+from scaling_service.core import progress as progressing
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT
 from scaling_service.model.body import BodyModel
@@ -46,7 +46,7 @@ class ConsistentResults:
 
     prepared: start.Prepared  # its model has the mass that the plates bear
     chosen: ForceSettings
-    settings: Settings
+    settings: shared_settings.Settings
     recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
     fitted: int  # how many were fitted
     result: ConsistentResult
@@ -63,9 +63,9 @@ class ConsistentResults:
 def consistent(
     subject: Subject | str | Path,
     chosen: ForceSettings = ForceSettings(),
-    settings: Settings = UNSMOOTHED,
+    settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
-    progress: Progress | None = None,
+    progress: progressing.Progress | None = None,
 ) -> ConsistentResults:
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
@@ -75,10 +75,10 @@ def consistent(
     Raises InputError: whatever in the subject file, the model, the recordings or their forces cannot be used.
     """
     clock = time.perf_counter()
-    report = progress or show_nothing
+    report = progress or progressing.show_nothing
     loaded = loading.open_subject(subject, settings, facing=True)
     with loaded.blame_files():
-        ready = read(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
+        ready = read(loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING))
         result = identify(
             ready.prepared.model,
             ready.fitted,
@@ -110,7 +110,13 @@ class Ready:
     notes: tuple[str, ...]
 
 
-def read(loaded: loading.Loaded, chosen: ForceSettings, settings: Settings, *, progress: Progress) -> Ready:
+def read(
+    loaded: loading.Loaded,
+    chosen: ForceSettings,
+    settings: shared_settings.Settings,
+    *,
+    progress: progressing.Progress,
+) -> Ready:
     """Read the forces, scale the model, follow the markers, weigh the person; errors as above."""
     if loaded.session.subject.model == SQUAT:
         prepared, found = planar.prepare_squat(loaded, chosen)

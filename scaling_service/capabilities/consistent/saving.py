@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import abc
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.consistent import document as documents
 from scaling_service.capabilities.consistent import words
-from scaling_service.capabilities.consistent.document import (
-    ConsistentDocument,
-    ConsistentTrial,
-    GroundWrench,
-    InertialEntry,
-    LoopEntry,
-    MarkerErrors,
-    WrenchErrors,
-)
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
 from scaling_service.capabilities.consistent.run import ConsistentResults
 from scaling_service.capabilities.dynamics import saving
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
-from scaling_service.capabilities.playback.document import WrenchScene, WrenchTrial
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
@@ -41,7 +33,7 @@ WRENCHES_FILE = f"{FOLDER}/wrenches.json"
 
 def save_consistent(
     results: ConsistentResults, folder: str | Path, *, report: bool = True
-) -> ConsistentDocument:
+) -> documents.ConsistentDocument:
     """Write motions, ``model.*``, ``consistent.json`` (returned) and ``report.html`` into a folder."""
     result = results.result
     with writing.all_or_nothing(Path(folder)) as scratch:
@@ -74,7 +66,9 @@ def save_consistent(
     return document
 
 
-def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument) -> dict[str, ResultTable]:
+def tabulate_consistent(
+    results: ConsistentResults, document: documents.ConsistentDocument
+) -> dict[str, ResultTable]:
     """Errors in the three ways, lengths before and after, and the consistent motions, by name."""
     errors = tuple(
         (name, "held out" if trial.held_out else "used to fit", way, *wrench.model_dump().values(), off)
@@ -83,7 +77,7 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
             trial.ground_wrench_rmse, trial.marker_rms_mm.model_dump().values(), strict=True
         )
     )
-    components = tuple(GroundWrench.model_fields)
+    components = tuple(documents.GroundWrench.model_fields)
     lengths = tuple((name, document.lengths_before_mm[name], v) for name, v in document.lengths_mm.items())
     model = results.result.model
     motions = {
@@ -100,7 +94,7 @@ def tabulate_consistent(results: ConsistentResults, document: ConsistentDocument
     }
 
 
-def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> WrenchScene:
+def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = False) -> playing.WrenchScene:
     """Write ``scene/wrenches.json`` with its tables: the ground wrench measured, and in each way.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -111,13 +105,13 @@ def write_wrenches(results: ConsistentResults, outputs: Path, *, brief: bool = F
         wrenches = {"measured": recording.wrench}
         wrenches |= {way: recording.wrench - tracked.gaps.wrench_gaps for way, tracked in ways.items()}
         times, name = recording.trial.times, recording.name
-        found[name] = WrenchTrial(
+        found[name] = playing.WrenchTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             components=[bool(yes) for yes in recording.components],
             wrenches={way: files.write(f"{name}.{way}", each, "N, N m") for way, each in wrenches.items()},
         )
-    document = WrenchScene(trials=found)
+    document = playing.WrenchScene(trials=found)
     writing.write_json(outputs / WRENCHES_FILE, document)
     return document
 
@@ -136,8 +130,8 @@ def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording
 
 
 def _make_document(
-    results: ConsistentResults, files: Sequence[str], notes: Sequence[str]
-) -> ConsistentDocument:
+    results: ConsistentResults, files: abc.Sequence[str], notes: abc.Sequence[str]
+) -> documents.ConsistentDocument:
     """``consistent.json``, with the files and notes that writing them added."""
     prepared, result = results.prepared, results.result
     trials = {
@@ -145,20 +139,23 @@ def _make_document(
         for k, (recording, ways) in enumerate(results.tracked)
     }
     headline, tone = words.write_headline(trials.values())
-    return ConsistentDocument(
+    return documents.ConsistentDocument(
         headline=headline,
         tone=tone,
         **saving.record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
         mass_kg=round(sum_mass(prepared.model), 3),
         trials=trials,
-        inertial=[InertialEntry.model_validate(p, from_attributes=True) for p in result.inertial.parameters],
+        inertial=[
+            documents.InertialEntry.model_validate(p, from_attributes=True)
+            for p in result.inertial.parameters
+        ],
         lengths_mm=_measure_lengths(result.model),
         lengths_before_mm=_measure_lengths(result.start),
         length_factors={name: round(f, 5) for name, f in result.factors.items()},
         outer_iterations=result.outer_iterations,
         converged=result.converged,
         history=[
-            LoopEntry(
+            documents.LoopEntry(
                 marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
             )
             for markers, w in result.history
@@ -172,28 +169,28 @@ def _make_document(
 def _make_trial(
     results: ConsistentResults,
     recording: ConsistentRecording,
-    ways: Mapping[str, TrackedRecording],
+    ways: abc.Mapping[str, TrackedRecording],
     *,
     held_out: bool,
-) -> ConsistentTrial:
+) -> documents.ConsistentTrial:
     forces = results.prepared.forces.get(recording.name)
-    return ConsistentTrial(
+    return documents.ConsistentTrial(
         held_out=held_out,
         forces_from=forces.source.name if forces is not None else recording.name,
         frames=int(recording.known.sum()),
-        ground_wrench_rmse=WrenchErrors(
+        ground_wrench_rmse=documents.WrenchErrors(
             **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
         ),
-        marker_rms_mm=MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
+        marker_rms_mm=documents.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
         weight=ways["consistent"].weight,
     )
 
 
-def _make_wrench(values: Array, recording: ConsistentRecording) -> GroundWrench:
+def _make_wrench(values: Array, recording: ConsistentRecording) -> documents.GroundWrench:
     named = zip(
         ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
     )
-    return GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
+    return documents.GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
 
 
 def _measure_lengths(model: BodyModel) -> dict[str, float]:

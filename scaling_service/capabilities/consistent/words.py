@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from scaling_service.capabilities.consistent.document import ConsistentDocument, ConsistentTrial, GroundWrench
+from scaling_service.capabilities.consistent import document as documents
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
@@ -15,7 +15,7 @@ HARDLY = 0.9
 """Chosen: an error of more than this share of the classical one is hardly better, and no good news."""
 
 
-def summarise(document: ConsistentDocument) -> Summary:
+def summarise(document: documents.ConsistentDocument) -> Summary:
     """What was gained, what to beware of, errors and lengths."""
     settled = "." if document.converged else ", and they had not settled."
     return Summary(
@@ -29,12 +29,12 @@ def summarise(document: ConsistentDocument) -> Summary:
     )
 
 
-def describe_start(document: ConsistentDocument) -> str:
+def describe_start(document: documents.ConsistentDocument) -> str:
     """What the loops started from."""
     return f"start {document.start}, inertia {document.inertia}, {document.mass_kg:.1f} kg on the plates"
 
 
-def write_headline(trials: Iterable[ConsistentTrial]) -> tuple[str, Tone]:
+def write_headline(trials: Iterable[documents.ConsistentTrial]) -> tuple[str, Tone]:
     """What was gained at the forces, on recordings that were fitted and held out; whether it is good news."""
     found = list(trials)
     ratio = max(_compare_ways(t, "consistent") for t in found if not t.held_out)
@@ -51,20 +51,20 @@ def write_headline(trials: Iterable[ConsistentTrial]) -> tuple[str, Tone]:
     )
 
 
-def _compare_ways(trial: ConsistentTrial, way: str) -> float:
+def _compare_ways(trial: documents.ConsistentTrial, way: str) -> float:
     """The worst component's error over that of the classical two steps."""
     wrenches = trial.ground_wrench_rmse
-    ours: GroundWrench = getattr(wrenches, way)
+    ours: documents.GroundWrench = getattr(wrenches, way)
     return float(max(getattr(ours, n) / max(getattr(wrenches.classical, n), 1e-9) for n in SHOWN))
 
 
-def tabulate_errors(document: ConsistentDocument) -> tables.Table:
+def tabulate_errors(document: documents.ConsistentDocument) -> tables.Table:
     """Errors of every recording in the three ways."""
     rows = []
     for name, trial in document.trials.items():
         rows.append(tables.Row(f"{name} ({'held out' if trial.held_out else 'used to fit'})"))
         for way in WAYS:
-            wrench: GroundWrench = getattr(trial.ground_wrench_rmse, way)
+            wrench: documents.GroundWrench = getattr(trial.ground_wrench_rmse, way)
             values = [*(getattr(wrench, n) for n in SHOWN), getattr(trial.marker_rms_mm, way)]
             rows.append(tables.Row(way, [f"{value:.1f}" for value in values]))
     return tables.Table(
@@ -79,7 +79,7 @@ def tabulate_errors(document: ConsistentDocument) -> tables.Table:
     )
 
 
-def _tabulate_lengths(document: ConsistentDocument) -> tables.Table:
+def _tabulate_lengths(document: documents.ConsistentDocument) -> tables.Table:
     before = document.lengths_before_mm
     rows = [
         tables.Row(name, [f"{before[name]:.1f}", f"{after:.1f}"])

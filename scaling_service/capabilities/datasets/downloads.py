@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections import abc
 from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, urlsplit
@@ -19,7 +19,7 @@ TIMEOUT_S = (10.0, 30.0)
 
 _CHUNK_BYTES = 1 << 16  # chosen: the progress moves several times a second on a slow link
 
-Received = Callable[[int], None]
+Received = abc.Callable[[int], None]
 
 _AGAIN = "Try again: files that came are kept"
 _ON_THE_WAY: tuple[tuple[type[requests.RequestException], str, str], ...] = (
@@ -181,7 +181,7 @@ def _describe_refusal(status: int, url: str) -> tuple[str, str]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> abc.Iterator[None]:
     """Keep pooch's own lines off the terminal; the caller says what happens."""
     logger = pooch.get_logger()
     before = logger.level

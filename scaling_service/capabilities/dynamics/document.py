@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+import pydantic
 
 from scaling_service.core.text import list_few
 from scaling_service.documents import base
@@ -17,8 +17,8 @@ def _round_figures(value: float) -> float:
     return float(f"{value:.6g}")
 
 
-Number = Annotated[float, AfterValidator(_round_figures)]
-Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], BeforeValidator(tuple)]
+Number = Annotated[float, pydantic.AfterValidator(_round_figures)]
+Six = Annotated[tuple[Number, Number, Number, Number, Number, Number], pydantic.BeforeValidator(tuple)]
 Yes = tuple[bool, bool, bool, bool, bool, bool]
 
 
@@ -32,7 +32,7 @@ class Wrench(base.Part):
     my_Nm: Number
     mz_Nm: Number
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _named(cls, values: Any) -> Any:
         """Six numbers of an array by their names."""
@@ -53,8 +53,8 @@ class ResidualGate(base.Part):
 class UncertaintyDocument(base.Part):
     """What errors of measurement add to ``dr`` (Muller et al. 2017), in the same shares and order."""
 
-    kinematic: Six = Field(description="Of the motion: markers and model.")
-    plate: Six = Field(description="Of the force plates.")
+    kinematic: Six = pydantic.Field(description="Of the motion: markers and model.")
+    plate: Six = pydantic.Field(description="Of the force plates.")
     total: Six
 
 
@@ -62,7 +62,7 @@ class JointLoad(base.Part):
     """Generalised force of one coordinate over the judged frames."""
 
     unit: Literal["N", "N m"]
-    peak: Number = Field(description="The largest size.")
+    peak: Number = pydantic.Field(description="The largest size.")
     rms: Number
 
 
@@ -70,25 +70,29 @@ class TrialDynamicsDocument(base.Part):
     """One recording."""
 
     role: Literal["calibration", "evaluation"]
-    forces_from: str = Field(description="File that the forces came from.")
-    frames: int = Field(description="Frames that count.")
-    left_out: int = Field(description="Frames whose motion or forces are not all known, and ends of them.")
+    forces_from: str = pydantic.Field(description="File that the forces came from.")
+    frames: int = pydantic.Field(description="Frames that count.")
+    left_out: int = pydantic.Field(
+        description="Frames whose motion or forces are not all known, and ends of them."
+    )
     residual_rms: Wrench
-    dr: Six = Field(
+    dr: Six = pydantic.Field(
         description="Residual RMS over body weight (forces) and body weight times height (moments); "
         "Muller et al. 2017, eq. 7."
     )
     gates: list[ResidualGate]
     joint_loads: dict[str, JointLoad]
-    reconstruction_error_mm: Number = Field(description="Mean distance of markers from the motion.")
+    reconstruction_error_mm: Number = pydantic.Field(description="Mean distance of markers from the motion.")
     uncertainty: UncertaintyDocument
-    slopes_per_cm: Six = Field(description="Kinematic uncertainty of dr per cm of reconstruction error.")
-    r2: Six = Field(description="Of the lines through zero with these slopes.")
-    calibration_supported: Yes = Field(
+    slopes_per_cm: Six = pydantic.Field(
+        description="Kinematic uncertainty of dr per cm of reconstruction error."
+    )
+    r2: Six = pydantic.Field(description="Of the lines through zero with these slopes.")
+    calibration_supported: Yes = pydantic.Field(
         description="Whether dr exceeds its uncertainty and the plates measure all that bears the person, "
         "so that inertia may be blamed for it."
     )
-    unmeasured: list[str] = Field(
+    unmeasured: list[str] = pydantic.Field(
         default=[],
         description="Flight, and when a chair, a step or a missing plate bears the person.",
     )
@@ -105,7 +109,7 @@ class InertialChange(base.Part):
     after: Number
     prior_sd: Number
     sd: Number
-    moved: Number = Field(description="Change over prior_sd.")
+    moved: Number = pydantic.Field(description="Change over prior_sd.")
     identifiable: bool
 
 
@@ -120,8 +124,8 @@ class CombinationPart(base.Part):
 class CombinationChange(base.Part):
     """A combination of inertial parameters that the recordings determine."""
 
-    parts: list[CombinationPart] = Field(description="The largest ones.")
-    gain: Number = Field(description="Information of the recordings over that of the prior.")
+    parts: list[CombinationPart] = pydantic.Field(description="The largest ones.")
+    gain: Number = pydantic.Field(description="Information of the recordings over that of the prior.")
     moved: Number
     sd: Number
 
@@ -138,12 +142,14 @@ class WrenchFitDocument(base.Part):
 class IdentificationDocument(base.Part):
     """Inertial parameters from the forces (Futamure et al., eq. 8)."""
 
-    headline: str = Field(default="", description="What it found, in one sentence.")
-    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
-    components: Yes = Field(description="Components of the wrench that were used: fx, fy, fz, mx, my, mz.")
-    total_mass_kg: tuple[Number, Number] = Field(description="Before and after.")
+    headline: str = pydantic.Field(default="", description="What it found, in one sentence.")
+    tone: base.Tone = pydantic.Field(default="plain", description="Whether the headline is good news.")
+    components: Yes = pydantic.Field(
+        description="Components of the wrench that were used: fx, fy, fz, mx, my, mz."
+    )
+    total_mass_kg: tuple[Number, Number] = pydantic.Field(description="Before and after.")
     trials: dict[str, WrenchFitDocument]
-    held_out_ratio: Number | None = Field(
+    held_out_ratio: Number | None = pydantic.Field(
         description="Error of the used components after over before, held-out recordings; null without any."
     )
     combinations: list[CombinationChange]
@@ -157,25 +163,29 @@ class WeightDocument(base.Part):
     declared_kg: Number
     plates_kg: Number
     sd_kg: Number
-    differs: bool = Field(default=False, description="Whether the declared mass is wrong beyond doubt.")
-    by_trial_kg: dict[str, Number] = Field(description="What the plates bear in each recording.")
+    differs: bool = pydantic.Field(
+        default=False, description="Whether the declared mass is wrong beyond doubt."
+    )
+    by_trial_kg: dict[str, Number] = pydantic.Field(description="What the plates bear in each recording.")
 
 
 class DynamicsDocument(Provenance):
     """``dynamics.json``."""
 
-    start: str = Field(description="The method that scaled the model, or 'none'.")
-    inertia: str = Field(description="An inertial table, or 'model': what the model holds.")
-    mass_kg: Number = Field(description="The model's.")
+    start: str = pydantic.Field(description="The method that scaled the model, or 'none'.")
+    inertia: str = pydantic.Field(description="An inertial table, or 'model': what the model holds.")
+    mass_kg: Number = pydantic.Field(description="The model's.")
     weight: WeightDocument
     height_m: float
     trials: dict[str, TrialDynamicsDocument]
-    headline: str = Field(default="", description="The verdict in one sentence.")
-    tone: base.Tone = Field(default="plain", description="Whether the headline is good news.")
-    verdict: str = Field(description="Whether these recordings can calibrate this person's inertia.")
-    inertial: IdentificationDocument | None = Field(default=None, description="Null where not asked for.")
+    headline: str = pydantic.Field(default="", description="The verdict in one sentence.")
+    tone: base.Tone = pydantic.Field(default="plain", description="Whether the headline is good news.")
+    verdict: str = pydantic.Field(description="Whether these recordings can calibrate this person's inertia.")
+    inertial: IdentificationDocument | None = pydantic.Field(
+        default=None, description="Null where not asked for."
+    )
     warnings: list[str]
-    files: list[str] = Field(description="What was written beside this document.")
+    files: list[str] = pydantic.Field(description="What was written beside this document.")
     wall_s: float
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -13,23 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics import start
+from scaling_service.capabilities.dynamics import unmeasured as unweighed
+from scaling_service.capabilities.dynamics import weight as weights
 from scaling_service.capabilities.dynamics.inertia import identification
 from scaling_service.capabilities.dynamics.inertia.evidence import ForceRecording
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.dynamics.uncertainty import total
-from scaling_service.capabilities.dynamics.unmeasured import (
-    Unmeasured,
-    find_unmeasured,
-    find_unmeasured_frames,
-)
-from scaling_service.capabilities.dynamics.weight import Weight, weigh_motions
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.kinetics.forces import TrialForces
-from scaling_service.capabilities.shared.settings import UNSMOOTHED, Settings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject.loading import open_subject
+from scaling_service.core import progress as progressing
 from scaling_service.core.errors import TrialUnusable
-from scaling_service.core.progress import Progress, report_part, show_nothing
 from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import list_few
 from scaling_service.model.results import Motion
@@ -67,7 +63,7 @@ class TrialDynamics:
     recording: total.LoadedMotion  # the same, as its uncertainty is asked of it
     uncertainty: total.WrenchUncertainty  # of the residual, over the same frames
     # flight, and what bears the person that no plate measures
-    unmeasured: tuple[Unmeasured, ...] = ()
+    unmeasured: tuple[unweighed.Unmeasured, ...] = ()
     warnings: tuple[str, ...] = ()  # plain sentences
 
     @property
@@ -82,9 +78,9 @@ class DynamicsResults:
 
     prepared: start.Prepared
     chosen: DynamicsSettings
-    settings: Settings
-    trials: Mapping[str, TrialDynamics]  # by the stems of the trials' files
-    weight: Weight  # by the plates, beside the model's
+    settings: shared_settings.Settings
+    trials: abc.Mapping[str, TrialDynamics]  # by the stems of the trials' files
+    weight: weights.Weight  # by the plates, beside the model's
     verdict: str  # in plain words: what the residuals say of the model
     inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
     warnings: tuple[str, ...] = ()  # what concerns all recordings
@@ -112,9 +108,9 @@ class DynamicsResults:
 def dynamics(
     subject: Subject | str | Path,
     chosen: DynamicsSettings = DynamicsSettings(),
-    settings: Settings = UNSMOOTHED,
+    settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
-    progress: Progress | None = None,
+    progress: progressing.Progress | None = None,
 ) -> DynamicsResults:
     """Joint forces and residuals of a subject's recordings, with their uncertainty (Muller et al. 2017).
 
@@ -149,9 +145,11 @@ def dynamics(
     67
     """
     clock = time.perf_counter()
-    report = progress or show_nothing
+    report = progress or progressing.show_nothing
     loaded = open_subject(subject, settings, facing=True)
-    prepared = start.prepare(loaded, chosen, settings, progress=report_part(report, 0.0, _PREPARING))
+    prepared = start.prepare(
+        loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING)
+    )
     trials: dict[str, TrialDynamics] = {}
     refused: dict[str, TrialUnusable] = {}
     with loaded.blame_files():
@@ -163,7 +161,9 @@ def dynamics(
                 refused[name] = error
         if not trials:
             raise next(iter(refused.values()))
-        weight = weigh_motions({name: (found.dynamics, found.frames) for name, found in trials.items()})
+        weight = weights.weigh_motions(
+            {name: (found.dynamics, found.frames) for name, found in trials.items()}
+        )
         assert weight is not None  # a recording without a frame that counts is refused
         weight.check()
         inertial, notes = _identify(prepared, trials, chosen) if chosen.identify else (None, ())
@@ -182,7 +182,7 @@ def dynamics(
 
 
 def _identify(
-    prepared: start.Prepared, trials: Mapping[str, TrialDynamics], chosen: DynamicsSettings
+    prepared: start.Prepared, trials: abc.Mapping[str, TrialDynamics], chosen: DynamicsSettings
 ) -> tuple[InertialIdentification | None, tuple[str, ...]]:
     """Identify inertia from the calibration trials, and hold the evaluation trials out; None and why if not.
 
@@ -218,12 +218,12 @@ def compute_trial_dynamics(prepared: start.Prepared, name: str, chosen: Dynamics
     found = inverse_dynamics.solve_inverse_dynamics(
         prepared.model, motion, forces.loads, cutoff_hz=chosen.cutoff_hz
     )
-    unmeasured = find_unmeasured(found, forces.contacts, prepared.model)
+    unmeasured = unweighed.find_unmeasured(found, forces.contacts, prepared.model)
     frames = inverse_dynamics.find_judged_frames(found, forces.contacts, chosen.cutoff_hz)
-    weight = weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
+    weight = weights.weigh_motions({name: (found, frames)}) if (frames & found.known).any() else None
     if weight is not None:
         weight.check()
-    frames &= ~find_unmeasured_frames(unmeasured, found.motion.times)
+    frames &= ~unweighed.find_unmeasured_frames(unmeasured, found.motion.times)
     if unmeasured and not (frames & found.known).any():
         raise TrialUnusable(
             f"the plates measure no frame of it whole: {'; '.join(one.sentence for one in unmeasured)}",
@@ -255,7 +255,7 @@ def compute_trial_dynamics(prepared: start.Prepared, name: str, chosen: Dynamics
     )
 
 
-def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[str]:
+def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> abc.Iterator[str]:
     """What a person should know of a recording."""
     for repair in forces.repairs:
         if repair.what in _WARNED_OF:
@@ -272,9 +272,9 @@ def _warn(forces: TrialForces, motion: Motion, shaking: list[str]) -> Iterator[s
 
 
 def write_verdict(
-    trials: Mapping[str, TrialDynamics],
-    weight: Weight,
-    refused: Mapping[str, TrialUnusable] = MappingProxyType({}),
+    trials: abc.Mapping[str, TrialDynamics],
+    weight: weights.Weight,
+    refused: abc.Mapping[str, TrialUnusable] = MappingProxyType({}),
 ) -> str:
     """What was left out; whether mass and plates are right, inertia is to be calibrated, limits are kept."""
     said = [
@@ -293,7 +293,7 @@ def write_verdict(
     return " ".join([*weight.sentences, *left_out, *said, _describe_gates(trials)])
 
 
-def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
+def _judge_calibration(trials: abc.Mapping[str, TrialDynamics]) -> str:
     if len(trials) == 1:
         return next(iter(trials.values())).uncertainty.verdict
     able: dict[str, list[str]] = {}
@@ -313,7 +313,7 @@ def _judge_calibration(trials: Mapping[str, TrialDynamics]) -> str:
     )
 
 
-def _describe_gates(trials: Mapping[str, TrialDynamics]) -> str:
+def _describe_gates(trials: abc.Mapping[str, TrialDynamics]) -> str:
     broken = {
         name: [
             gate.name

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections import abc
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from scaling_service.capabilities.dynamics import document as documents
 from scaling_service.capabilities.dynamics import run, words
-from scaling_service.capabilities.dynamics.document import (
-    DynamicsDocument,
-    IdentificationDocument,
-    TrialDynamicsDocument,
-    WeightDocument,
-)
 from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
-from scaling_service.capabilities.playback.document import ResidualScene, ResidualTrial
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import provenance
@@ -27,8 +22,8 @@ from scaling_service.core.errors import DependencyMissing
 from scaling_service.core.options import Options
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
+from scaling_service.files import sto as sto_files
 from scaling_service.files.osim.models import write_osim
-from scaling_service.files.sto import Table, write_sto
 from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model import freed
 from scaling_service.model.body import BodyModel
@@ -43,7 +38,7 @@ RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 def save_dynamics(
     results: run.DynamicsResults, folder: str | Path, *, report: bool = True
-) -> DynamicsDocument:
+) -> documents.DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
@@ -77,7 +72,9 @@ def save_dynamics(
     """
     with writing.all_or_nothing(Path(folder)) as scratch:
         for name, found in results.trials.items():
-            write_sto(scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model))
+            sto_files.write_sto(
+                scratch / f"{name}_id.sto", _tabulate_forces(name, found, results.prepared.model)
+            )
         notes: tuple[str, ...] = ()
         if results.inertial is not None:
             scaling = results.prepared.calibration
@@ -102,7 +99,7 @@ def save_dynamics(
     return document
 
 
-def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> Table:
+def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> sto_files.Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -111,7 +108,7 @@ def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> T
     suffix = {c.name: "moment" if c.kind == "rotation" else "force" for c in model.coordinates}
     dynamics = found.dynamics
     columns = [f"{coordinate}_{suffix[coordinate]}" for coordinate in dynamics.coordinates]
-    return Table(
+    return sto_files.Table(
         name=name,
         columns=("time", *columns, *(f"residual_{component}" for component in COMPONENTS)),
         data=np.column_stack([dynamics.motion.times, dynamics.forces, dynamics.residual]),
@@ -131,7 +128,7 @@ def tabulate_loads(results: run.DynamicsResults) -> dict[str, ResultTable]:
 
 
 def write_massive_model(
-    folder: Path, model: BodyModel, prepared: Prepared, factors: Mapping[str, tuple[float, float, float]]
+    folder: Path, model: BodyModel, prepared: Prepared, factors: abc.Mapping[str, tuple[float, float, float]]
 ) -> tuple[str, ...]:
     """Write a model whose inertia was found as model.json and model.osim; tells what the latter lacks.
 
@@ -167,8 +164,8 @@ def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen:
 
 
 def _make_document(
-    results: run.DynamicsResults, files: Sequence[str], notes: Sequence[str]
-) -> DynamicsDocument:
+    results: run.DynamicsResults, files: abc.Sequence[str], notes: abc.Sequence[str]
+) -> documents.DynamicsDocument:
     """``dynamics.json``, with the files and notes that writing them added."""
     prepared = results.prepared
     known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
@@ -177,12 +174,12 @@ def _make_document(
     trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
     supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
     headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
-    return DynamicsDocument(
+    return documents.DynamicsDocument(
         **known,
         headline=headline,
         tone=tone,
         mass_kg=sum_mass(prepared.model),
-        weight=WeightDocument(
+        weight=documents.WeightDocument(
             declared_kg=results.weight.declared_kg,
             plates_kg=results.weight.plates_kg,
             sd_kg=results.weight.sd_kg,
@@ -199,12 +196,12 @@ def _make_document(
     )
 
 
-def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> TrialDynamicsDocument:
+def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> documents.TrialDynamicsDocument:
     residuals, uncertainty = found.residuals, found.uncertainty
     fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
     kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
     forces = found.dynamics.forces[found.frames]
-    return TrialDynamicsDocument.model_validate(
+    return documents.TrialDynamicsDocument.model_validate(
         {
             "role": "calibration" if residuals.trial in fitted else "evaluation",
             "forces_from": found.forces.source.name,
@@ -233,11 +230,13 @@ def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> Trial
     )
 
 
-def _make_identification(found: InertialIdentification, before: BodyModel) -> IdentificationDocument:
+def _make_identification(
+    found: InertialIdentification, before: BodyModel
+) -> documents.IdentificationDocument:
     ratio = found.relative_error(held_out=True)
     known = None if np.isnan(ratio) else ratio
     headline, tone = words.write_inertial_headline(len(found.combinations), known, found.components)
-    return IdentificationDocument.model_validate(
+    return documents.IdentificationDocument.model_validate(
         {
             "headline": headline,
             "tone": tone,
@@ -253,7 +252,9 @@ def _make_identification(found: InertialIdentification, before: BodyModel) -> Id
     )
 
 
-def write_residuals(results: run.DynamicsResults, outputs: Path, *, brief: bool = False) -> ResidualScene:
+def write_residuals(
+    results: run.DynamicsResults, outputs: Path, *, brief: bool = False
+) -> playing.ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
@@ -263,11 +264,11 @@ def write_residuals(results: run.DynamicsResults, outputs: Path, *, brief: bool 
     for name, trial in results.trials.items():
         times = trial.dynamics.motion.times
         values = np.where(trial.frames[:, None], trial.dynamics.residual, np.nan)
-        found[name] = ResidualTrial(
+        found[name] = playing.ResidualTrial(
             start_s=float(times[0]),
             rate_hz=round(1.0 / float(np.median(np.diff(times))), 6),
             residual=files.write(f"{name}.residual", values, "N, N m"),
         )
-    document = ResidualScene(trials=found)
+    document = playing.ResidualScene(trials=found)
     writing.write_json(outputs / RESIDUALS_FILE, document)
     return document

@@ -5,7 +5,7 @@ The vertical momentum balance tells how much of the weight the plates lack; the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections import abc
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from scaling_service.capabilities.dynamics.weight import BLOCK_S, compute_quantiles, split_into_blocks
+from scaling_service.capabilities.dynamics import weight as weights
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinematics
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.inertia import compile_mechanism
 from scaling_service.model.trial import Trial
@@ -91,9 +91,11 @@ def find_unmeasured(
     needed = np.where(known, dynamics.external[:, 1] + dynamics.residual[:, 1], 0.0)
     weight = -GRAVITY[1] * dynamics.mass
     # What the plates bear of what is needed where nothing is missing: as the best of the blocks of time.
-    sums = np.array([(borne[r].sum(), needed[r].sum()) for r in split_into_blocks(known, times, BLOCK_S)])
+    sums = np.array(
+        [(borne[r].sum(), needed[r].sum()) for r in weights.split_into_blocks(known, times, weights.BLOCK_S)]
+    )
     sums = sums[sums[:, 1] > 0.0] if len(sums) else sums.reshape(0, 2)
-    best = compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
+    best = weights.compute_quantiles(sums[:, 0] / sums[:, 1], sums[:, 1], (0.84,))[0] if len(sums) else 1.0
     base = float(np.clip(best, *_BASE))
     lack = needed / weight - borne / (base * weight)
     flying = known & (borne < FALLING * weight) & (needed < FALLING * weight)
@@ -134,13 +136,13 @@ def describe_unmeasured(
     return tuple(f"{trial.name} {one.sentence}" for one in find_unmeasured(dynamics, contacts, model))
 
 
-def find_unmeasured_frames(found: Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
+def find_unmeasured_frames(found: abc.Iterable[Unmeasured], times: Array) -> NDArray[np.bool_]:
     """Frames (n,) whose forces are not all measured; flight is measured."""
     inside = [(times >= one.start_s) & (times <= one.end_s) for one in found if one.kind != "flight"]
     return np.asarray(np.any([np.zeros(len(times), dtype=bool), *inside], axis=0))
 
 
-def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> Iterator[tuple[int, int]]:
+def _list_runs(flags: NDArray[np.bool_], step: float, least_s: float) -> abc.Iterator[tuple[int, int]]:
     """Runs of flags that last, brief gaps closed."""
     reach = max(1, round(FLIGHT_S / step)) if step else 1
     closed = ndimage.binary_closing(np.pad(flags, reach), np.ones(reach + 1))[reach:-reach]
@@ -162,12 +164,12 @@ def _find_reason(
 
 def _measure_pelvis_height(dynamics: inverse_dynamics.InverseDynamics, model: BodyModel) -> Array:
     """Height of the root above the lowest joint, over that in the default pose, (n,)."""
-    mechanism, p = compile_mechanism(model), list_parameter_values(model)
+    mechanism, p = compile_mechanism(model), compiling.list_parameter_values(model)
 
     def measure_height(q: Array) -> Array:
         up = pose_links(mechanism.tree, q, p).origins[:, 1]
         return np.asarray(up[0] - up.min(axis=0))
 
     return np.asarray(
-        measure_height(dynamics.motion.rates.q) / measure_height(repeat_default_pose(model, 1).T)
+        measure_height(dynamics.motion.rates.q) / measure_height(compiling.repeat_default_pose(model, 1).T)
     )

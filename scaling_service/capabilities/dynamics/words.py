@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
-from scaling_service.capabilities.dynamics.document import (
-    DynamicsDocument,
-    IdentificationDocument,
-    InertialChange,
-    TrialDynamicsDocument,
-    merge_warnings,
-)
+from scaling_service.capabilities.dynamics import document as documents
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.shared import names
 from scaling_service.documents.base import Tone
@@ -33,7 +27,7 @@ _NOTED = 0.1
 """Least change that is worth a row in the first table, prior standard deviations (chosen)."""
 
 
-def summarise(document: DynamicsDocument) -> Summary:
+def summarise(document: documents.DynamicsDocument) -> Summary:
     """The verdict on these recordings, what to beware of, residuals, and inertia where it was identified."""
     found = document.inertial
     inertial = () if found is None else make_inertial_tables(found)
@@ -48,20 +42,20 @@ def summarise(document: DynamicsDocument) -> Summary:
     )
 
 
-def describe_model(document: DynamicsDocument) -> str:
+def describe_model(document: documents.DynamicsDocument) -> str:
     """Which model was checked, with which inertia."""
     how = "as given" if document.start == names.AS_IT_IS else f"scaled by {document.start}"
     own = "its own inertia" if document.inertia == names.OWN else f"inertia of {document.inertia}"
     return f"model {how}, {own}, {document.mass_kg:.1f} kg"
 
 
-def list_cautions(document: DynamicsDocument) -> list[str]:
+def list_cautions(document: documents.DynamicsDocument) -> list[str]:
     """All warnings, each once."""
     found = () if document.inertial is None else document.inertial.warnings
-    return list(dict.fromkeys((*document.warnings, *merge_warnings(document), *found)))
+    return list(dict.fromkeys((*document.warnings, *documents.merge_warnings(document), *found)))
 
 
-def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str, Tone]:
+def write_headline(supported: abc.Sequence[bool], *, wrong_mass: bool) -> tuple[str, Tone]:
     """Whether recordings can tell a person's inertia, and whether that is good news.
 
     ``supported``: of every component of every recording, whether it can.
@@ -74,7 +68,9 @@ def write_headline(supported: Sequence[bool], *, wrong_mass: bool) -> tuple[str,
     return _WRONG_MASS if wrong_mass else _HEADLINES[any(supported) + all(supported)]
 
 
-def make_inertial_tables(found: IdentificationDocument, most: int | None = None) -> Iterator[tables.Table]:
+def make_inertial_tables(
+    found: documents.IdentificationDocument, most: int | None = None
+) -> abc.Iterator[tables.Table]:
     """The wrench that each inertia explains, and what moved, ``most`` numbers of it at most."""
     rows: list[tables.Row] = []
     for name, fit in found.trials.items():
@@ -92,7 +88,7 @@ def make_inertial_tables(found: IdentificationDocument, most: int | None = None)
 
 
 def write_inertial_headline(
-    combinations: int, held_out_ratio: float | None, components: Sequence[bool]
+    combinations: int, held_out_ratio: float | None, components: abc.Sequence[bool]
 ) -> tuple[str, Tone]:
     """What an identification of inertia found, and whether that is good news."""
     count = combinations
@@ -108,11 +104,11 @@ def write_inertial_headline(
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
 
 
-def _describe_used(components: Sequence[bool]) -> str:
+def _describe_used(components: abc.Sequence[bool]) -> str:
     return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
 
 
-def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> tables.Table:
+def _tabulate_parameters(caption: str, parameters: abc.Sequence[documents.InertialChange]) -> tables.Table:
     rows = [
         tables.Row(
             f"{p.segment} {p.quantity}, {p.unit}",
@@ -137,7 +133,7 @@ def _tabulate_parameters(caption: str, parameters: Sequence[InertialChange]) -> 
 
 
 def make_residual_tables(
-    trials: Mapping[str, TrialDynamicsDocument],
+    trials: abc.Mapping[str, documents.TrialDynamicsDocument],
 ) -> tuple[tables.Table, tables.Table, tables.Table]:
     """Residuals of every recording: their RMS, beside their uncertainty, and against published limits."""
     first = next(iter(trials.values()))
@@ -188,7 +184,7 @@ def make_residual_tables(
     return rms, shares, gates
 
 
-def _format_gate(trial: TrialDynamicsDocument, k: int) -> tables.Cell:
+def _format_gate(trial: documents.TrialDynamicsDocument, k: int) -> tables.Cell:
     gate = trial.gates[k]
     return tables.Cell(
         f"{gate.value:.0f} ({gate.limit:.0f}) {'kept' if gate.passed else 'broken'}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scaling_service.capabilities.intake.document import AxesEntry, ProblemEntry, Severity
+from scaling_service.capabilities.intake import document as documents
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
@@ -24,8 +24,8 @@ from scaling_service.files.image_markers import read_image_markers
 from scaling_service.files.mesh import read_mesh
 from scaling_service.files.orientations import is_orientation_file
 from scaling_service.files.osim.setups import read_scale_setup
+from scaling_service.model import forces as model_forces
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.forces import GroundForces, PlateRecording, RawPlate
 from scaling_service.model.trial import Trial
 from scaling_service.recording import orientation
 from scaling_service.recording.faults import repair_markers
@@ -56,13 +56,13 @@ class RecordingFile:
     file: str
     trial: recording.Recording  # in the laboratory's axes, m as stated
     axes: orientation.Orientation
-    forces: GroundForces | None = None  # of its own plates, in the laboratory's axes
-    problems: tuple[ProblemEntry, ...] = ()
+    forces: model_forces.GroundForces | None = None  # of its own plates, in the laboratory's axes
+    problems: tuple[documents.ProblemEntry, ...] = ()
 
     @property
-    def plates(self) -> tuple[RawPlate, ...]:
+    def plates(self) -> tuple[model_forces.RawPlate, ...]:
         """Its own plates, in the laboratory's axes."""
-        return self.trial.plates.plates if isinstance(self.trial.plates, PlateRecording) else ()
+        return self.trial.plates.plates if isinstance(self.trial.plates, model_forces.PlateRecording) else ()
 
     @property
     def corners(self) -> Array | None:
@@ -72,11 +72,11 @@ class RecordingFile:
 
 
 def make_problem(
-    error: errors.InputError, severity: Severity = "error", file: str | None = None
-) -> ProblemEntry:
+    error: errors.InputError, severity: documents.Severity = "error", file: str | None = None
+) -> documents.ProblemEntry:
     """An error as it travels, its file without the folder that it lay in."""
     named = file if error.file is None else Path(error.file).name
-    return ProblemEntry(
+    return documents.ProblemEntry(
         severity=severity, file=named, field=error.field, problem=error.problem, remedy=error.remedy
     )
 
@@ -104,7 +104,7 @@ def look_at(file: Path, up: str | None, forward: str | None) -> RecordingFile:
 
 
 def decide_session_axes(
-    seen: Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
+    seen: abc.Sequence[RecordingFile], static: str | None, up: str | None, forward: str | None
 ) -> orientation.Orientation:
     """One decision for all recordings, as scaling takes it.
 
@@ -118,10 +118,12 @@ def decide_session_axes(
     return agree_on_axes(decided, None if static is None else Path(static))
 
 
-def make_axes_entry(axes: orientation.Orientation, up: str | None, forward: str | None) -> AxesEntry:
+def make_axes_entry(
+    axes: orientation.Orientation, up: str | None, forward: str | None
+) -> documents.AxesEntry:
     """A decision as it travels."""
     why = [r.detail for r in axes.repairs if r.what in ("up_axis", "forward_axis", "unit")]
-    return AxesEntry(
+    return documents.AxesEntry(
         up=axes.up,
         forward=axes.forward,
         sure=not any(f"({GUESSED}" in text for text in why),
@@ -161,8 +163,8 @@ class InputFile:
     name: str
     kind: Kind
     why: str  # how that was found
-    problem: ProblemEntry | None = None  # why it cannot be used
-    content: RecordingFile | GroundForces | str | Mapping[str, Any] | None = None
+    problem: documents.ProblemEntry | None = None  # why it cannot be used
+    content: RecordingFile | model_forces.GroundForces | str | abc.Mapping[str, Any] | None = None
     asks: frozenset[str] = frozenset()  # the markers that a scale set-up measures between
 
     @property
@@ -208,7 +210,7 @@ def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
     return other if found.problem.field == FIELD else replace(other, why=found.problem.problem)
 
 
-def _try_reading(guess: InputFile, file: Path, read: Callable[[], Any]) -> InputFile:
+def _try_reading(guess: InputFile, file: Path, read: abc.Callable[[], Any]) -> InputFile:
     """The guess with what was read, or with why nothing could be."""
     try:
         return replace(guess, content=read())
@@ -285,7 +287,7 @@ def _read_xml(file: Path) -> InputFile:
 
 def _read_osim(file: Path) -> InputFile:
     if "<OpenSimDocument" not in _read_beginning(file):
-        problem = ProblemEntry(
+        problem = documents.ProblemEntry(
             severity="error",
             file=file.name,
             problem="it is no OpenSim model",
@@ -298,7 +300,7 @@ def _read_osim(file: Path) -> InputFile:
 def _read_subject(file: Path) -> InputFile:
     """A subject file, its paths cut to the names under which files are uploaded."""
 
-    def read() -> Mapping[str, Any]:
+    def read() -> abc.Mapping[str, Any]:
         content: Any = reading.read_content(file)
         if isinstance(content, dict):  # files are uploaded by their names alone, without folders
             content = map_files(content, lambda _, name: name.replace("\\", "/").rpartition("/")[2])
@@ -313,7 +315,7 @@ def _read_subject(file: Path) -> InputFile:
     return _try_reading(InputFile(name=file.name, kind="subject", why="it describes a subject"), file, read)
 
 
-def map_files(document: Mapping[str, Any], change: Callable[[str, str], str]) -> dict[str, Any]:
+def map_files(document: abc.Mapping[str, Any], change: abc.Callable[[str, str], str]) -> dict[str, Any]:
     """A subject document, which need not be whole, with every name of a file changed.
 
     ``change``: from the place where it stands, such as ``trials.calibration.0``, and the name.
@@ -336,7 +338,7 @@ def _read_beginning(file: Path) -> str:
         return stream.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
 
 
-_READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
+_READERS: abc.Mapping[str, abc.Callable[[Path], InputFile]] = MappingProxyType(
     {".mot": _read_table, ".sto": _read_table, ".xml": _read_xml, ".osim": _read_osim}
     | dict.fromkeys(_MESHES, _read_mesh)
     | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
@@ -344,9 +346,11 @@ _READERS: Mapping[str, Callable[[Path], InputFile]] = MappingProxyType(
 """Suffix to what tells more."""
 
 
-def merge_known(found: Sequence[InputFile], document: Mapping[str, Any]) -> dict[str, Any]:
+def merge_known(found: abc.Sequence[InputFile], document: abc.Mapping[str, Any]) -> dict[str, Any]:
     """The document; while it names no recordings, with what a subject file among the files says."""
-    file = next((f.content for f in found if f.kind == "subject" and isinstance(f.content, Mapping)), None)
+    file = next(
+        (f.content for f in found if f.kind == "subject" and isinstance(f.content, abc.Mapping)), None
+    )
     if file is None or document.get("trials"):
         return dict(document)
     return {**file, **document, "subject": {**file["subject"], **document["subject"]}}

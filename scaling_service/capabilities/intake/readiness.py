@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from typing import Any, Literal
 
 from scaling_service.capabilities.dynamics.weight import FAR_OFF
@@ -19,12 +19,12 @@ from scaling_service.model.inertia import sum_mass
 
 
 def judge_readiness(
-    proposed: Mapping[str, Any] | None,
-    recordings: Sequence[document.RecordingProof],
-    markers: Sequence[document.MarkerProof],
+    proposed: abc.Mapping[str, Any] | None,
+    recordings: abc.Sequence[document.RecordingProof],
+    markers: abc.Sequence[document.MarkerProof],
     model: BodyModel,
     sizes: document.SizesProof,
-    problems: Sequence[document.ProblemEntry],
+    problems: abc.Sequence[document.ProblemEntry],
 ) -> list[document.Readiness]:
     """Whether each analysis can run, in the order in which people use them.
 
@@ -111,8 +111,11 @@ def judge_readiness(
 
 
 def _check_segments(
-    model: BodyModel, markers: Sequence[document.MarkerProof], extra: Mapping[str, str], moving: Sequence[str]
-) -> Iterator[document.Need]:
+    model: BodyModel,
+    markers: abc.Sequence[document.MarkerProof],
+    extra: abc.Mapping[str, str],
+    moving: abc.Sequence[str],
+) -> abc.Iterator[document.Need]:
     """What a movement does not show of the model; nothing where every segment is shown.
 
     ``extra``: further marker to its segment. Its place is found while scaling; here it counts as showing
@@ -132,7 +135,7 @@ def _check_segments(
         yield document.Need(name="segments", there=False, required=False, text=text, give="model")
 
 
-def sum_up(problems: Sequence[document.ProblemEntry], readiness: Sequence[document.Readiness]) -> str:
+def sum_up(problems: abc.Sequence[document.ProblemEntry], readiness: abc.Sequence[document.Readiness]) -> str:
     """The state of the files in a sentence: what can run, and how much there is to look at first."""
     errors = sum(problem.severity == "error" for problem in problems)
     warnings = sum(problem.severity == "warning" for problem in problems)
@@ -159,7 +162,7 @@ def _measure(
     return document.Need(name=name, there=value is not None, required=required, text=text, give=name)
 
 
-def _check_feet(model: BodyModel, markers: Sequence[document.MarkerProof]) -> document.Need:
+def _check_feet(model: BodyModel, markers: abc.Sequence[document.MarkerProof]) -> document.Need:
     """That the model has feet, and each shows the markers that tell which plate it stands on."""
     try:
         bare = list(_list_bare_feet(model, markers))
@@ -183,7 +186,7 @@ def _check_whole_body(model: BodyModel, mass_kg: float | None) -> document.Need:
     return document.Need(name="whole body", there=there, text=text, give="model")
 
 
-def _list_bare_feet(model: BodyModel, markers: Sequence[document.MarkerProof]) -> Iterator[str]:
+def _list_bare_feet(model: BodyModel, markers: abc.Sequence[document.MarkerProof]) -> abc.Iterator[str]:
     for foot, segments in find_feet(model).items():
         if sum(m.label is not None and m.segment in segments for m in markers) < FEWEST:
             yield foot

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.intake import document
-from scaling_service.capabilities.intake.files import RecordingFile, make_axes_entry, make_problem
+from scaling_service.capabilities.intake import files as intake_files
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.arrays import Array
@@ -57,7 +57,7 @@ class Ground:
 
 
 def check_recording(
-    item: RecordingFile,
+    item: intake_files.RecordingFile,
     axes: orientation.Orientation,
     ground: Ground | None,
     given: tuple[str | None, str | None],
@@ -83,7 +83,7 @@ def check_recording(
         rate_hz=trial.rate_hz,
         frames=trial.n_frames,
         start_s=float(trial.times[0]),
-        axes=make_axes_entry(item.axes, *given),
+        axes=intake_files.make_axes_entry(item.axes, *given),
         walked_m=round(distance, 3),
         direction=direction,
         labels=[_label(trial, k) for k in range(len(trial.labels))],
@@ -110,12 +110,12 @@ def _turn(
     try:
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
-        return None, [make_problem(error, "warning", ground.source)]
+        return None, [intake_files.make_problem(error, "warning", ground.source)]
 
 
 def _of_forces(
     forces: GroundForces,
-    item: RecordingFile,
+    item: intake_files.RecordingFile,
     axes: orientation.Orientation,
     trial: Trial,
     files: table_files.ArrayFiles,

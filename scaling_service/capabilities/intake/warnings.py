@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 
 from scaling_service.capabilities.intake import document, standing
 from scaling_service.capabilities.intake.files import RecordingFile
@@ -17,7 +17,7 @@ from scaling_service.recording.findings import Finding
 from scaling_service.recording.identity.identify import MOST_LABELS
 from scaling_service.recording.plausibility import find_unlabelled
 
-Roles = Mapping[str, tuple[str, str]]
+Roles = abc.Mapping[str, tuple[str, str]]
 
 _REPAIRS = {
     "spikes": "Check the plate's cable and amplifier; the forces are used as interpolated",
@@ -29,8 +29,8 @@ _LATE_S = 0.1  # chosen: other clocks and rounding
 
 
 def check_standing(
-    roles: Roles, trials: Mapping[str, Trial], *, wanted: bool
-) -> Iterator[document.ProblemEntry]:
+    roles: Roles, trials: abc.Mapping[str, Trial], *, wanted: bool
+) -> abc.Iterator[document.ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
@@ -60,7 +60,7 @@ def check_standing(
         )
 
 
-def check_units(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
+def check_units(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[document.ProblemEntry]:
     """Recordings whose unit of length cannot be true."""
     for item in recordings:
         for repair in (r for r in item.axes.repairs if r.what == "unit"):
@@ -70,7 +70,7 @@ def check_units(recordings: Sequence[RecordingFile]) -> Iterator[document.Proble
             yield _make_warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[document.ProblemEntry]:
+def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[document.ProblemEntry]:
     """More labels than a person carries; trajectories without one, with the markers whose gaps they fill."""
     for item in recordings:
         named = sum(not is_unlabelled(label) for label in item.trial.labels)
@@ -94,8 +94,8 @@ def check_labels(recordings: Sequence[RecordingFile]) -> Iterator[document.Probl
 
 
 def tell_findings(
-    findings: Sequence[Finding], trials: Mapping[str, Trial]
-) -> Iterator[document.ProblemEntry]:
+    findings: abc.Sequence[Finding], trials: abc.Mapping[str, Trial]
+) -> abc.Iterator[document.ProblemEntry]:
     """What recordings show that a sound person does not, with the corrections that solve it.
 
     ``trials``: by file, with the files' own labels.
@@ -133,7 +133,7 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.Corre
     )
 
 
-def check_plates(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
+def check_plates(recordings: abc.Sequence[document.RecordingProof]) -> abc.Iterator[document.ProblemEntry]:
     """Plates that read something while nobody is near them, each once for all recordings."""
     offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
@@ -150,7 +150,7 @@ def check_plates(recordings: Sequence[document.RecordingProof]) -> Iterator[docu
         )
 
 
-def check_faults(recordings: Sequence[document.RecordingProof]) -> Iterator[document.ProblemEntry]:
+def check_faults(recordings: abc.Sequence[document.RecordingProof]) -> abc.Iterator[document.ProblemEntry]:
     """What plates did wrong, as their readings alone show; loading tells the same of markers."""
     for recording in recordings:
         for repair in recording.repairs:
@@ -163,8 +163,8 @@ def check_faults(recordings: Sequence[document.RecordingProof]) -> Iterator[docu
 
 
 def check_times(
-    recordings: Sequence[document.RecordingProof], spans: Mapping[str, tuple[float, float]]
-) -> Iterator[document.ProblemEntry]:
+    recordings: abc.Sequence[document.RecordingProof], spans: abc.Mapping[str, tuple[float, float]]
+) -> abc.Iterator[document.ProblemEntry]:
     """Files of forces that do not cover the recording that they are for."""
     for recording in recordings:
         source = recording.forces_from
@@ -183,8 +183,8 @@ def check_times(
 
 
 def check_unused_forces(
-    files: Sequence[document.FileRole], recordings: Sequence[document.RecordingProof]
-) -> Iterator[document.ProblemEntry]:
+    files: abc.Sequence[document.FileRole], recordings: abc.Sequence[document.RecordingProof]
+) -> abc.Iterator[document.ProblemEntry]:
     """Files of forces that belong to no recording, while some movement has no forces."""
     moving = ("trials.calibration", "trials.evaluation")
     used_as = {file.name: file.role for file in files}
@@ -204,7 +204,7 @@ def _make_warning(
     remedy: str,
     file: str | None = None,
     field: str | None = None,
-    corrections: Sequence[document.CorrectionEntry] = (),
+    corrections: abc.Sequence[document.CorrectionEntry] = (),
 ) -> document.ProblemEntry:
     return document.ProblemEntry(
         severity="warning",
@@ -216,7 +216,7 @@ def _make_warning(
     )
 
 
-def tell_notes(notes: Iterable[Note]) -> Iterator[document.ProblemEntry]:
+def tell_notes(notes: abc.Iterable[Note]) -> abc.Iterator[document.ProblemEntry]:
     """What loading says, each with its remedy."""
     for note in notes:
         severity: document.Severity = "note" if note.severity == "note" else "warning"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from scaling_service.bones import images, results, whole
-from scaling_service.capabilities.landmarks.document import LandmarksDocument, ShapeFit, Vector
+from scaling_service.capabilities.landmarks import document as documents
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing
@@ -23,8 +23,8 @@ _MM = 1e3
 
 
 def landmark_bones(
-    bones: Mapping[str, Path], *, units: str = DETECT, progress: Progress = show_nothing
-) -> LandmarksDocument:
+    bones: abc.Mapping[str, Path], *, units: str = DETECT, progress: Progress = show_nothing
+) -> documents.LandmarksDocument:
     """Find the landmarks of the bones of one image.
 
     ``bones``: ``pelvis``, ``femur_r``, … to a mesh file, all in the image's axes, or ``segmentation`` to a
@@ -50,7 +50,7 @@ def landmark_bones(
         raise results.MeshRefused(error.problem, file=file, field=error.field, remedy=error.remedy) from None
     notes = (*_ask_whether_joined(found), *imaged.tell())
     described: dict[str, Any] = {name: _describe(landmarks) for name, landmarks in found.items()}
-    return LandmarksDocument(
+    return documents.LandmarksDocument(
         code_version=writing.code_version(),
         settings={"units": imaged.unit, "units_from": "size" if units == DETECT else "given"},
         input_hashes={
@@ -62,7 +62,7 @@ def landmark_bones(
     )
 
 
-def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
+def save_landmarks(document: documents.LandmarksDocument, folder: str | Path) -> Path:
     """Write ``landmarks.json`` into a folder, complete or not at all; returns its path.
 
     Raises InputError: the folder cannot be made or written to.
@@ -73,7 +73,7 @@ def save_landmarks(document: LandmarksDocument, folder: str | Path) -> Path:
     return Path(folder) / FILE_NAME
 
 
-def _ask_whether_joined(found: Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
+def _ask_whether_joined(found: abc.Mapping[str, results.BoneLandmarks]) -> tuple[str, ...]:
     """What tells against one image of one person: told, as bones may each lie in a frame of their own."""
     try:
         return whole.check_joined(found)
@@ -112,9 +112,9 @@ def _fit(
     shape: Literal["sphere", "cylinder"],
     found: results.Sphere | results.Cylinder,
     centre: results.Array,
-    axis: Vector | None = None,
-) -> ShapeFit:
-    return ShapeFit(
+    axis: documents.Vector | None = None,
+) -> documents.ShapeFit:
+    return documents.ShapeFit(
         shape=shape,
         centre_mm=_to_mm(centre),
         radius_mm=round(found.radius * _MM, 4),
@@ -147,7 +147,7 @@ def _describe_tibia(bone: results.BoneLandmarks) -> dict[str, Any]:
     }
 
 
-_ADDED: Mapping[str, Callable[[results.BoneLandmarks], dict[str, Any]]] = {
+_ADDED: abc.Mapping[str, abc.Callable[[results.BoneLandmarks], dict[str, Any]]] = {
     "femur": _describe_femur,
     "tibia": _describe_tibia,
     "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
@@ -158,11 +158,11 @@ _ADDED: Mapping[str, Callable[[results.BoneLandmarks], dict[str, Any]]] = {
 }
 
 
-def _to_mm(point: results.Array) -> Vector:
+def _to_mm(point: results.Array) -> documents.Vector:
     x, y, z = (round(float(value) * _MM, 4) for value in point)
     return x, y, z
 
 
-def _to_unit(direction: results.Array) -> Vector:
+def _to_unit(direction: results.Array) -> documents.Vector:
     x, y, z = (round(float(value), 8) for value in direction)
     return x, y, z

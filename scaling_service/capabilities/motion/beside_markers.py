@@ -7,7 +7,7 @@ and moments best has a closed form, as have the mountings then.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from scaling_service.model.trial import Rotations, Trial
 from scaling_service.numerics.multibody import rigid
 
 
-def join_recordings(trials: Sequence[Trial]) -> tuple[Trial, ...]:
+def join_recordings(trials: abc.Sequence[Trial]) -> tuple[Trial, ...]:
     """Recordings of one name as one: of markers, and of rotations, which are put on the markers' times.
 
     Both clocks are taken to be one.
@@ -54,7 +54,7 @@ def _put_on_times(held: Rotations, times: Array, wanted: Array) -> Rotations:
 
 
 def find_beside_markers(
-    model: BodyModel, trial: Trial, segments: Mapping[str, str], *, turned: bool
+    model: BodyModel, trial: Trial, segments: abc.Mapping[str, str], *, turned: bool
 ) -> frames.Hypothesis | None:
     """How sensors sit by the markers of the same movement; None where no segment turns enough to tell.
 
@@ -97,7 +97,7 @@ def find_beside_markers(
     )
 
 
-def _list_steps(pairs: Iterable[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
+def _list_steps(pairs: abc.Iterable[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
     """Rotation vectors of segments and of their sensors from the middle of a recording, (n, 3) each, rad."""
     found = [(np.zeros((0, 3)), np.zeros((0, 3)))]
     for body, sensor in pairs:

@@ -6,7 +6,7 @@ deviation holds what the model's own numbers leave open. What a joint's range ho
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +15,13 @@ from scipy.linalg import block_diag
 from scaling_service.capabilities.motion import uncertainty
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.model import body
+from scaling_service.model import people as population
 from scaling_service.model.compile import to_piecewise
 from scaling_service.model.freed import free_named
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.least_squares import posterior as posteriors
 from scaling_service.numerics.least_squares import whitening
-from scaling_service.numerics.least_squares.posterior import propagate, solve_poses, split_rows
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.tree import evaluate_local_positions
 
@@ -31,7 +31,7 @@ _EXPECTED_ANEW = 3  # chosen: times that laws of coordinates are linearised; the
 def pose_problem(
     freed: body.BodyModel,
     trial: Trial,
-    people: People,
+    people: population.People,
     *,
     prior: whitening.GaussianPrior,
     shares: Array,
@@ -117,7 +117,7 @@ def unpack_covariance(posterior: body.ParameterPosterior, names: tuple[str, ...]
     return np.asarray((alike * np.outer(sds, sds))[np.ix_(rows, rows)])
 
 
-def pack_posterior(model: body.BodyModel, names: Sequence[str], covariance: Array) -> body.BodyModel:
+def pack_posterior(model: body.BodyModel, names: abc.Sequence[str], covariance: Array) -> body.BodyModel:
     """The model with how well these of its parameters are known, beside what was known of others before.
 
     ``covariance`` (n, n). Those of both are taken as independent.
@@ -143,7 +143,7 @@ def _free_again(
     freed = free_named(model, known.names)
     names = tuple(p.name for p in freed.parameters)
     ones = np.ones(trial.n_frames)
-    people = read_people().with_skin(known.skin)
+    people = population.read_people().with_skin(known.skin)
     prior = whitening.GaussianPrior(names)
     lawful = holds_skin(model)
     problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
@@ -170,11 +170,11 @@ def follow_everyday(model: body.BodyModel, trial: Trial, q: Array) -> Array:
 
     ``model``: one that knows of people. ``q``: by plain least squares.
     """
-    people, ones = read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
+    people, ones = population.read_people().with_skin(_take_posterior(model).skin), np.ones(trial.n_frames)
     prior, lawful = whitening.GaussianPrior(()), holds_skin(model)
     problem, task = pose_problem(model, trial, people, prior=prior, shares=ones, lawful=lawful)
     for _ in range(_EXPECTED_ANEW if model.expectations else 1):
-        q = solve_poses(_expect(problem, task, q), q, task.p)
+        q = posteriors.solve_poses(_expect(problem, task, q), q, task.p)
     return q
 
 
@@ -184,7 +184,7 @@ def estimate_everyday_sd(
     task: Task,
     q: Array,
     known: uncertainty.Mask,
-    rates: Callable[[Array], Array] | None = None,
+    rates: abc.Callable[[Array], Array] | None = None,
 ) -> uncertainty.CoordinateSd:
     """Deviations of coordinates from skin that wanders and from all numbers of a model with a posterior.
 
@@ -196,9 +196,9 @@ def estimate_everyday_sd(
     problem = _expect(problem, freed, q)
     free = problem.coordinates
     # Skin is seen anew after twice its time of correlation
-    alike = max(2.0 * read_people().loose_s * trial.rate_hz, 1.0)
+    alike = max(2.0 * population.read_people().loose_s * trial.rate_hz, 1.0)
     own = unpack_covariance(_take_posterior(model), names)
-    covariance, of_mean = propagate(problem, q, freed.p, own, known[:, free], alike)
+    covariance, of_mean = posteriors.propagate(problem, q, freed.p, own, known[:, free], alike)
     sd = np.zeros(q.shape)
     sd[:, free] = np.sqrt(np.einsum("nii->ni", covariance))
     sd[~known & task.free] = np.nan
@@ -208,7 +208,7 @@ def estimate_everyday_sd(
     noise = noise[[not task.model.marker(name).is_direction for name in task.markers]]
     combined = None
     if rates is not None:
-        change = np.concatenate([rates(q[rows]) for rows in split_rows(len(q))])
+        change = np.concatenate([rates(q[rows]) for rows in posteriors.split_rows(len(q))])
         moved = change[:, :, free]
         combined = np.sqrt(np.einsum("nkf,nfg,nkg->nk", moved, covariance, moved, optimize=True))
         combined = np.where(uncertainty.find_lost(change, ~known & task.free), np.nan, combined)

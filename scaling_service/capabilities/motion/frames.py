@@ -5,7 +5,7 @@ See :mod:`.mounting`, which decides.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from itertools import permutations, product
 
@@ -70,8 +70,8 @@ class Hypothesis:
 
     told: str
     turn: Array
-    before: Mapping[str, Array]
-    after: Mapping[str, Array]
+    before: abc.Mapping[str, Array]
+    after: abc.Mapping[str, Array]
     heading: float | None = None  # rad; None where a person's heading is not told by a pose
     calibrated: bool = False
 
@@ -90,7 +90,7 @@ def take_rotation(trial: Trial, label: str) -> Array:
     return held.matrices[:, held.labels.index(label)]
 
 
-def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> Noise:
+def measure_noise(table: RotationTable, trials: abc.Sequence[Trial], label: str) -> Noise:
     """The whole of it is people's; the white part is measured, and what is left of the whole lasts.
 
     White noise of variance v has third differences of 20 v, and a movement hardly any at a camera's rate.
@@ -111,13 +111,13 @@ def measure_noise(table: RotationTable, trials: Sequence[Trial], label: str) -> 
 def list_hypotheses(
     model: body.BodyModel,
     table: RotationTable,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
     standing: Trial | None,
     *,
-    placed: Mapping[str, Array],
+    placed: abc.Mapping[str, Array],
     turned: bool,
-) -> Iterator[Hypothesis]:
+) -> abc.Iterator[Hypothesis]:
     """What the frames may be, of a markerless system one, of sensors several; options as of ``mount``."""
     same = dict.fromkeys(segments, np.eye(3))
     if get_rotations(trials[0]).of == "segments":
@@ -169,8 +169,8 @@ def average_rotations(turns: Array) -> Array | None:
 
 
 def _list_axes(
-    table: RotationTable, trials: Sequence[Trial], segments: Mapping[str, str]
-) -> Iterator[Hypothesis]:
+    table: RotationTable, trials: abc.Sequence[Trial], segments: abc.Mapping[str, str]
+) -> abc.Iterator[Hypothesis]:
     """The axes of a markerless system: as documented; others where pelvis, trunk and legs point otherwise.
 
     Up is the axis that is nearest to the vertical on average, and right the one along the line of the hips.
@@ -210,12 +210,12 @@ def _list_axes(
     )
 
 
-def _list_upright(segments: Mapping[str, str]) -> list[str]:
+def _list_upright(segments: abc.Mapping[str, str]) -> list[str]:
     """Labels of what stands more or less upright, all where nothing does."""
     return [x for x, name in segments.items() if name.lower().startswith(_UPRIGHT)] or list(segments)
 
 
-def _average_plain(trials: Sequence[Trial], label: str) -> Array | None:
+def _average_plain(trials: abc.Sequence[Trial], label: str) -> Array | None:
     every = np.concatenate([take_rotation(trial, label) for trial in trials])
     known = every[np.isfinite(every).all(axis=(1, 2))]
     return known.mean(axis=0) if len(known) else None
@@ -237,11 +237,11 @@ def name_parameters(label: str) -> list[str]:
 
 def add_frames(
     model: body.BodyModel,
-    segments: Mapping[str, str],
-    noise: Mapping[str, Noise],
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, Noise],
     chosen: Hypothesis,
     table: RotationTable | None,
-    trials: Sequence[Trial],
+    trials: abc.Sequence[Trial],
 ) -> body.BodyModel:
     """The model with a frame for every rotation, its directions as markers, and its mounting as parameters.
 
@@ -293,7 +293,7 @@ def _make_parameter(name: str, value: float) -> body.Parameter:
     )
 
 
-def _list_hips(segments: Mapping[str, str], trials: Sequence[Trial]) -> Iterator[tuple[str, str]]:
+def _list_hips(segments: abc.Mapping[str, str], trials: abc.Sequence[Trial]) -> abc.Iterator[tuple[str, str]]:
     """Labels of thighs whose origins are told, and their sides."""
     told = {x for t in trials if get_rotations(t).origins is not None for x in get_rotations(t).labels}
     for label, segment in segments.items():
@@ -302,7 +302,7 @@ def _list_hips(segments: Mapping[str, str], trials: Sequence[Trial]) -> Iterator
 
 
 def add_directions(
-    trial: Trial, segments: Mapping[str, str], noise: Mapping[str, Noise], chosen: Hypothesis
+    trial: Trial, segments: abc.Mapping[str, str], noise: abc.Mapping[str, Noise], chosen: Hypothesis
 ) -> Trial:
     """The recording with the axes of its rotations, and the hips that these tell, as further markers."""
     held, labels, columns = get_rotations(trial), list(trial.labels), [trial.markers]

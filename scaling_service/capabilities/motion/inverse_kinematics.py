@@ -7,30 +7,24 @@ coarse motion, so that two or three steps are left for each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from scaling_service.capabilities.motion import doubts as motion_doubts
 from scaling_service.capabilities.motion import restarts, steady
 from scaling_service.capabilities.motion.branches import join_branches
-from scaling_service.capabilities.motion.doubts import (
-    Solve,
-    find_far,
-    find_held,
-    find_jumps,
-    find_outlying,
-)
 from scaling_service.capabilities.motion.everyday import follow_everyday
 from scaling_service.capabilities.motion.loops import follow_neighbours
 from scaling_service.capabilities.motion.solving import solve_from
 from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.capabilities.motion.uncertainty import find_determined
 from scaling_service.core.arrays import Array
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.results import Motion
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
@@ -57,11 +51,11 @@ def inverse_kinematics(
     model: BodyModel,
     trial: Trial,
     *,
-    weights: Mapping[str, float] | None = None,
+    weights: abc.Mapping[str, float] | None = None,
     loss: problem.Loss = problem.SQUARED,
     bounded: bool = True,
     start: Array | None = None,
-    progress: Callable[[int], None] | None = None,
+    progress: abc.Callable[[int], None] | None = None,
 ) -> Motion:
     """Coordinates that bring the model nearest to the measured markers in every frame.
 
@@ -114,7 +108,7 @@ def inverse_kinematics(
 
 
 def solve_task(
-    task: Task, times: Array, start: Array | None = None, progress: Callable[[int], None] | None = None
+    task: Task, times: Array, start: Array | None = None, progress: abc.Callable[[int], None] | None = None
 ) -> sweep.MotionSolution:
     """The coordinates alone; see :func:`inverse_kinematics`.
 
@@ -124,11 +118,11 @@ def solve_task(
     n = len(times)
     if start is not None:
         return solve_from(task, slice(None), start, progress)
-    neutral = repeat_default_pose(task.model, 1)[0]
+    neutral = compiling.repeat_default_pose(task.model, 1)[0]
     stride = _choose_stride(times)
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = guess_start(task.tree, task.measured[rows], neutral, task.p, task.free)
-    within = replace(task, bounds=list_coordinate_ranges(task.model))
+    within = replace(task, bounds=compiling.list_coordinate_ranges(task.model))
     if stride == 1:
         rough = solve_from(within, rows, guess, settings=_ROUGH)
     else:
@@ -154,7 +148,9 @@ def solve_task(
     return steady.hold_steady(task, times, fine)
 
 
-def _solver(task: Task, rows: NDArray[np.intp], settings: sweep.SweepSettings = _ROUGH) -> Solve:
+def _solver(
+    task: Task, rows: NDArray[np.intp], settings: sweep.SweepSettings = _ROUGH
+) -> motion_doubts.Solve:
     """How frames among ``rows`` are solved from given starts."""
     return lambda some, near: solve_from(task, rows[some], near, settings=settings)
 
@@ -166,9 +162,9 @@ def _doubt(
     part = task.in_frames(rows)
     free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
     joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
-    doubts = find_held(part, found.q, _solver(free, rows, _RELEASE))
-    doubts |= find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
-    far, jumps = find_far(part, found.q), find_jumps(part, times, joined)
+    doubts = motion_doubts.find_held(part, found.q, _solver(free, rows, _RELEASE))
+    doubts |= motion_doubts.find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
+    far, jumps = motion_doubts.find_far(part, found.q), motion_doubts.find_jumps(part, times, joined)
     doubts |= far
     sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
     if sure or (doubts.any() and restarts.confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
@@ -194,7 +190,7 @@ def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:
 
 
 def free_trapped(
-    found: sweep.MotionSolution, solve: Callable[[NDArray[np.intp], Array], sweep.MotionSolution]
+    found: sweep.MotionSolution, solve: abc.Callable[[NDArray[np.intp], Array], sweep.MotionSolution]
 ) -> sweep.MotionSolution:
     """Solve frames that settled in a wrong minimum again from their neighbours, until nothing improves.
 
@@ -270,7 +266,7 @@ def make_motion(task: Task, trial: Trial, solution: sweep.MotionSolution) -> Mot
     )
 
 
-def _measure_turns(task: Task, residual: Array) -> Iterator[tuple[str, Array]]:
+def _measure_turns(task: Task, residual: Array) -> abc.Iterator[tuple[str, Array]]:
     """How far each measured rotation is from the model's, (n_frames,), rad; see ``motion/mounting.py``."""
     own = [name for name in task.markers if task.model.marker(name).is_direction]
     for label in dict.fromkeys(name.rpartition("@")[0] for name in own):

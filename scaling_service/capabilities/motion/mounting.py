@@ -13,23 +13,23 @@ them goes into every deviation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from scaling_service.capabilities.motion import everyday, frames
+from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.beside_markers import find_beside_markers
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
 from scaling_service.core.text import list_few
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import rotations
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.people import read_people
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.posterior import solve_posterior
@@ -39,7 +39,7 @@ from scaling_service.numerics.multibody.rigid import (
 )
 from scaling_service.numerics.multibody.sweep import SweepSettings
 
-NOWHERE: Mapping[str, tuple[str, Array]] = MappingProxyType({})
+NOWHERE: abc.Mapping[str, tuple[str, Array]] = MappingProxyType({})
 """No frame is on the model already."""
 
 _HEADING_SD = np.pi / np.sqrt(3.0)  # rad: any way round is as likely
@@ -55,7 +55,7 @@ class Mounted:
 
     model: BodyModel
     trials: tuple[Trial, ...]
-    segments: Mapping[str, str]  # label to the segment it is on
+    segments: abc.Mapping[str, str]  # label to the segment it is on
     notes: tuple[Note, ...]
 
 
@@ -74,10 +74,10 @@ class _Solved:
 
 def mount(
     model: BodyModel,
-    trials: Sequence[Trial],
+    trials: abc.Sequence[Trial],
     standing: Trial | None = None,
     *,
-    placed: Mapping[str, tuple[str, Array]] = NOWHERE,
+    placed: abc.Mapping[str, tuple[str, Array]] = NOWHERE,
     turned: bool = False,
 ) -> Mounted:
     """Put the frames of all rotations on a model, and find how they are mounted.
@@ -155,10 +155,10 @@ def mount(
 
 def _choose(
     model: BodyModel,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
-    noise: Mapping[str, frames.Noise],
-    hypotheses: Sequence[frames.Hypothesis],
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, frames.Noise],
+    hypotheses: abc.Sequence[frames.Hypothesis],
 ) -> tuple[frames.Hypothesis, dict[str, float]]:
     """The hypothesis under which the model follows the rotations best, and the misfit of each kind, rad."""
     if len(hypotheses) == 1:
@@ -170,10 +170,10 @@ def _choose(
         some = [frames.add_directions(_pick(t, _LOOKED_AT), segments, noise, one) for t in trials]
         misfit, count = 0.0, 0
         for trial in some:
-            task = Task.of(placed, trial)
-            task = replace(task, bounds=list_coordinate_ranges(placed))
-            neutral = repeat_default_pose(placed, 1)[0]
-            start = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+            task = tasks.Task.of(placed, trial)
+            task = replace(task, bounds=compiling.list_coordinate_ranges(placed))
+            neutral = compiling.repeat_default_pose(placed, 1)[0]
+            start = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
             solution = solve_from(task, slice(None), start, settings=_ROUGH)
             misfit += float(solution.cost.sum())
             count += int(np.isfinite(task.measured[:, ::3, 0]).sum())
@@ -193,9 +193,9 @@ def _pick(trial: Trial, count: int) -> Trial:
 
 def _solve(
     model: BodyModel,
-    trials: Sequence[Trial],
-    segments: Mapping[str, str],
-    noise: Mapping[str, frames.Noise],
+    trials: abc.Sequence[Trial],
+    segments: abc.Mapping[str, str],
+    noise: abc.Mapping[str, frames.Noise],
     calibrating: int | None,
 ) -> _Solved:
     """Mountings and heading as some frames make them likely.
@@ -232,9 +232,9 @@ def _solve(
         shares = shares + (1.0 - shares) * float(np.median(own_shares))
     lawful = everyday.holds_skin(model)
     problem, task = everyday.pose_problem(model, joined, people, prior=prior, shares=shares, lawful=lawful)
-    neutral = repeat_default_pose(model, 1)[0]
-    within = replace(task, bounds=list_coordinate_ranges(model))
-    start_q = guess_start(task.tree, task.measured, neutral, task.p, task.free)
+    neutral = compiling.repeat_default_pose(model, 1)[0]
+    within = replace(task, bounds=compiling.list_coordinate_ranges(model))
+    start_q = tasks.guess_start(task.tree, task.measured, neutral, task.p, task.free)
     posterior = solve_posterior(problem, solve_from(within, slice(None), start_q).q, task.p)
     values = dict(zip(prior.names, posterior.p.tolist(), strict=True))
     parameters = tuple(replace(p, value=values[p.name]) for p in model.parameters)
@@ -255,12 +255,12 @@ def _solve(
 
 
 def _tell(
-    matched: Mapping[str, str | None],
-    noise: Mapping[str, frames.Noise],
+    matched: abc.Mapping[str, str | None],
+    noise: abc.Mapping[str, frames.Noise],
     chosen: frames.Hypothesis,
-    misfits: Mapping[str, float],
+    misfits: abc.Mapping[str, float],
     facing: float | None,
-) -> Iterator[Note]:
+) -> abc.Iterator[Note]:
     used = ", ".join(f"{label} on {segment}" for label, segment in matched.items() if segment is not None)
     yield Note(code="rotations", severity="note", problem=f"rotations are followed: {used}")
     ignored = [label for label in matched if rotations.is_ignored(label)]

@@ -18,21 +18,10 @@ from numpy.typing import NDArray
 
 from scaling_service.core import arrays
 from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.builtin import lock_unmarked
-from scaling_service.model.compile import (
-    compile_model,
-    free_coordinates,
-    list_coordinate_ranges,
-    list_parameter_values,
-    repeat_default_pose,
-)
 from scaling_service.numerics.least_squares.problem import find_seen
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    compute_jacobian,
-    place_tree_markers,
-    pose_links,
-)
+from scaling_service.numerics.multibody import tree as trees
 
 _MARKER_M = 0.010
 """Standard deviation of a marker about the model's bone along one axis: reference_models/people.yaml has
@@ -96,7 +85,7 @@ class Ranges:
 
 def weigh_ranges(
     model: body.BodyModel,
-    tree: Tree,
+    tree: trees.Tree,
     measured: arrays.Array,
     weights: arrays.Array,
     free: arrays.Mask,
@@ -118,19 +107,21 @@ def weigh_ranges(
         followed = measure_left(model, tree, (patterns & (weights > 0.0)).astype(float), free, p) <= _MORE
         weight = np.where(followed, 0.0, weight)
     which = which.reshape(-1)
-    return Ranges(repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which])
+    return Ranges(
+        compiling.repeat_default_pose(model, 1)[0], spread, weight[which], (share < _NOTHING)[which]
+    )
 
 
 def list_prior_sds(model: body.BodyModel) -> arrays.Array:
     """Standard deviation of each coordinate in ordinary postures, rad or m; infinite without a range."""
-    lower, upper = list_coordinate_ranges(model)
+    lower, upper = compiling.list_coordinate_ranges(model)
     spread = (upper - lower) / (2.0 * _RANGE_SDS)
     turns = np.array([c.kind == "rotation" for c in model.coordinates], dtype=bool)
     return np.where(turns & (spread < _WIDEST / _RANGE_SDS), spread, np.inf)
 
 
 def measure_left(
-    model: body.BodyModel, tree: Tree, told: arrays.Array, free: arrays.Mask, p: arrays.Array
+    model: body.BodyModel, tree: trees.Tree, told: arrays.Array, free: arrays.Mask, p: arrays.Array
 ) -> arrays.Array:
     """Posterior over prior variance of each coordinate, (n_patterns, n_coordinates); zero where not asked.
 
@@ -142,14 +133,14 @@ def measure_left(
     left = np.zeros((len(told), len(free)))
     if not asked.any():
         return left
-    neutral = repeat_default_pose(model, 1)[0]
-    lower, upper = list_coordinate_ranges(model)
+    neutral = compiling.repeat_default_pose(model, 1)[0]
+    lower, upper = compiling.list_coordinate_ranges(model)
     with np.errstate(invalid="ignore"):
         middle = np.where(asked, 0.5 * (lower + upper), neutral)
     variables = np.flatnonzero(free)
-    poses = pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
+    poses = trees.pose_links(tree, np.stack([neutral + s * (middle - neutral) for s in _BENT], axis=1), p)
     rates = np.moveaxis(
-        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
     )
     rates = rates / _MARKER_M  # (n_poses, n_markers, 3, n_variables)
     prior = np.where(asked, 1.0 / np.square(spread), _LEAST)[variables]
@@ -163,9 +154,9 @@ def measure_left(
 def list_unshown(model: body.BodyModel, markers: Collection[str]) -> frozenset[str]:
     """Coordinates that none of these markers shows, of those that have a range and are not locked."""
     names = [m.name for m in model.markers if m.weight > 0.0]
-    tree, free = compile_model(model, names), free_coordinates(model)
+    tree, free = compiling.compile_model(model, names), compiling.free_coordinates(model)
     told = np.isin(names, list(markers))[None].astype(float)
-    left = measure_left(model, tree, told, free, list_parameter_values(model))[0]
+    left = measure_left(model, tree, told, free, compiling.list_parameter_values(model))[0]
     return frozenset(
         c.name for c, share in zip(model.coordinates, left.tolist(), strict=True) if share > _MORE
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,23 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion import clinical_angles, inverse_kinematics
+from scaling_service.capabilities.motion import everyday as ordinary
+from scaling_service.capabilities.motion import kinematic_error as kinematic_errors
+from scaling_service.capabilities.motion import uncertainty as uncertainties
 from scaling_service.capabilities.motion.beside_markers import join_recordings
-from scaling_service.capabilities.motion.everyday import (
-    estimate_everyday_sd,
-    follow_everyday,
-    knows_people,
-)
-from scaling_service.capabilities.motion.kinematic_error import KinematicError, kinematic_error
 from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.motion.task import Task
-from scaling_service.capabilities.motion.uncertainty import (
-    CoordinateSd,
-    count_departures,
-    estimate_coordinate_sd,
-    list_skin_fields,
-)
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import loading
 from scaling_service.capabilities.subject.reading import blame_file
@@ -39,11 +30,11 @@ from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.frames import SIDES
 from scaling_service.model.body import BodyModel
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.results import Motion
-from scaling_service.model.subject import Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.settings import ProcessingSettings
@@ -56,8 +47,8 @@ class TrackedTrial:
     """One trial as a model tracks it."""
 
     motion: Motion
-    uncertainty: CoordinateSd
-    error: KinematicError
+    uncertainty: uncertainties.CoordinateSd
+    error: kinematic_errors.KinematicError
     angles: clinical_angles.ClinicalAngles | None = (
         None  # conventional ones with their standard deviations, if asked for
     )
@@ -90,7 +81,7 @@ class Tracked:
     """
 
     loaded: loading.Loaded
-    trials: Mapping[str, TrackedTrial]
+    trials: abc.Mapping[str, TrackedTrial]
     options: MotionOptions = field(default_factory=MotionOptions)
     wall_s: float = 0.0
 
@@ -129,7 +120,7 @@ class Tracked:
 
 def ik(
     model: str | Path,
-    recordings: Sequence[str | Path],
+    recordings: abc.Sequence[str | Path],
     options: MotionOptions = MotionOptions(),
     *,
     marker_set: str | Path | None = None,
@@ -188,7 +179,7 @@ def ik(
     report = progress or show_nothing
     check_axes(options.up, options.forward)
     files = _list_recordings(recordings)
-    places = Subject(
+    places = subjects.Subject(
         id=subject,
         model=_name_model(model, marker_set),
         marker_set=None if marker_set is None else Path(marker_set),
@@ -225,29 +216,31 @@ def track(model: BodyModel, trial: Trial, *, skin: bool = True, angles: bool = F
     """
     task = Task.of(model, trial)
     solution = inverse_kinematics.solve_task(task, trial.times)
-    everyday = (skin or any(m.is_direction for m in model.markers)) and knows_people(model)
+    everyday = (skin or any(m.is_direction for m in model.markers)) and ordinary.knows_people(model)
     if everyday:
-        solution = replace(solution, q=follow_everyday(model, trial, solution.q))
+        solution = replace(solution, q=ordinary.follow_everyday(model, trial, solution.q))
     motion = inverse_kinematics.make_motion(task, trial, solution)
     # What is not determined in a frame is NaN there, what is so in no frame stands at its default.
     ever = np.array([name in motion.estimated for name in motion.coordinates]) | ~task.free
     known = np.isfinite(motion.q) & ever
     names, rates = clinical_angles.compute_clinical_rates(model) if angles else ((), None)
     if everyday:
-        uncertainty = estimate_everyday_sd(model, trial, task, solution.q, known, rates)
+        uncertainty = ordinary.estimate_everyday_sd(model, trial, task, solution.q, known, rates)
         return _gather(model, motion, uncertainty, names)
-    fields = tuple(list_skin_fields(task)) if skin else ()
-    uncertainty = estimate_coordinate_sd(task, solution.q, motion.residuals, known, fields, rates)
+    fields = tuple(uncertainties.list_skin_fields(task)) if skin else ()
+    uncertainty = uncertainties.estimate_coordinate_sd(
+        task, solution.q, motion.residuals, known, fields, rates
+    )
     if skin and model.departures:
         departures = dict(model.departures)
         own = np.array([departures.get(name, np.nan) for name in model.coordinate_names])
-        uncertainty = count_departures(uncertainty, own, solution.q, rates)
+        uncertainty = uncertainties.count_departures(uncertainty, own, solution.q, rates)
     uncertainty = replace(uncertainty, sd=task.ranges.combine(uncertainty.sd))
     return _gather(model, motion, uncertainty, names)
 
 
 def follow_rotations(
-    model: BodyModel, session: Session, *, turned: bool
+    model: BodyModel, session: subjects.Session, *, turned: bool
 ) -> tuple[dict[str, TrackedTrial], tuple[Note, ...]]:
     """A session's recordings of rotations as a scaled model follows them, and what to tell of their mounting.
 
@@ -260,17 +253,20 @@ def follow_rotations(
     return {trial.name: track(mounted.model, trial) for trial in mounted.trials}, mounted.notes
 
 
-def _list_frames(subject: Subject) -> dict[str, tuple[str, Array]]:
+def _list_frames(subject: subjects.Subject) -> dict[str, tuple[str, Array]]:
     """Frames that the subject's OpenSim model has on its bodies, as OpenSense's IMU placer leaves them."""
     model = subject.model
     return read_body_frames(Path(model)) if model.lower().endswith(".osim") else {}
 
 
 def _gather(
-    model: BodyModel, motion: Motion, uncertainty: CoordinateSd, names: Sequence[tuple[str, str]]
+    model: BodyModel,
+    motion: Motion,
+    uncertainty: uncertainties.CoordinateSd,
+    names: abc.Sequence[tuple[str, str]],
 ) -> TrackedTrial:
     """``names``: side and angle of what ``uncertainty`` has combined."""
-    error = kinematic_error(motion, model)
+    error = kinematic_errors.kinematic_error(motion, model)
     if uncertainty.combined is None:
         return TrackedTrial(motion, uncertainty, error)
     sd = {s: {a: uncertainty.combined[:, k] for k, (side, a) in enumerate(names) if side == s} for s in SIDES}
@@ -280,7 +276,7 @@ def _gather(
 
 
 @contextmanager
-def _without_subject_file() -> Iterator[None]:
+def _without_subject_file() -> abc.Iterator[None]:
     """Let remedies that speak of a subject file say where labels are mapped here."""
     try:
         yield
@@ -311,7 +307,7 @@ def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
     return name
 
 
-def _list_recordings(recordings: Sequence[str | Path]) -> tuple[Path, ...]:
+def _list_recordings(recordings: abc.Sequence[str | Path]) -> tuple[Path, ...]:
     files = tuple(Path(path).absolute() for path in recordings)
     if not files:
         raise InputError(

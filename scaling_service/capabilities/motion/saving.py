@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator, Sequence
+from collections import abc
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from scaling_service.capabilities.motion import document as documents
 from scaling_service.capabilities.motion import run, unshown
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
-from scaling_service.capabilities.motion.document import (
-    CoordinateSummary,
-    KinematicErrorDocument,
-    MotionDocument,
-    TrackedTrialDocument,
-)
 from scaling_service.capabilities.motion.uncertainty import CoordinateSd
 from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.arrays import Array
@@ -25,8 +20,8 @@ from scaling_service.documents import writing
 from scaling_service.files import sto
 from scaling_service.files.tables import format_rows
 from scaling_service.model import body
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import frames
-from scaling_service.model.compile import differentiate_law_at, evaluate_law_at
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.results import Motion
 from scaling_service.recording.settings import ProcessingSettings
@@ -59,7 +54,10 @@ def write_motion(path: Path, motion: Motion, model: body.BodyModel) -> None:
 
 def _follow(motion: Motion, model: body.BodyModel) -> list[Array]:
     """Dependent coordinates, each (n_frames,)."""
-    return [evaluate_law_at(coupler.law, _express_leading(coupler, motion)) for coupler in model.couplers]
+    return [
+        compiling.evaluate_law_at(coupler.law, _express_leading(coupler, motion))
+        for coupler in model.couplers
+    ]
 
 
 def write_motion_sd(path: Path, motion: Motion, sd: Array, model: body.BodyModel) -> None:
@@ -71,14 +69,14 @@ def write_motion_sd(path: Path, motion: Motion, sd: Array, model: body.BodyModel
     sd = unshown.hide_unshown(motion, model, np.where(np.isnan(motion.q), np.inf, sd), np.inf)
     followed = []
     for coupler in model.couplers:
-        slopes = differentiate_law_at(coupler.law, _express_leading(coupler, motion))
+        slopes = compiling.differentiate_law_at(coupler.law, _express_leading(coupler, motion))
         leading = sd[:, motion.coordinates.index(coupler.independent)]
         followed.append(np.where(np.isinf(leading), np.inf, np.abs(slopes) * leading))
     _write(path, motion, sd, followed, model)
 
 
 def _write(
-    path: Path, motion: Motion, values: Array, followed: Sequence[Array], model: body.BodyModel
+    path: Path, motion: Motion, values: Array, followed: abc.Sequence[Array], model: body.BodyModel
 ) -> None:
     names = [*motion.coordinates, *(c.dependent for c in model.couplers)]
     kinds = [model.coordinate(name).kind for name in motion.coordinates]
@@ -129,13 +127,13 @@ def write_clinical_angles(folder: Path, angles: ClinicalAngles) -> None:
         write_numbers(folder / f"{angles.trial}{CLINICAL}", ["time_s", *columns], format_numbers(rows))
 
 
-def format_numbers(table: Array) -> Iterator[list[str]]:
+def format_numbers(table: Array) -> abc.Iterator[list[str]]:
     """Rows of a table, (n_rows, n_columns), as text; empty where a number is not known."""
     for lines in format_rows(",".join(["%.4f"] * table.shape[1]), table):
         yield from (line.split(",") for line in lines.replace("nan", "").splitlines())
 
 
-def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def write_numbers(path: Path, heads: abc.Sequence[str], rows: abc.Iterable[abc.Sequence[str]]) -> None:
     """A table of comma-separated values."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -143,7 +141,7 @@ def write_numbers(path: Path, heads: Sequence[str], rows: Iterable[Sequence[str]
         writer.writerows(rows)
 
 
-def save_motions(tracked: run.Tracked, folder: str | Path) -> MotionDocument:
+def save_motions(tracked: run.Tracked, folder: str | Path) -> documents.MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     Parameters
@@ -184,11 +182,11 @@ def save_motions(tracked: run.Tracked, folder: str | Path) -> MotionDocument:
     return document
 
 
-def _make_document(tracked: run.Tracked, files: list[str]) -> MotionDocument:
+def _make_document(tracked: run.Tracked, files: list[str]) -> documents.MotionDocument:
     loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
     processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
     settings = options.resolved() | {"processing": processing}
-    return MotionDocument(
+    return documents.MotionDocument(
         **record_provenance(loaded, session.evaluation, settings),
         model=Path(session.subject.model).name,
         axes=loaded.axes,
@@ -201,12 +199,12 @@ def _make_document(tracked: run.Tracked, files: list[str]) -> MotionDocument:
     )
 
 
-def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> TrackedTrialDocument:
+def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> documents.TrackedTrialDocument:
     """One trial's part of ``ik.json``."""
     motion, spread = tracked.motion, tracked.uncertainty
     error = tracked.error
-    return TrackedTrialDocument(
-        kinematic_error_mm=KinematicErrorDocument(
+    return documents.TrackedTrialDocument(
+        kinematic_error_mm=documents.KinematicErrorDocument(
             mean=_to_mm_or_none(error.mean),
             rms=_to_mm_or_none(error.rms),
             max=_to_mm_or_none(error.max),
@@ -234,7 +232,7 @@ def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> Tra
 
 def _summarise(
     motion: Motion, spread: CoordinateSd, model: body.BodyModel
-) -> Iterator[tuple[str, CoordinateSummary]]:
+) -> abc.Iterator[tuple[str, documents.CoordinateSummary]]:
     kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
     for k, name in enumerate(motion.coordinates):
         known = motion.q[:, k][np.isfinite(motion.q[:, k])]
@@ -244,7 +242,7 @@ def _summarise(
         sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
         yield (
             name,
-            CoordinateSummary(
+            documents.CoordinateSummary(
                 mean=round(float(unit * known.mean()), 4),
                 mean_sd=round(sd, 4) if np.isfinite(sd) else None,
                 range=round(float(unit * np.ptp(known)), 4),
@@ -252,7 +250,7 @@ def _summarise(
         )
 
 
-def _count_undetermined(names: Sequence[str], counts: Sequence[int]) -> dict[str, int]:
+def _count_undetermined(names: abc.Sequence[str], counts: abc.Sequence[int]) -> dict[str, int]:
     return {name: count for name, count in zip(names, counts, strict=True) if count}
 
 

@@ -12,21 +12,15 @@ from scipy.spatial.transform import Rotation
 from scaling_service.capabilities.motion.ranges import Ranges, weigh_ranges
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
+from scaling_service.model import compile as compiling
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import (
-    compile_constraints,
-    compile_model,
-    free_coordinates,
-    list_coordinate_bounds,
-    list_parameter_values,
-)
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
 from scaling_service.numerics.multibody import laws, rigid
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.plan import is_plain
 from scaling_service.numerics.multibody.sweep import is_articulated
-from scaling_service.numerics.multibody.tree import Tree, place_tree_markers, pose_links
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -34,7 +28,7 @@ class Task:
     """What inverse kinematics solves: a compiled model, the markers to follow and how."""
 
     model: BodyModel
-    tree: Tree
+    tree: trees.Tree
     markers: tuple[str, ...]
     measured: Array
     weights: Array
@@ -79,11 +73,11 @@ class Task:
         count = len(model.coordinates)
         open_ended = (np.full(count, -np.inf), np.full(count, np.inf))
         tree, measured, free = (
-            compile_model(model, names),
+            compiling.compile_model(model, names),
             trial.select(names).markers,
-            free_coordinates(model),
+            compiling.free_coordinates(model),
         )
-        heavy, p = np.array([chosen[name] for name in names]), list_parameter_values(model)
+        heavy, p = np.array([chosen[name] for name in names]), compiling.list_parameter_values(model)
         return cls(
             model=model,
             tree=tree,
@@ -91,11 +85,11 @@ class Task:
             measured=measured,
             weights=heavy,
             free=free,
-            bounds=list_coordinate_bounds(model) if bounded else open_ended,
+            bounds=compiling.list_coordinate_bounds(model) if bounded else open_ended,
             p=p,
             ranges=weigh_ranges(model, tree, measured, heavy, free, p),
             loss=loss,
-            closure=compile_constraints(model),
+            closure=compiling.compile_constraints(model),
         )
 
     @property
@@ -118,7 +112,9 @@ def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -
     return {name: weight for name, weight in found.items() if weight > 0.0}
 
 
-def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]) -> Array:
+def guess_start(
+    tree: trees.Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]
+) -> Array:
     """Coordinates with the root link where its markers are, in every frame.
 
     The root is the first link with free translations and rotations; it is placed by a rigid fit of
@@ -149,7 +145,7 @@ def guess_start(tree: Tree, measured: Array, neutral: Array, p: Array, free: NDA
     return np.asarray(np.where(known[:, None], q, q[nearest]))
 
 
-def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
+def _free_root(tree: trees.Tree, free: NDArray[np.bool_]) -> int | None:
     for k, link in enumerate(tree.links):
         own = [v for v in tree.variables[k] if v < tree.n_coordinates and free[v]]
         if link.parent == laws.NONE and len(own) >= 3:
@@ -157,10 +153,12 @@ def _free_root(tree: Tree, free: NDArray[np.bool_]) -> int | None:
     return None
 
 
-def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int) -> tuple[Array, Array]:
+def _place_root(
+    tree: trees.Tree, measured: Array, neutral: Array, p: Array, root: int
+) -> tuple[Array, Array]:
     """Rotation (n, 3, 3) and origin (n, 3) of the root link; NaN where it cannot be placed."""
-    poses = pose_links(tree, neutral[:, None], p)
-    placed = place_tree_markers(tree, poses)[:, :, 0]
+    poses = trees.pose_links(tree, neutral[:, None], p)
+    placed = trees.place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
     if tree.placed is not None:
         return _turn_root(tree, measured, placed, axes, origin)
@@ -173,7 +171,9 @@ def _place_root(tree: Tree, measured: Array, neutral: Array, p: Array, root: int
     return rotation, position
 
 
-def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: Array) -> tuple[Array, Array]:
+def _turn_root(
+    tree: trees.Tree, measured: Array, placed: Array, axes: Array, origin: Array
+) -> tuple[Array, Array]:
     """As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle kept.
 
     ``placed`` (n_markers, 3), ``axes`` (3, 3): rows, and ``origin`` (3,): of the neutral body.
@@ -195,7 +195,7 @@ def _turn_root(tree: Tree, measured: Array, placed: Array, axes: Array, origin: 
     return turn @ axes.T, np.where(known[:, None], position, np.nan)
 
 
-def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array]:
+def _solve_root_turns(tree: trees.Tree, root: int, rotation: Array) -> dict[int, Array]:
     """Angles of the root's turns that give these rotations; none if the turns are not three in a row."""
     axes, coordinates, offsets, gains = [], [], [], []
     prefix = np.eye(3)
@@ -217,9 +217,9 @@ def _solve_root_turns(tree: Tree, root: int, rotation: Array) -> dict[int, Array
     return {c: (angles[:, k] - offsets[k]) / gains[k] for k, c in enumerate(coordinates)}
 
 
-def _translate(tree: Tree, root: int, q: Array, position: Array, p: Array) -> Array:
+def _translate(tree: trees.Tree, root: int, q: Array, position: Array, p: Array) -> Array:
     """The root's translations set so that its origin lies at ``position``."""
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
     shifts = [
         e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
     ]

@@ -14,7 +14,7 @@ processing filled counts as seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,20 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from scaling_service.model import people as population
 from scaling_service.model.anatomy.skin import is_pin
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.numerics.least_squares import problem
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.closure import Closure
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    compute_jacobian,
-    order_by_frame,
-    place_tree_markers,
-    pose_links,
-)
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.motion.task import Task
@@ -68,13 +62,13 @@ class SkinField:
     covariance: Array  # (3 m, 3 m), m2: of their displacements along the segment's axes, marker by marker
 
 
-def list_skin_fields(task: Task) -> Iterator[SkinField]:
+def list_skin_fields(task: Task) -> abc.Iterator[SkinField]:
     """The field over every segment that has markers, as people's skin moves.
 
     How far the markers depart from a rigid cluster in this recording tells a part of how much more, or less,
     than ordinary people's this person's skin moves there.
     """
-    model, people = task.model, read_people()
+    model, people = task.model, population.read_people()
     owners, told = [model.marker(name).segment for name in task.markers], tell_landmarks(model)
     for segment in dict.fromkeys(owners):
         rows = np.array([k for k, s in enumerate(owners) if s == segment], dtype=np.intp)
@@ -87,9 +81,9 @@ def list_skin_fields(task: Task) -> Iterator[SkinField]:
 
 def cover_with_skin(
     bone: str,
-    people: People,
-    told: Mapping[str, str],
-    markers: Sequence[str],
+    people: population.People,
+    told: abc.Mapping[str, str],
+    markers: abc.Sequence[str],
     places: Array,
     share: float,
 ) -> Array:
@@ -149,8 +143,8 @@ def estimate_coordinate_sd(
     q: Array,
     residuals: Array,
     known: Mask,
-    fields: Sequence[SkinField] = (),
-    rates: Callable[[Array], Array] | None = None,
+    fields: abc.Sequence[SkinField] = (),
+    rates: abc.Callable[[Array], Array] | None = None,
 ) -> CoordinateSd:
     """Standard deviation of every coordinate in every frame of a solved task.
 
@@ -167,7 +161,7 @@ def estimate_coordinate_sd(
     for rows in split_frames(len(q)):
         spread = _linearise(task, q[rows], residuals[rows], held[rows])
         follow = np.matmul(np.linalg.inv(spread.curvature), spread.rates)
-        axes = pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
+        axes = trees.pose_links(task.tree, np.ascontiguousarray(q[rows].T), task.p).axes
         turns = [axes[task.tree.marker_link[field.markers[0]]] for field in fields]
         sd[rows, task.free] = _spread(follow, variance, fields, turns, task.weights)
         if rates is not None:
@@ -185,7 +179,7 @@ def count_departures(
     found: CoordinateSd,
     departures: Array,
     q: Array,
-    rates: Callable[[Array], Array] | None = None,
+    rates: abc.Callable[[Array], Array] | None = None,
 ) -> CoordinateSd:
     """Deviations of a model of which is known how far its coordinates are off in all.
 
@@ -210,7 +204,11 @@ def find_lost(change: Array, unknown: Mask) -> Mask:
 
 
 def _spread(
-    follow: Array, variance: Array, fields: Sequence[SkinField], turns: Sequence[Array], weights: Array
+    follow: Array,
+    variance: Array,
+    fields: abc.Sequence[SkinField],
+    turns: abc.Sequence[Array],
+    weights: Array,
 ) -> Array:
     """Standard deviations (n, k) of what follows displacements times root weights, (n, k, 3 n_markers).
 
@@ -233,7 +231,7 @@ class _Linearised:
     curvature: Array
 
 
-def split_frames(count: int) -> Iterator[slice]:
+def split_frames(count: int) -> abc.Iterator[slice]:
     """All frames, in blocks that are linearised together."""
     return (slice(start, min(start + _BLOCK, count)) for start in range(0, count, _BLOCK))
 
@@ -254,11 +252,11 @@ def _linearise(task: Task, q: Array, residuals: Array, held: Mask) -> _Linearise
     return _Linearised(rates, curvature)
 
 
-def compute_marker_rates(tree: Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
+def compute_marker_rates(tree: trees.Tree, q: Array, p: Array, variables: NDArray[np.intp]) -> Array:
     """How markers move with coordinates, (n, n_variables, 3 n_markers)."""
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
-    rates = compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables)
-    return order_by_frame(rates)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
+    rates = trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables)
+    return trees.order_by_frame(rates)
 
 
 def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -> Array:
@@ -291,7 +289,7 @@ def _list_marker_variances(task: Task, q: Array, residuals: Array, held: Mask) -
 
 
 def find_determined(
-    tree: Tree,
+    tree: trees.Tree,
     measured: Array,
     weights: Array,
     q: Array,
@@ -334,7 +332,7 @@ def find_distinct_patterns(shown: NDArray[np.bool_]) -> tuple[NDArray[np.intp], 
 
 
 def _judge(
-    tree: Tree,
+    tree: trees.Tree,
     patterns: NDArray[np.bool_],
     weights: Array,
     q: Array,
@@ -342,9 +340,9 @@ def _judge(
     variables: NDArray[np.intp],
     closure: Closure | None,
 ) -> NDArray[np.bool_]:
-    poses = pose_links(tree, np.ascontiguousarray(q.T), p)
+    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
     rates = np.moveaxis(
-        compute_jacobian(tree, poses, place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
+        trees.compute_jacobian(tree, poses, trees.place_tree_markers(tree, poses), variables), (0, 3), (3, 0)
     )
     share = patterns * (weights > 0.0)
     rates = (rates * share[:, :, None, None]).reshape(len(q), -1, len(variables))

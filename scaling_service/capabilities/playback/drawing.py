@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import abc
 from typing import Literal
 
 import numpy as np
@@ -52,7 +52,7 @@ def _find_first_axis(model: body.BodyModel, segment: body.Segment) -> tuple[Arra
 
 
 def build_surfaces(
-    model: body.BodyModel, bones: Mapping[str, Bone]
+    model: body.BodyModel, bones: abc.Mapping[str, Bone]
 ) -> tuple[dict[str, trimesh.Trimesh], dict[str, Shape]]:
     """A surface of every segment that has a size, in the segment's frame.
 
@@ -74,7 +74,7 @@ def build_surfaces(
     return found, shapes
 
 
-def to_glb(meshes: Mapping[str, trimesh.Trimesh]) -> bytes:
+def to_glb(meshes: abc.Mapping[str, trimesh.Trimesh]) -> bytes:
     """Surfaces as binary glTF, each a node of its segment's name that stands where its frame stands."""
     scene = trimesh.Scene()
     for name, mesh in meshes.items():
@@ -111,7 +111,7 @@ def find_ends(joints: Array) -> Array | None:
     return joints[[one, other]] if nearest.max() < NEAR_AN_END * length else None
 
 
-def _list_joints(model: body.BodyModel, segment: str) -> Iterator[Array]:
+def _list_joints(model: body.BodyModel, segment: str) -> abc.Iterator[Array]:
     frames = poses.pose_neutral_frames(model)
     R, origin = frames[segment]
     for child in model.children(segment):
@@ -134,7 +134,7 @@ def make_simple_shape(points: Array) -> trimesh.Trimesh | None:
     return hull
 
 
-def place_bones(calibration: Calibration, bones: Mapping[str, Bone]) -> dict[str, Bone]:
+def place_bones(calibration: Calibration, bones: abc.Mapping[str, Bone]) -> dict[str, Bone]:
     """Each imaged bone in its segment's frame, m; bones without a pose in the image are left out."""
     return {
         name: Bone(pose.to_local(bones[name].vertices), bones[name].faces)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -63,7 +63,7 @@ class Reference:
 
     source: str
     population: str
-    bands: Mapping[str, Band]
+    bands: abc.Mapping[str, Band]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +76,8 @@ class GaitProfile:
         2009).
     """
 
-    variable_scores: Mapping[frames.Side, Mapping[str, float]]
-    side_scores: Mapping[frames.Side, float]
+    variable_scores: abc.Mapping[frames.Side, abc.Mapping[str, float]]
+    side_scores: abc.Mapping[frames.Side, float]
     score: float | None
 
 
@@ -121,7 +121,7 @@ def compute_gait_variable_score(cycles: Array, mean: Array) -> float:
 
 
 def compute_gait_profile(
-    curves: Mapping[frames.Side, Mapping[str, Array]], reference: Reference
+    curves: abc.Mapping[frames.Side, abc.Mapping[str, Array]], reference: Reference
 ) -> GaitProfile:
     """Scores of both sides.
 
@@ -163,8 +163,8 @@ class ClinicalGait:
     ``reason``: why there is no cycle, one sentence without a full stop; empty where there is one.
     """
 
-    recordings: Mapping[str, clinical_angles.ClinicalAngles]
-    cycles: Mapping[frames.Side, clinical_angles.ClinicalCycles]
+    recordings: abc.Mapping[str, clinical_angles.ClinicalAngles]
+    cycles: abc.Mapping[frames.Side, clinical_angles.ClinicalCycles]
     held_out: bool
     reason: str = ""
 
@@ -187,7 +187,10 @@ class ClinicalGait:
 
 
 def compute_clinical_gait(
-    model: BodyModel, motions: Mapping[str, Motion], trials: Sequence[Trial], fitted: Container[str] = ()
+    model: BodyModel,
+    motions: abc.Mapping[str, Motion],
+    trials: abc.Sequence[Trial],
+    fitted: abc.Container[str] = (),
 ) -> ClinicalGait:
     """The conventional angles of a model over its motions, and over the gait cycles that the markers show.
 
@@ -208,7 +211,7 @@ def compute_clinical_gait(
 
 
 def _cut_cycles(
-    recordings: Mapping[str, clinical_angles.ClinicalAngles], trials: Sequence[Trial]
+    recordings: abc.Mapping[str, clinical_angles.ClinicalAngles], trials: abc.Sequence[Trial]
 ) -> dict[frames.Side, clinical_angles.ClinicalCycles]:
     found = {
         side: clinical_angles.cut_clinical_cycles(
@@ -219,7 +222,7 @@ def _cut_cycles(
     return {side: cycles for side, cycles in found.items() if cycles is not None}
 
 
-def _describe_reason(trials: Sequence[Trial]) -> str:
+def _describe_reason(trials: abc.Sequence[Trial]) -> str:
     reasons = [find_gait_cycles(trial, side).reason for trial in trials for side in frames.SIDES]
     said = [reason for reason in reasons if reason]
     return (said or ["no whole stride is followed" if trials else "no movement was recorded"])[0]
@@ -275,7 +278,7 @@ def _summarise_curve(values: Array) -> results.ClinicalCurve:
     )
 
 
-def _list_cycle_rows(cycles: clinical_angles.ClinicalCycles) -> Iterable[list[str]]:
+def _list_cycle_rows(cycles: clinical_angles.ClinicalCycles) -> abc.Iterable[list[str]]:
     unknown = np.full((len(cycles.cycles), NODES), np.nan)
     table = np.degrees(np.stack([cycles.values.get(name, unknown) for name in frames.ANGLES], axis=2))
     for (trial, start, end), rows in zip(cycles.cycles, table, strict=True):

@@ -13,8 +13,8 @@ from scaling_service.capabilities.scaling import comparison_views
 from scaling_service.capabilities.scaling.options import ComparisonOptions, ScaleOptions
 from scaling_service.capabilities.shared import job, names
 from scaling_service.core.progress import Progress, report_part
+from scaling_service.documents import results as documents
 from scaling_service.documents.base import DOCUMENT
-from scaling_service.documents.results import ComparisonDocument, ScalingDocument
 
 if TYPE_CHECKING:
     from scaling_service.capabilities.scaling.result import Results
@@ -115,7 +115,7 @@ def _scale(
     options: ComparisonOptions = ComparisonOptions(),
     *,
     comparison: bool = True,
-) -> tuple[Results, ComparisonDocument]:
+) -> tuple[Results, documents.ComparisonDocument]:
     """Scale by methods, and write their folders and, where wanted, the comparison and its report."""
     from scaling_service.capabilities.scaling.run import compare
     from scaling_service.capabilities.scaling.saving import save
@@ -132,13 +132,16 @@ def _scale(
 
 KINDS = {
     "linear-scaling": job.Kind(
-        request=LinearRequest, work=scale_by_one, route="scalings/linear", result=ScalingDocument
+        request=LinearRequest, work=scale_by_one, route="scalings/linear", result=documents.ScalingDocument
     ),
     "optimised-scaling": job.Kind(
-        request=OptimisedRequest, work=scale_by_one, route="scalings/optimised", result=ScalingDocument
+        request=OptimisedRequest,
+        work=scale_by_one,
+        route="scalings/optimised",
+        result=documents.ScalingDocument,
     ),
     "scaling": job.Kind(
-        request=ScalingRequest, work=compare_methods, route="comparisons", result=ComparisonDocument
+        request=ScalingRequest, work=compare_methods, route="comparisons", result=documents.ComparisonDocument
     ),
     "kinematic-error": job.Kind(
         request=KinematicErrorRequest,

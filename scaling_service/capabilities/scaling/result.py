@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
@@ -16,10 +16,7 @@ from scaling_service.capabilities.motion.run import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.scaling import clinical_gait
 from scaling_service.capabilities.scaling.comparison import evidence
-from scaling_service.capabilities.scaling.comparison.geometry import (
-    Geometry,
-    estimate_usual_lengths,
-)
+from scaling_service.capabilities.scaling.comparison import geometry as geometries
 from scaling_service.capabilities.scaling.comparison.verdict import judge
 from scaling_service.capabilities.scaling.methods.table import METHODS
 from scaling_service.capabilities.scaling.muscles.compare import MuscleComparison
@@ -73,15 +70,15 @@ class Scaling:
     """
 
     calibration: Calibration
-    motions: Mapping[str, Motion]
-    errors: Mapping[str, KinematicError]
-    geometry: Geometry
-    angle_sds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    deviations: Mapping[str, Array] = field(default_factory=dict)
+    motions: abc.Mapping[str, Motion]
+    errors: abc.Mapping[str, KinematicError]
+    geometry: geometries.Geometry
+    angle_sds: abc.Mapping[str, abc.Mapping[str, float]] = field(default_factory=dict)
+    deviations: abc.Mapping[str, Array] = field(default_factory=dict)
     inverse_kinematics_s: float = 0.0
     osim: str | None = None
-    attachments: Mapping[str, MovedAttachments] = field(default_factory=dict)
-    followed: Mapping[str, TrackedTrial] = field(default_factory=dict)
+    attachments: abc.Mapping[str, MovedAttachments] = field(default_factory=dict)
+    followed: abc.Mapping[str, TrackedTrial] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         numbers = len(self.calibration.parameters)
@@ -126,7 +123,7 @@ class Results:
 
     loaded: Loaded
     settings: Settings
-    scalings: Mapping[str, Scaling]
+    scalings: abc.Mapping[str, Scaling]
     warnings: tuple[str, ...] = ()
     wall_s: float = 0.0
     subject_file: Path | None = None
@@ -202,7 +199,7 @@ class Results:
         return judge(gather_evidence(self))
 
     @cached_property
-    def gait(self) -> Mapping[str, clinical_gait.ClinicalGait]:
+    def gait(self) -> abc.Mapping[str, clinical_gait.ClinicalGait]:
         """What each method's model says in a gait laboratory's terms."""
         fitted = {trial.name for trial in self.session.calibration}
         return {
@@ -231,12 +228,12 @@ def gather_evidence(results: Results) -> evidence.Evidence:
             for scaling in results.scalings.values()
         ),
         frozenset() if session.images is None else frozenset(session.images.centres),
-        estimate_usual_lengths(session.subject.height_m, sorted(names)),
+        geometries.estimate_usual_lengths(session.subject.height_m, sorted(names)),
     )
 
 
 def _gather_method_evidence(
-    scaling: Scaling, fitted: Sequence[str], held_out: Sequence[str]
+    scaling: Scaling, fitted: abc.Sequence[str], held_out: abc.Sequence[str]
 ) -> evidence.MethodEvidence:
     calibration, shape = scaling.calibration, scaling.geometry
     posterior, parameters = calibration.model.posterior, calibration.parameters
@@ -269,7 +266,9 @@ def _gather_method_evidence(
     )
 
 
-def _average_sds(sds: Mapping[str, Mapping[str, float]], trials: Sequence[str]) -> dict[str, float]:
+def _average_sds(
+    sds: abc.Mapping[str, abc.Mapping[str, float]], trials: abc.Sequence[str]
+) -> dict[str, float]:
     """Joint angle to its root mean square deviation over trials, rad."""
     known: dict[str, list[float]] = {}
     for trial in trials:

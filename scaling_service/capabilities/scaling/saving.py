@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections import abc
 from pathlib import Path
 
 import numpy as np
@@ -34,22 +34,8 @@ from scaling_service.capabilities.scaling.words import summarise
 from scaling_service.capabilities.subject import provenance
 from scaling_service.core import errors
 from scaling_service.core.progress import Progress, show_nothing
+from scaling_service.documents import results as documents
 from scaling_service.documents import writing
-from scaling_service.documents.results import (
-    ComparisonDocument,
-    FittedParameter,
-    JointCentre,
-    KneeAxis,
-    LengthEstimate,
-    MethodResult,
-    Provenance,
-    ScalingDocument,
-    SegmentSource,
-    TrialError,
-    TruthDocument,
-    VerdictDocument,
-    WallTime,
-)
 from scaling_service.files.osim.models import replace_text
 from scaling_service.model.document import to_document
 from scaling_service.model.freed import MARKERS_HELD
@@ -64,7 +50,7 @@ _NUMBERS_ONLY = (
 )
 COLOUR = (227, 218, 201, 255)  # bone, as X11 and most atlases draw it
 
-_BONES: Mapping[str, SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
+_BONES: abc.Mapping[str, documents.SegmentSource] = {"own": "bone", "other leg": "bone of the other leg"}
 
 
 def save(
@@ -73,9 +59,9 @@ def save(
     *,
     comparison: bool = True,
     report: bool = True,
-    truth: TruthDocument | None = None,
+    truth: documents.TruthDocument | None = None,
     progress: Progress | None = None,
-) -> ComparisonDocument:
+) -> documents.ComparisonDocument:
     """Write results into a folder.
 
     Every method gets a folder of its name with ``model.osim``, ``model.json``, ``<trial>_ik.mot``,
@@ -117,7 +103,7 @@ def save(
     """
     tell, gait, verdict = progress or show_nothing, results.gait, results.verdict
     with writing.all_or_nothing(Path(folder)) as scratch:
-        methods: dict[str, MethodResult] = {}
+        methods: dict[str, documents.MethodResult] = {}
         for k, (method, scaling) in enumerate(results.scalings.items()):
             tell(f"{method}: writing", k / len(results.scalings))
             methods[method] = _write_method(scratch / method, scaling, gait[method], results)
@@ -132,7 +118,7 @@ def save(
     return document
 
 
-def make_report(results: result.Results, document: ComparisonDocument) -> onefile.Report:
+def make_report(results: result.Results, document: documents.ComparisonDocument) -> onefile.Report:
     """``report.html``: the comparison's views with the models in all recordings."""
     files = onefile.collect_files(lambda folder: write_results_scene(results, folder, INSIDE))
     return onefile.Report(
@@ -148,7 +134,7 @@ def make_report(results: result.Results, document: ComparisonDocument) -> onefil
 
 def _write_method(
     folder: Path, scaling: result.Scaling, gait: clinical_gait.ClinicalGait, results: result.Results
-) -> MethodResult:
+) -> documents.MethodResult:
     """The method's files but for ``scaling.json``, and what that will say of it."""
     folder.mkdir()
     calibration, warnings = scaling.calibration, list[str]()
@@ -184,7 +170,7 @@ def _write_method(
     return make_method_document(scaling, results, gait, files, warnings)
 
 
-def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone]) -> list[str]:
+def write_bones(folder: Path, calibration: Calibration, bones: abc.Mapping[str, Bone]) -> list[str]:
     """Write a method's bones beside its model; returns their files' names, none where there are no bones."""
     local = place_bones(calibration, bones)
     if not local:
@@ -205,18 +191,18 @@ def write_bones(folder: Path, calibration: Calibration, bones: Mapping[str, Bone
 
 def make_comparison_document(
     results: result.Results,
-    methods: dict[str, MethodResult],
-    truth: TruthDocument | None,
+    methods: dict[str, documents.MethodResult],
+    truth: documents.TruthDocument | None,
     verdict: evidence.Verdict,
-) -> ComparisonDocument:
+) -> documents.ComparisonDocument:
     """``comparison.json``."""
     session, settings = results.session, results.settings
     trials = [trial for trial in (session.static, *session.dynamic) if trial is not None]
     chosen = {"comparison": results.options.resolved()} if results.options != ComparisonOptions() else {}
-    return ComparisonDocument(
+    return documents.ComparisonDocument(
         **provenance.record_provenance(results.loaded, trials, settings.resolved() | chosen, settings.seed),
         sizes=provenance.read_stated_sizes(session.subject),
-        verdict=VerdictDocument.model_validate(verdict, from_attributes=True),
+        verdict=documents.VerdictDocument.model_validate(verdict, from_attributes=True),
         methods=methods,
         warnings=list(results.warnings),
         wall_s=round(results.wall_s, 3),
@@ -225,11 +211,13 @@ def make_comparison_document(
     )
 
 
-def make_scaling_documents(document: ComparisonDocument) -> dict[str, ScalingDocument]:
+def make_scaling_documents(document: documents.ComparisonDocument) -> dict[str, documents.ScalingDocument]:
     """``scaling.json`` of each method; the warnings of the whole session stand before the method's own."""
-    shared = {name: getattr(document, name) for name in Provenance.model_fields}
+    shared = {name: getattr(document, name) for name in documents.Provenance.model_fields}
     return {
-        name: ScalingDocument(**shared, **dict(method) | {"warnings": [*document.warnings, *method.warnings]})
+        name: documents.ScalingDocument(
+            **shared, **dict(method) | {"warnings": [*document.warnings, *method.warnings]}
+        )
         for name, method in document.methods.items()
     }
 
@@ -238,14 +226,14 @@ def make_method_document(
     scaling: result.Scaling,
     results: result.Results,
     gait: clinical_gait.ClinicalGait,
-    files: Sequence[str] = (),
-    warnings: Sequence[str] = (),
-) -> MethodResult:
+    files: abc.Sequence[str] = (),
+    warnings: abc.Sequence[str] = (),
+) -> documents.MethodResult:
     """One method's results, with the files and warnings that writing them added."""
     calibration, shape = scaling.calibration, scaling.geometry
     fitted = evidence.average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
     held_out = evidence.average_errors(scaling.errors, results.held_out)
-    return MethodResult(
+    return documents.MethodResult(
         method=calibration.method,
         kinematic_error_mm={
             name: _make_error(error, held_out=name in results.held_out)
@@ -260,7 +248,7 @@ def make_method_document(
         length_estimates=_list_length_estimates(calibration, shape.lengths),
         segment_sources=_list_segment_sources(calibration),
         joint_centres_mm={
-            name: JointCentre(
+            name: documents.JointCentre(
                 frame=frame,
                 xyz=_to_mm3(at),
                 sd_mm=_to_mm3(calibration.centres[name].sd) if name in calibration.centres else None,
@@ -268,13 +256,13 @@ def make_method_document(
             for name, (frame, at) in shape.joint_centres.items()
         },
         knee_axis_deg={
-            side: KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
+            side: documents.KneeAxis(x=round(math.degrees(x), 4), y=round(math.degrees(y), 4))
             for side, (x, y) in shape.knee_axes.items()
         },
         marker_shift_mm={name: _to_mm(shift) for name, shift in shape.marker_shifts.items()},
         scale_factors=dict(calibration.scale_factors),
         parameters=[
-            FittedParameter(
+            documents.FittedParameter(
                 name=p.name,
                 value=p.value,
                 unit=p.unit,
@@ -286,7 +274,7 @@ def make_method_document(
         ],
         cumulative_error_mm2=None if math.isnan(calibration.cost) else round(calibration.cost * 1e6, 2),
         iterations=calibration.iterations,
-        wall_s=WallTime(
+        wall_s=documents.WallTime(
             calibration=round(calibration.wall_s, 4),
             inverse_kinematics=round(scaling.inverse_kinematics_s, 4),
         ),
@@ -296,10 +284,10 @@ def make_method_document(
     )
 
 
-def _list_segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
+def _list_segment_sources(calibration: Calibration) -> dict[str, documents.SegmentSource]:
     """What sized each segment; the size of one that nothing was measured of is that of persons alike."""
     fitted = {p.target for p in calibration.parameters if p.group == "length"}
-    found: dict[str, SegmentSource] = {}
+    found: dict[str, documents.SegmentSource] = {}
     for name in calibration.model.segment_names:
         size = calibration.sizes.get(name)
         if name in calibration.bone_sized:
@@ -312,13 +300,13 @@ def _list_segment_sources(calibration: Calibration) -> dict[str, SegmentSource]:
 
 
 def _list_length_estimates(
-    calibration: Calibration, lengths: Mapping[str, float]
-) -> dict[str, LengthEstimate]:
+    calibration: Calibration, lengths: abc.Mapping[str, float]
+) -> dict[str, documents.LengthEstimate]:
     """By name of the length; a planar model's has no side and is estimated as the right one."""
     sizes = {size.dimension: size for size in calibration.sizes.values()}
     found = {name: sizes.get(name) or sizes.get(f"{name}_r") for name in lengths}
     return {
-        name: LengthEstimate(
+        name: documents.LengthEstimate(
             sd_mm=_to_mm(size.sd * lengths[name]),
             measured=round(size.measured, 4),
             others=round(size.others, 4),
@@ -329,9 +317,9 @@ def _list_length_estimates(
     }
 
 
-def _make_error(error: KinematicError, *, held_out: bool) -> TrialError:
+def _make_error(error: KinematicError, *, held_out: bool) -> documents.TrialError:
     anatomical, tracking = error.anatomical_mean, error.tracking_mean
-    return TrialError(
+    return documents.TrialError(
         role="evaluation" if held_out else "calibration",
         mean=_to_mm(error.mean),
         sd=_to_mm(error.sd),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 
 from scaling_service.documents import results
 from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary
 
-Methods = Mapping[str, results.MethodResult]
+Methods = abc.Mapping[str, results.MethodResult]
 
 
 def summarise(document: results.ComparisonDocument) -> Summary:
@@ -42,7 +42,7 @@ def tabulate_trust(verdict: results.VerdictDocument) -> tables.Table:
     )
 
 
-def make_comparison_tables(document: results.ComparisonDocument) -> Iterator[tables.Table]:
+def make_comparison_tables(document: results.ComparisonDocument) -> abc.Iterator[tables.Table]:
     """All that the terminal shows."""
     methods, truth = document.methods, document.truth
     yield tabulate_errors(methods)
@@ -84,7 +84,7 @@ def tabulate_errors(methods: Methods) -> tables.Table:
     )
 
 
-def tabulate_lengths(methods: Methods, reference: Mapping[str, float], title: str) -> tables.Table:
+def tabulate_lengths(methods: Methods, reference: abc.Mapping[str, float], title: str) -> tables.Table:
     """Segment lengths with their deviations, and how far they are from a reference, named by ``title``."""
     rows = []
     for name in words.unite_keys(m.segment_lengths_mm for m in methods.values()):
@@ -163,10 +163,10 @@ def name_measure(name: str) -> str:
 
 def _make_table(
     caption: str,
-    methods: Mapping[str, object],
-    rows: Sequence[tables.Row],
+    methods: abc.Mapping[str, object],
+    rows: abc.Sequence[tables.Row],
     note: str = "",
-    more: Sequence[str] = (),
+    more: abc.Sequence[str] = (),
 ) -> tables.Table:
     return tables.Table(caption=caption, columns=["", *methods, *more], rows=rows, note=note)
 
@@ -190,7 +190,7 @@ def _format_length(method: results.MethodResult, name: str, against: float | Non
     return f"{text} ({words.format_signed(value - against)})"
 
 
-def _format_mean(values: Sequence[float | None]) -> str:
+def _format_mean(values: abc.Sequence[float | None]) -> str:
     known = [value for value in values if value is not None]
     return words.number(sum(known) / len(known) if known else None)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,14 +19,16 @@ _SOURCE = {"code_version", "subject", "settings", "seed", "input_hashes"}
 """What a table says of where its numbers come from."""
 
 
-def make_table_writer(forms: str, out: Path) -> Callable[[Mapping[str, ResultTable], BaseModel], None]:
+def make_table_writer(
+    forms: str, out: Path
+) -> abc.Callable[[abc.Mapping[str, ResultTable], BaseModel], None]:
     """What writes tables under a command's folder; their forms are checked now, before anything is computed.
 
     ``forms``: as typed. Raises InputError: one is unknown. Raises DependencyMissing: a library is absent.
     """
     chosen = result_tables.check_forms(forms)
 
-    def write(tables: Mapping[str, ResultTable], document: BaseModel) -> None:
+    def write(tables: abc.Mapping[str, ResultTable], document: BaseModel) -> None:
         if chosen:
             about = document.model_dump(mode="json", include=_SOURCE)
             result_tables.save_tables(tables, out / FOLDER, chosen, about)

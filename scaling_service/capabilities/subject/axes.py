@@ -13,12 +13,12 @@ from scaling_service.capabilities.subject.reading import blame_file
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.recording import Recording
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.rigid import fit_rigid
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.recording import orientation
 
 
@@ -71,11 +71,11 @@ def find_upright(model: BodyModel, trial: Trial, vertical: int = 1) -> Array | N
     if not own:
         return None
     root = next(s.name for s in model.segments if s.name in {m.segment for m in own})
-    neutral = np.ascontiguousarray(repeat_default_pose(model, 1).T)
+    neutral = np.ascontiguousarray(compiling.repeat_default_pose(model, 1).T)
     for names in ([m.name for m in own if m.segment == root], [m.name for m in own]):
-        tree = compile_model(model, names)
-        poses = pose_links(tree, neutral, list_parameter_values(model))
-        rotation, _ = fit_rigid(place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
+        tree = compiling.compile_model(model, names)
+        poses = trees.pose_links(tree, neutral, compiling.list_parameter_values(model))
+        rotation, _ = fit_rigid(trees.place_tree_markers(tree, poses)[:, :, 0], trial.select(names).markers)
         axes = rotation[np.isfinite(rotation).all(axis=(1, 2)), :, vertical]
         if len(axes):
             return np.asarray(axes.mean(axis=0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections import abc
 from itertools import combinations
 from pathlib import Path
 
@@ -11,8 +11,8 @@ import numpy as np
 from scaling_service.core import errors, notes
 from scaling_service.core.text import list_few
 from scaling_service.model import body
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.subject import Measurement, ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares.problem import find_seen
 from scaling_service.recording.faults import FAULTS
@@ -43,7 +43,7 @@ _TOLD = (
 )
 """Repairs that a person should know of without opening the results."""
 
-_REMEDIES: Mapping[str, str] = {
+_REMEDIES: abc.Mapping[str, str] = {
     "jitter": "Look at the marker in the recording; its gaps are filled as others are",
     "merged": "Correct the trajectories; until then both are filled there as other gaps are",
     "shaking": "Mount the cameras firmly and record again; a filter saves the angles only",
@@ -51,7 +51,7 @@ _REMEDIES: Mapping[str, str] = {
 _LOOK_THERE = "Look at these frames; correct the recording if they matter"
 _NOTHING = "Nothing is to be done"
 
-_STANDS_IN: Mapping[str, tuple[str, ...]] = {
+_STANDS_IN: abc.Mapping[str, tuple[str, ...]] = {
     "RPSIS": ("SACR", "LPSIS"),
     "LPSIS": ("SACR", "RPSIS"),
     **{
@@ -66,7 +66,7 @@ _FRAME_COUNTS = ("NumFrames", "frames")
 """Where a header's count of frames differs from what the file holds, it may be the half of a recording."""
 
 
-def refuse_repeated(trials: Mapping[Path, Trial], subject: Subject) -> None:
+def refuse_repeated(trials: abc.Mapping[Path, Trial], subject: subjects.Subject) -> None:
     """One recording under two names would count twice, or pass for one that was never fitted.
 
     ``trials``: file to what it holds, in m. Raises SubjectInvalid: naming both files.
@@ -115,7 +115,7 @@ def refuse_one_spot(model: body.BodyModel, trial: Trial) -> None:
             )
 
 
-def require_landmarks(session: Session) -> None:
+def require_landmarks(session: subjects.Session) -> None:
     """Refuse recordings in which a landmark has a name that nothing here knows.
 
     Pelvis landmarks are needed for the hip centres as soon as one is there (both ASIS; a PSIS or the sacrum),
@@ -142,8 +142,8 @@ def require_landmarks(session: Session) -> None:
 
 
 def require_measurements(
-    setup: ScaleSetup, model: body.BodyModel, trial: Trial, file: Path
-) -> Iterator[notes.Note]:
+    setup: subjects.ScaleSetup, model: body.BodyModel, trial: Trial, file: Path
+) -> abc.Iterator[notes.Note]:
     """Refuse a scale set-up whose measurements cannot be taken, and say what it scales without effect.
 
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
@@ -164,7 +164,7 @@ def require_measurements(
         )
 
 
-def _select_rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
+def _select_rows(setup: subjects.ScaleSetup, trial: Trial, file: Path) -> slice:
     if setup.time_range is None:
         return slice(None)
     start, end = setup.time_range
@@ -181,7 +181,11 @@ def _select_rows(setup: ScaleSetup, trial: Trial, file: Path) -> slice:
 
 
 def _require_pair(
-    pair: Sequence[str], measurement: Measurement, model: body.BodyModel, trial: Trial, file: Path
+    pair: abc.Sequence[str],
+    measurement: subjects.Measurement,
+    model: body.BodyModel,
+    trial: Trial,
+    file: Path,
 ) -> None:
     for name in pair:
         if name not in model.marker_names:
@@ -203,8 +207,8 @@ def _require_pair(
 
 
 def summarise_recordings(
-    model: body.BodyModel, subject: Subject, trials: Sequence[Trial]
-) -> Iterator[notes.Note]:
+    model: body.BodyModel, subject: subjects.Subject, trials: abc.Sequence[Trial]
+) -> abc.Iterator[notes.Note]:
     """One plain sentence for each thing.
 
     ``trials``: with the model's names, before gaps are filled and positions smoothed.
@@ -239,7 +243,9 @@ def summarise_recordings(
                 )
 
 
-def _tell_unseen(model: body.BodyModel, subject: Subject, trials: Sequence[Trial]) -> Iterator[notes.Note]:
+def _tell_unseen(
+    model: body.BodyModel, subject: subjects.Subject, trials: abc.Sequence[Trial]
+) -> abc.Iterator[notes.Note]:
     shown = {label for trial in trials for label in trial.shown_labels}
     followed = [m.name for m in model.markers if m.weight > 0.0]
     missing = [name for name in followed if name not in shown]
@@ -291,6 +297,6 @@ def _tell_unseen(model: body.BodyModel, subject: Subject, trials: Sequence[Trial
             )
 
 
-def _find_stand_in(name: str, landmarks: Container[str | None]) -> str | None:
+def _find_stand_in(name: str, landmarks: abc.Container[str | None]) -> str | None:
     others = _STANDS_IN.get(find_canonical(name) or "", ())
     return next((other for other in others if other in landmarks), None)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, abc
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
 from scaling_service.model.trial import Repair, Trial
 from scaling_service.recording import orientation
-from scaling_service.recording.identity.identify import Identification, identify
+from scaling_service.recording.identity import identify as identifying
 
 _LIMBS = ("femur", "tibia")
 _SURE = 0.5  # of a label's segment: likelier than all others together
@@ -49,7 +48,7 @@ def check_segments(subject: Subject, model: BodyModel) -> None:
             )
 
 
-def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) -> None:
+def check_explicit(subject: Subject, model: BodyModel, trials: abc.Sequence[Trial]) -> None:
     """A marker that the subject file maps is the model's, and its label in at least one recording."""
     present = list(dict.fromkeys(label for trial in trials for label in trial.labels))
     for marker, label in subject.marker_map.items():
@@ -57,19 +56,23 @@ def check_explicit(subject: Subject, model: BodyModel, trials: Sequence[Trial]) 
             raise errors.SubjectInvalid(
                 f"the model has no marker '{marker}'",
                 field=f"markers.{marker}",
-                remedy=f"{text.suggest_name(marker, model.marker_names)}It has {', '.join(model.marker_names)}",
+                remedy=f"{text.suggest_name(marker, model.marker_names)}It has "
+                f"{', '.join(model.marker_names)}",
             )
         if not _has(present, label):
             raise errors.SubjectInvalid(
                 f"label '{label}' is in no recording",
                 field=f"markers.{marker}",
-                remedy=f"{text.suggest_name(label, [markers.strip_prefix(p) for p in present])}Their labels are "
-                f"{', '.join(present)}",
+                remedy=f"{text.suggest_name(label, [markers.strip_prefix(p) for p in present])}Their labels "
+                f"are {', '.join(present)}",
             )
 
 
 def with_tracking_markers(
-    subject: Subject, model: BodyModel, trials: Mapping[Path, Trial], who: Identification | None = None
+    subject: Subject,
+    model: BodyModel,
+    trials: abc.Mapping[Path, Trial],
+    who: identifying.Identification | None = None,
 ) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with tracking markers on thighs and shanks that movements hardly show.
 
@@ -110,10 +113,10 @@ def with_tracking_markers(
 
 def _find_clusters(
     subject: Subject,
-    trials: Mapping[Path, Trial],
+    trials: abc.Mapping[Path, Trial],
     free: set[str],
     limbs: set[str],
-    who: Identification | None,
+    who: identifying.Identification | None,
 ) -> dict[str, str]:
     """Labels that geometry puts on segments, of those that no marker takes."""
     if not limbs or not free or subject.static is None or subject.static not in trials:
@@ -121,7 +124,7 @@ def _find_clusters(
     if who is None:
         standing = trials[subject.static]
         told = _list_roles(standing)
-        who = identify(
+        who = identifying.identify(
             orientation.apply(orientation.decide(standing, roles=told), standing),
             [trial for path, trial in trials.items() if path != subject.static],
             stature=subject.height_m,
@@ -145,8 +148,8 @@ def list_wanted(model: BodyModel, subject: Subject) -> list[str]:
 
 
 def with_model_names(
-    trial: Trial, wanted: Sequence[str], subject: Subject, path: Path
-) -> tuple[Trial, Mapping[str, str]]:
+    trial: Trial, wanted: abc.Sequence[str], subject: Subject, path: Path
+) -> tuple[Trial, abc.Mapping[str, str]]:
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
     found = markers.match_labels(trial.labels, wanted, explicit)
@@ -163,7 +166,7 @@ def with_model_names(
     return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
 
 
-def _refuse_rivals(found: markers.LabelMap, explicit: Mapping[str, str]) -> None:
+def _refuse_rivals(found: markers.LabelMap, explicit: abc.Mapping[str, str]) -> None:
     """The same label with and without a prefix, or with two: they may be of two persons."""
     for marker, label in found.mapped.items():
         rivals = [
@@ -179,11 +182,11 @@ def _refuse_rivals(found: markers.LabelMap, explicit: Mapping[str, str]) -> None
             )
 
 
-def _list_explicit(subject: Subject, labels: Iterable[str]) -> dict[str, str]:
+def _list_explicit(subject: Subject, labels: abc.Iterable[str]) -> dict[str, str]:
     return {m: label for m, label in subject.marker_map.items() if _has(list(labels), label)}
 
 
-def _has(labels: Sequence[str], label: str) -> bool:
+def _has(labels: abc.Sequence[str], label: str) -> bool:
     return label in labels or label in map(markers.strip_prefix, labels)
 
 
@@ -196,7 +199,7 @@ def sort_by_segment(model: BodyModel, subject: Subject) -> dict[str, tuple[str, 
     return {segment: tuple(labels) for segment, labels in found.items() if labels}
 
 
-def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> dict[str, str]:
+def list_placed(model: BodyModel, subject: Subject, trials: abc.Iterable[Trial]) -> dict[str, str]:
     """Every marker that a recording shows, and every rotation that is measured, to its segment."""
     segments = {m.name: m.segment for m in model.markers} | dict(subject.extra_markers)
     given = list(trials)
@@ -206,7 +209,9 @@ def list_placed(model: BodyModel, subject: Subject, trials: Iterable[Trial]) -> 
     return on | {name: segment for name, segment in segments.items() if name in shown}
 
 
-def list_used_labels(maps: Sequence[Mapping[str, str]], wanted: Sequence[str]) -> dict[str, tuple[str, ...]]:
+def list_used_labels(
+    maps: abc.Sequence[abc.Mapping[str, str]], wanted: abc.Sequence[str]
+) -> dict[str, tuple[str, ...]]:
     """Model marker to the labels that were taken for it in the recordings."""
     every = {name: tuple(dict.fromkeys(m[name] for m in maps if name in m)) for name in wanted}
     return {name: labels for name, labels in every.items() if labels}

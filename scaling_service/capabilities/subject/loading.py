@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,44 +11,34 @@ from types import MappingProxyType
 
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import checks, labels, reading
+from scaling_service.capabilities.subject import rotations as subject_rotations
 from scaling_service.capabilities.subject.axes import (
     decide_axes,
     list_level_corners,
 )
 from scaling_service.capabilities.subject.images import gather_images
 from scaling_service.capabilities.subject.persons import select_person
-from scaling_service.capabilities.subject.rotations import (
-    decide_axes_of_rotations,
-    part_rotations,
-    turn_alone,
-)
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
 from scaling_service.files import model_json, recording
 from scaling_service.files.osim import models
 from scaling_service.files.osim.setups import read_scale_setup
 from scaling_service.model import body, builtin
+from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy import key_points
 from scaling_service.model.anatomy.bones import assign_bones
 from scaling_service.model.forces import PlateRecording
-from scaling_service.model.subject import ScaleSetup, Session, Subject
 from scaling_service.model.trial import Trial
+from scaling_service.recording import findings as recording_findings
+from scaling_service.recording import orientation as orientations
 from scaling_service.recording import person
 from scaling_service.recording.faults import repair_markers
-from scaling_service.recording.findings import Finding, Recordings, Stated, refuse
 from scaling_service.recording.identity.identify import Identification
-from scaling_service.recording.orientation import (
-    Orientation,
-    apply,
-    check_axes,
-    stand_along,
-    turn_rotations,
-)
 from scaling_service.recording.pipeline import clean
 from scaling_service.recording.repeated import choose_repeated
 from scaling_service.recording.settings import ProcessingSettings
 
-_NOTHING: Mapping[Path, recording.Recording] = MappingProxyType({})
+_NOTHING: abc.Mapping[Path, recording.Recording] = MappingProxyType({})
 
 
 def _tell_lying(vertical: int) -> Note:
@@ -68,15 +58,15 @@ class Loaded:
     ``plates``: recording to its own force plates, or why they cannot be used.
     """
 
-    session: Session
-    markers_used: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    session: subjects.Session
+    markers_used: abc.Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     axes: str = ""  # which laboratory axes were taken for up and forward
-    orientation: Orientation | None = None  # the same as a rotation, for forces
-    plates: Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
+    orientation: orientations.Orientation | None = None  # the same as a rotation, for forces
+    plates: abc.Mapping[Path, PlateRecording | TrialUnusable] = field(default_factory=dict)
     file: Path | None = None  # the subject file, where there is one
 
     @contextmanager
-    def blame_files(self) -> Iterator[None]:
+    def blame_files(self) -> abc.Iterator[None]:
         """Let errors raised inside name the subject file, or the recording whose stem they name."""
         with (
             reading.blame_file(self.file),
@@ -92,9 +82,9 @@ class Read:
     ``vertical``: the axis along which the model stands.
     """
 
-    subject: Subject
+    subject: subjects.Subject
     model: body.BodyModel
-    recordings: Mapping[Path, recording.Recording]
+    recordings: abc.Mapping[Path, recording.Recording]
     vertical: int
     notes: tuple[Note, ...]
 
@@ -107,18 +97,18 @@ class Understood:
     markers on it.
     """
 
-    subject: Subject
+    subject: subjects.Subject
     model: body.BodyModel
-    trials: Mapping[Path, Trial]
-    labels: Mapping[Path, Mapping[str, str]]
-    clusters: Mapping[str, tuple[str, ...]]
-    axes: Orientation
-    plates: Mapping[Path, PlateRecording | TrialUnusable]
+    trials: abc.Mapping[Path, Trial]
+    labels: abc.Mapping[Path, abc.Mapping[str, str]]
+    clusters: abc.Mapping[str, tuple[str, ...]]
+    axes: orientations.Orientation
+    plates: abc.Mapping[Path, PlateRecording | TrialUnusable]
     notes: tuple[Note, ...]
 
 
 def open_subject(
-    subject: Subject | str | Path,
+    subject: subjects.Subject | str | Path,
     settings: Settings = Settings(),
     *,
     facing: bool = False,
@@ -129,18 +119,20 @@ def open_subject(
     ``rotations``: whether recordings of rotations without markers are wanted, apart from the others.
     Raises TrialUnusable where they are not, and there are any.
     """
-    check_axes(settings.up, settings.forward)
-    file = None if isinstance(subject, Subject) else Path(subject)
-    known = subject if isinstance(subject, Subject) else reading.load_subject(subject)
+    orientations.check_axes(settings.up, settings.forward)
+    file = None if isinstance(subject, subjects.Subject) else Path(subject)
+    known = subject if isinstance(subject, subjects.Subject) else reading.load_subject(subject)
     with reading.blame_file(file):
         loaded = load(known, settings, facing=facing)
-        return replace(loaded, session=part_rotations(loaded.session, wanted=rotations), file=file)
+        return replace(
+            loaded, session=subject_rotations.part_rotations(loaded.session, wanted=rotations), file=file
+        )
 
 
 def load(
-    subject: Subject,
+    subject: subjects.Subject,
     settings: Settings = Settings(),
-    read: Mapping[Path, recording.Recording] = _NOTHING,
+    read: abc.Mapping[Path, recording.Recording] = _NOTHING,
     *,
     facing: bool = False,
     standing: bool = False,
@@ -163,7 +155,7 @@ def load(
     return prepare(understood, question(understood), settings.processing)
 
 
-def read_files(subject: Subject, known: Mapping[Path, recording.Recording] = _NOTHING) -> Read:
+def read_files(subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING) -> Read:
     """Read the model with its bones and the recordings; sizes that these state complete the subject.
 
     ``known``: recordings that were read already.
@@ -210,13 +202,15 @@ def understand(
         facing=facing,
         vertical=read.vertical,
     )
-    axes = stand_along(axes, read.vertical) if standing else axes
+    axes = orientations.stand_along(axes, read.vertical) if standing else axes
     lies = not standing and read.vertical != 1
     return Understood(
         subject=subject,
         model=model,
         trials={
-            path: apply(axes, named[path][0]) if path in named else turn_alone(found.trial, settings)
+            path: orientations.apply(axes, named[path][0])
+            if path in named
+            else subject_rotations.turn_alone(found.trial, settings)
             for path, found in read.recordings.items()
         },
         labels={path: used for path, (_, used) in named.items()},
@@ -235,12 +229,18 @@ def _understand_rotations(read: Read, model: body.BodyModel, settings: Settings)
             field="model",
             remedy="Turn the model so that its gravity points along -y",
         )
-    axes = {path: decide_axes_of_rotations(found.trial, settings) for path, found in read.recordings.items()}
+    axes = {
+        path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
+        for path, found in read.recordings.items()
+    }
     first = next(iter(axes.values()))
     return Understood(
         subject=read.subject,
         model=model,
-        trials={path: turn_rotations(axes[path], found.trial) for path, found in read.recordings.items()},
+        trials={
+            path: orientations.turn_rotations(axes[path], found.trial)
+            for path, found in read.recordings.items()
+        },
         labels={path: {} for path in axes},
         clusters={},
         axes=first,
@@ -249,7 +249,7 @@ def _understand_rotations(read: Read, model: body.BodyModel, settings: Settings)
     )
 
 
-def question(understood: Understood) -> tuple[Finding, ...]:
+def question(understood: Understood) -> tuple[recording_findings.Finding, ...]:
     """What the recordings show that those of one sound person do not.
 
     Raises SubjectInvalid: two are one recording. Raises TrialUnusable: two labels of one ball. Raises
@@ -261,18 +261,20 @@ def question(understood: Understood) -> tuple[Finding, ...]:
         return ()
     reading.apply_to_each(lambda _, trial: checks.refuse_one_spot(understood.model, trial), trials)
     checks.refuse_repeated(trials, subject)
-    given = Recordings(
+    given = recording_findings.Recordings(
         trials=list(trials.values()),
         clusters=understood.clusters,
         static=trials[subject.static].name if subject.static in trials else None,
-        stated=Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
+        stated=recording_findings.Stated(sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg),
         model=understood.model,
     )
     with reading.blame_file(None, list(trials)):
-        return refuse(person.ask(given))
+        return recording_findings.refuse(person.ask(given))
 
 
-def prepare(understood: Understood, findings: Iterable[Finding], settings: ProcessingSettings) -> Loaded:
+def prepare(
+    understood: Understood, findings: abc.Iterable[recording_findings.Finding], settings: ProcessingSettings
+) -> Loaded:
     """Smooth and fill the recordings, lock what they do not show, and read what is measured beside them."""
     subject = understood.subject
     ready = reading.apply_to_each(
@@ -286,7 +288,7 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
     model, of_freedoms = builtin.lock_unmarked(understood.model, placed)
     setup, of_setup = _scale_setup(subject, model, ready)
     images, of_images = gather_images(subject, model)
-    session = Session(
+    session = subjects.Session(
         subject=subject,
         model=model,
         static=None if subject.static is None else ready[subject.static],
@@ -315,7 +317,7 @@ def prepare(understood: Understood, findings: Iterable[Finding], settings: Proce
 
 
 def read_recordings(
-    subject: Subject, known: Mapping[Path, recording.Recording] = _NOTHING
+    subject: subjects.Subject, known: abc.Mapping[Path, recording.Recording] = _NOTHING
 ) -> dict[Path, recording.Recording]:
     """The recordings of all trials as their files hold them, their own faults taken out.
 
@@ -385,8 +387,8 @@ def read_model(name_or_path: str | Path, marker_set: str | Path | None = None) -
 
 
 def _scale_setup(
-    subject: Subject, model: body.BodyModel, ready: Mapping[Path, Trial]
-) -> tuple[ScaleSetup | None, tuple[Note, ...]]:
+    subject: subjects.Subject, model: body.BodyModel, ready: abc.Mapping[Path, Trial]
+) -> tuple[subjects.ScaleSetup | None, tuple[Note, ...]]:
     """The set-up, and what it scales without effect; its marker placer leaves fixed markers alone."""
     if subject.scale_setup is None:
         return None, ()

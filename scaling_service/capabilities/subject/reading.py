@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import abc
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePath
@@ -14,13 +14,13 @@ from scaling_service.bones.images import SEGMENTATION, list_files_of
 from scaling_service.core import errors
 from scaling_service.core.notes import Note
 from scaling_service.core.text import suggest_name
+from scaling_service.documents import subject as subjects
 from scaling_service.documents.reading import read_document
-from scaling_service.documents.subject import MODEL_SUFFIXES, Correction, SubjectDocument
 from scaling_service.files.recording import READERS
 from scaling_service.files.segmentation import list_tables
+from scaling_service.model import trial as model_trial
 from scaling_service.model.builtin import BUILTIN_NAMES
 from scaling_service.model.subject import Subject
-from scaling_service.model.trial import MeasuredSizes, Relabelling, Trial, merge
 
 _Held = TypeVar("_Held")
 _Made = TypeVar("_Made")
@@ -63,7 +63,9 @@ def load_subject(path: str | Path) -> Subject:
     return make_subject(read_document(file), folder=file.resolve().parent, file=file)
 
 
-def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | None = None) -> Subject:
+def make_subject(
+    document: subjects.SubjectDocument, *, folder: Path, file: str | Path | None = None
+) -> Subject:
     """The subject that a checked document describes.
 
     ``folder``: what the document's paths are relative to. ``file``: named in errors. Raises SubjectInvalid:
@@ -95,9 +97,9 @@ def make_subject(document: SubjectDocument, *, folder: Path, file: str | Path | 
     )
 
 
-def list_relabellings(corrections: Iterable[Correction]) -> tuple[Relabelling, ...]:
+def list_relabellings(corrections: abc.Iterable[subjects.Correction]) -> tuple[model_trial.Relabelling, ...]:
     """What a document wants exchanged in one recording."""
-    return tuple(Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
+    return tuple(model_trial.Relabelling(dict(one.labels), one.from_s, one.to_s) for one in corrections)
 
 
 class _Finder:
@@ -122,10 +124,10 @@ class _Finder:
     def optional(self, path: str | None, field: str) -> Path | None:
         return None if path is None else self(path, field)
 
-    def all(self, paths: Mapping[str, str], field: str) -> dict[str, Path]:
+    def all(self, paths: abc.Mapping[str, str], field: str) -> dict[str, Path]:
         return {name: self(path, f"{field}.{name}") for name, path in paths.items()}
 
-    def images(self, paths: Mapping[str, str]) -> dict[str, Path]:
+    def images(self, paths: abc.Mapping[str, str]) -> dict[str, Path]:
         """Bones' files; a segmentation may be a folder."""
         found = {}
         for name, path in paths.items():
@@ -173,13 +175,15 @@ def list_recordings(subject: Subject) -> tuple[Path, ...]:
     return tuple(dict.fromkeys((*static, *subject.calibration, *subject.evaluation)))
 
 
-def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[Subject, tuple[Note, ...]]:
+def with_stated_sizes(
+    subject: Subject, trials: abc.Mapping[Path, model_trial.Trial]
+) -> tuple[Subject, tuple[Note, ...]]:
     """The subject with height, mass and sizes that its recordings state and its file does not.
 
     Returns ``notes``: what two of them state differently: the subject file counts before the recordings,
     then the first recording.
     """
-    own = MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
+    own = model_trial.MeasuredSizes(subject.height_m, subject.mass_kg, subject.sizes_m)
     notes = tuple(
         Note(
             code="another_size",
@@ -189,7 +193,7 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
         for path, trial in trials.items()
         for name in own.conflicts(trial.sizes)
     )
-    known = own.or_else(merge(trial.sizes for trial in trials.values()))
+    known = own.or_else(model_trial.merge(trial.sizes for trial in trials.values()))
     completed = replace(
         subject, height_m=known.height_m, mass_kg=known.mass_kg, sizes_m=dict(known.lengths_m)
     )
@@ -197,7 +201,7 @@ def with_stated_sizes(subject: Subject, trials: Mapping[Path, Trial]) -> tuple[S
 
 
 @contextmanager
-def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]:
+def blame_file(file: Path | None, trials: abc.Iterable[Path] = ()) -> abc.Iterator[None]:
     """Let errors raised inside name a file.
 
     ``file``: named where an error names none. ``trials``: named where an error names the bare stem of one.
@@ -213,7 +217,7 @@ def blame_file(file: Path | None, trials: Iterable[Path] = ()) -> Iterator[None]
 
 
 def apply_to_each(
-    step: Callable[[Path, _Held], _Made], recordings: Mapping[Path, _Held]
+    step: abc.Callable[[Path, _Held], _Made], recordings: abc.Mapping[Path, _Held]
 ) -> dict[Path, _Made]:
     """One step on every recording; errors name the file."""
     made = {}
@@ -239,10 +243,10 @@ def hash_input_files(subject: Subject, subject_file: Path | None = None) -> dict
     return found
 
 
-def _list_inputs(subject: Subject, subject_file: Path | None) -> Iterator[Path]:
+def _list_inputs(subject: Subject, subject_file: Path | None) -> abc.Iterator[Path]:
     if subject_file is not None:
         yield subject_file.resolve()
-    if subject.model.lower().endswith(MODEL_SUFFIXES):
+    if subject.model.lower().endswith(subjects.MODEL_SUFFIXES):
         yield Path(subject.model)
     yield from (p for p in (subject.marker_set, subject.scale_setup, subject.image_markers) if p is not None)
     yield from list_recordings(subject)

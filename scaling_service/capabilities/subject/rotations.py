@@ -10,13 +10,13 @@ from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.notes import Note
+from scaling_service.model import trial as trials
 from scaling_service.model.anatomy.rotations import read_rotation_table
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import Rotations, Trial
 from scaling_service.recording import orientation
 
 
-def decide_axes_of_rotations(trial: Trial, settings: Settings) -> orientation.Orientation:
+def decide_axes_of_rotations(trial: trials.Trial, settings: Settings) -> orientation.Orientation:
     """Which axes of a recording without markers point up and forward.
 
     Of a markerless system by where thighs and feet are, else by the segments' upright axis as documented;
@@ -41,7 +41,7 @@ def decide_axes_of_rotations(trial: Trial, settings: Settings) -> orientation.Or
     )
 
 
-def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
+def _find_upright_of_segments(held: trials.Rotations, axis: int) -> Array:
     """Where a body is upright on average, (3,). ``axis``: of the segments' own that is said to be so."""
 
     def list_rows(part: str) -> list[int]:
@@ -57,7 +57,7 @@ def _find_upright_of_segments(held: Rotations, axis: int) -> Array:
     return np.asarray(np.nanmean(held.matrices[:, trunk or slice(None), :, axis], axis=(0, 1)))
 
 
-def turn_alone(trial: Trial, settings: Settings) -> Trial:
+def turn_alone(trial: trials.Trial, settings: Settings) -> trials.Trial:
     """A recording of rotations without markers, whose laboratory may be another."""
     return orientation.turn_rotations(decide_axes_of_rotations(trial, settings), trial)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Callable
+from collections import abc
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, ParamSpec, TypeVar
@@ -35,7 +35,7 @@ _WRITERS = ThreadPoolExecutor(8, thread_name_prefix="writer")
 SQLite writes one at a time anyway, and a few uploads keep a disk busy."""
 
 
-async def in_writer_thread(call: Callable[P, T], *args: P.args, **options: P.kwargs) -> T:
+async def in_writer_thread(call: abc.Callable[P, T], *args: P.args, **options: P.kwargs) -> T:
     """Make a call that writes to the store, in one of the threads for that."""
     return await asyncio.get_running_loop().run_in_executor(_WRITERS, partial(call, *args, **options))
 
@@ -81,7 +81,7 @@ def _refuse_constant(text: str) -> float:
     raise json.JSONDecodeError(f"{text} is no number in JSON", text, 0)
 
 
-async def read_chunks(request: Request, longest_s: float) -> AsyncIterator[bytes]:
+async def read_chunks(request: Request, longest_s: float) -> abc.AsyncIterator[bytes]:
     """The body in pieces of about a megabyte; TooSlow where it does not come within that time, or stops."""
     stream = request.stream().__aiter__()
     waiting = bytearray()

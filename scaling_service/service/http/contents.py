@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections import abc
 from datetime import UTC, datetime
 from http import HTTPStatus
 from pathlib import PurePosixPath
@@ -17,7 +17,7 @@ from urllib.parse import quote, unquote
 
 from fastapi import APIRouter, Request, Response
 
-from scaling_service.documents.service import Link, LinkRequest
+from scaling_service.documents import service as contracts
 from scaling_service.service.http import bodies, callers, problems
 from scaling_service.service.http.documentation import describe_json_body
 from scaling_service.service.http.streams import BoundedResponse
@@ -27,7 +27,7 @@ from scaling_service.service.store.tables import FileRow
 
 router = APIRouter(prefix="/v1/links", tags=["jobs"])
 
-DOCUMENTS = (LinkRequest,)
+DOCUMENTS = (contracts.LinkRequest,)
 EXAMPLE: dict[str, Any] = {"path": f"/v1/jobs/{'0' * 64}/files.zip"}
 
 _FILE = re.compile(r"/v1/(jobs/[0-9a-f]{64}/(files\.zip|files/.+)|subjects/[^/]+/files/[^/]+)")
@@ -68,7 +68,7 @@ def make_cache_headers(version: object) -> dict[str, str]:
 
 
 def answer_unless_cached(
-    request: Request, version: object, answer: Callable[[dict[str, str]], Response]
+    request: Request, version: object, answer: abc.Callable[[dict[str, str]], Response]
 ) -> Response:
     """The answer, made with its headers, or 304 for a client that has this version."""
     headers = make_cache_headers(version)
@@ -140,7 +140,7 @@ def parse_range(header: str | None, size: int) -> range | None:
     return wanted
 
 
-def _read_pieces(opened: BinaryIO, sent: range) -> Iterator[bytes]:
+def _read_pieces(opened: BinaryIO, sent: range) -> abc.Iterator[bytes]:
     with opened:
         opened.seek(sent.start)
         left = len(sent)
@@ -160,7 +160,7 @@ class _Pieces(list[bytes]):
         """Nothing is held back."""
 
 
-def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> Iterator[bytes]:
+def zip_files(files: abc.Sequence[FileRow], opened: abc.Callable[[str], BinaryIO]) -> abc.Iterator[bytes]:
     """A zip of files, whose contents are opened by digest, in pieces; the same files give the same bytes."""
     pieces = _Pieces()
     with zipfile.ZipFile(cast("IO[bytes]", pieces), "w") as packed:
@@ -179,15 +179,17 @@ def zip_files(files: Sequence[FileRow], opened: Callable[[str], BinaryIO]) -> It
     "",
     status_code=HTTPStatus.CREATED,
     responses=problems.describe_refusals(400, 408, 413, 415, 507),
-    openapi_extra=describe_json_body(EXAMPLE, LinkRequest),
+    openapi_extra=describe_json_body(EXAMPLE, contracts.LinkRequest),
 )
-async def make_link(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Link:
+async def make_link(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> contracts.Link:
     """Make a link to a file that works without a key, for a minute or for as long as is said.
 
     Browsers send no key when they open a link or stream a download to the disk, and a colleague has none.
     Whoever has the link can fetch that file, and nothing else, until then.
     """
-    asked = await bodies.read_model(LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days")
+    asked = await bodies.read_model(
+        contracts.LinkRequest, request, "Give `path`, and `lifetime_s` of up to 30 days"
+    )
     wanted = unquote(asked.path)
     if not _FILE.fullmatch(wanted):
         raise RequestInvalid(
@@ -196,7 +198,7 @@ async def make_link(request: Request, owner: callers.Owner, service: callers.Ser
             remedy="Give one of a job's links, such as /v1/jobs/ID/files.zip",
         )
     ticket, until_us = await bodies.in_writer_thread(service.make_link, owner, wanted, asked.lifetime_s)
-    return Link(
+    return contracts.Link(
         path=f"{quote(wanted)}?{callers.PARAMETER}={ticket}",
         until=datetime.fromtimestamp(until_us / 1e6, UTC),
     )

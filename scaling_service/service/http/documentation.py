@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections import abc
 from functools import cache, partial
 from html import escape
 from typing import Any
@@ -75,9 +75,9 @@ class _Schema(GenerateJsonSchema):
 
 def install(
     app: FastAPI,
-    kinds: Mapping[str, Kind],
-    bodies: Iterable[type[BaseModel]],
-    answers: Iterable[type[BaseModel]],
+    kinds: abc.Mapping[str, Kind],
+    bodies: abc.Iterable[type[BaseModel]],
+    answers: abc.Iterable[type[BaseModel]],
 ) -> None:
     """Have the application describe itself, once.
 
@@ -90,9 +90,9 @@ def install(
 
 def _make_document(
     app: FastAPI,
-    kinds: Mapping[str, Kind],
-    bodies: Iterable[type[BaseModel]],
-    answers: Iterable[type[BaseModel]],
+    kinds: abc.Mapping[str, Kind],
+    bodies: abc.Iterable[type[BaseModel]],
+    answers: abc.Iterable[type[BaseModel]],
 ) -> dict[str, Any]:
     asked = {*bodies, *(kind.request for kind in kinds.values() if kind.route is not None)}
     results = {kind.result for kind in kinds.values() if kind.result is not None}
@@ -136,7 +136,7 @@ async def docs(request: Request) -> HTMLResponse:
     return HTMLResponse(content, headers={"Content-Security-Policy": _POLICY})
 
 
-def render(document: Mapping[str, Any], server: str) -> str:
+def render(document: abc.Mapping[str, Any], server: str) -> str:
     """The page of an OpenAPI document; its examples go to the server."""
     title = escape(document["info"]["title"])
     return (
@@ -146,7 +146,7 @@ def render(document: Mapping[str, Any], server: str) -> str:
     )
 
 
-def describe(document: Mapping[str, Any], server: str) -> str:
+def describe(document: abc.Mapping[str, Any], server: str) -> str:
     """Describe every route of an OpenAPI document in Markdown, each with a command that can be pasted."""
     return "\n\n".join(
         [
@@ -159,7 +159,7 @@ def describe(document: Mapping[str, Any], server: str) -> str:
     )
 
 
-def _describe_routes(document: Mapping[str, Any], server: str) -> Iterator[str]:
+def _describe_routes(document: abc.Mapping[str, Any], server: str) -> abc.Iterator[str]:
     for tag, title in _TITLES.items():
         yield f"## {title}"
         for path, operations in document["paths"].items():
@@ -172,7 +172,7 @@ def _describe_routes(document: Mapping[str, Any], server: str) -> Iterator[str]:
                     yield _list_answers(operation["responses"])
 
 
-def _list_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
+def _list_fields(operation: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
     """What is given in the address and the body, and what it means."""
     fields = {p["name"]: p.get("description", "") for p in operation.get("parameters", ())}
     body = operation.get("requestBody", {}).get("content", {}).get("application/json")
@@ -183,13 +183,13 @@ def _list_fields(operation: Mapping[str, Any], schemas: Mapping[str, Any]) -> st
     return "\n".join(f"- `{name}`{f': {said}' if said else ''}" for name, said in fields.items())
 
 
-def _say(field: Mapping[str, Any], schemas: Mapping[str, Any]) -> str:
+def _say(field: abc.Mapping[str, Any], schemas: abc.Mapping[str, Any]) -> str:
     """What a field means: its own words, else those of what it holds."""
     held = schemas.get(field.get("$ref", "").rpartition("/")[2], {})
     return str(field.get("description") or held.get("description", ""))
 
 
-def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
+def _list_answers(answers: abc.Mapping[str, abc.Mapping[str, Any]]) -> str:
     """What comes back: each answer in words, and the codes of problems."""
     said = {
         code: answer["description"].replace("Successful Response", "") for code, answer in answers.items()
@@ -199,7 +199,7 @@ def _list_answers(answers: Mapping[str, Mapping[str, Any]]) -> str:
     return f"Answers: {', '.join(good)}." + (f" Problems: {', '.join(problems)}." if problems else "")
 
 
-def _write_curl_command(path: str, method: str, operation: Mapping[str, Any], server: str) -> str:
+def _write_curl_command(path: str, method: str, operation: abc.Mapping[str, Any], server: str) -> str:
     """The request as a curl command."""
     address = server + path.replace("{subject}", "S01").replace("{job}", "JOB").replace("{name}", "walk.trc")
     content = operation.get("requestBody", {}).get("content", {})

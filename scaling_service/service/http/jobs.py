@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections import abc
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -18,8 +18,8 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from scaling_service.documents import service as contracts
 from scaling_service.documents.jobs import State
-from scaling_service.documents.service import FileList, JobDocument, JobPage, Origin, Progress, Specification
 from scaling_service.service.http import bodies, callers, contents, documentation, streams, subjects
 from scaling_service.service.http.problems import describe_refusals
 from scaling_service.service.jobs.kinds import Kind
@@ -60,14 +60,14 @@ _Seen = Annotated[
 ]
 
 
-def as_document(row: JobRow) -> JobDocument:
+def as_document(row: JobRow) -> contracts.JobDocument:
     """A job as it travels."""
     here = f"/v1/jobs/{row.id}"
-    return JobDocument(
+    return contracts.JobDocument(
         id=row.id,
         kind=row.kind,
         state=row.state,
-        progress=Progress(what=row.progress_what, share=row.progress_share),
+        progress=contracts.Progress(what=row.progress_what, share=row.progress_share),
         attempt=row.attempt,
         revision=row.revision,
         created_at=subjects.as_datetime(row.created_us),
@@ -96,17 +96,17 @@ def list_jobs(
     subject: _Subject = None,
     cursor: subjects.Cursor = None,
     limit: subjects.Size = 50,
-) -> JobPage:
+) -> contracts.JobPage:
     """List jobs, newest first."""
     page = service.jobs(
         owner, state=state, kind=kind or None, subject=subject or None, cursor=cursor or None, limit=limit
     )
-    return JobPage(items=[as_document(row) for row in page.items], next=page.following)
+    return contracts.JobPage(items=[as_document(row) for row in page.items], next=page.following)
 
 
 @router.get(
     "/{job}",
-    response_model=JobDocument,
+    response_model=contracts.JobDocument,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
 def get_job(job: JobId, request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
@@ -118,7 +118,7 @@ def get_job(job: JobId, request: Request, owner: callers.Owner, service: callers
 @router.delete(
     "/{job}",
     status_code=HTTPStatus.ACCEPTED,
-    response_model=JobDocument,
+    response_model=contracts.JobDocument,
     response_description="It was not over and is being cancelled",
     responses=describe_refusals(404, 409) | {204: {"description": "It was over and is deleted for good"}},
 )
@@ -156,7 +156,7 @@ async def get_events(
     if row.state.is_over and row.revision <= seen:
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
-    async def look() -> JobDocument:
+    async def look() -> contracts.JobDocument:
         return as_document(await run_in_threadpool(service.job, owner, job))
 
     longest_s = service.settings.limit_stream_s
@@ -189,19 +189,19 @@ def get_result(job: JobId, request: Request, owner: callers.Owner, service: call
 
 
 @router.get("/{job}/origin", responses=describe_refusals(404))
-def get_origin(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> Origin:
+def get_origin(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> contracts.Origin:
     """See how to get the result again: what was asked for, inputs, code, machine, attempts."""
     made = service.provenance(owner, job)
-    return Origin(
-        specification=Specification.model_validate_json(service.specification(owner, job)),
+    return contracts.Origin(
+        specification=contracts.Specification.model_validate_json(service.specification(owner, job)),
         provenance=None if made is None else json.loads(made),
     )
 
 
 @router.get("/{job}/files", responses=describe_refusals(404))
-def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> FileList:
+def list_files(job: JobId, owner: callers.Owner, service: callers.ServiceDep) -> contracts.FileList:
     """List what a job made."""
-    return FileList(items=subjects.list_file_entries(service.files(owner, job)))
+    return contracts.FileList(items=subjects.list_file_entries(service.files(owner, job)))
 
 
 @router.get(
@@ -253,7 +253,7 @@ def _report_no_result(row: JobRow) -> errors.NotFound:
     return errors.NotFound(f"the job has no result: it is {row.state}", field="job", remedy=remedy)
 
 
-def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
+def make_submission_routes(kinds: abc.Mapping[str, Kind]) -> APIRouter:
     """The routes that ask for jobs, one for each kind that can be asked for by itself."""
     router = APIRouter(prefix="/v1", tags=["asking"])
     for name, kind in kinds.items():
@@ -267,10 +267,10 @@ def make_submission_routes(kinds: Mapping[str, Kind]) -> APIRouter:
             summary=summary.strip().rstrip("."),
             description=f"{summary.strip()}\n{more.strip()}{result}",
             status_code=HTTPStatus.ACCEPTED,
-            response_model=JobDocument,
+            response_model=contracts.JobDocument,
             response_description="It waits or runs",
             responses=describe_refusals(400, 404, 408, 413, 415, 507)
-            | {200: {"model": JobDocument, "description": "It was done before"}},
+            | {200: {"model": contracts.JobDocument, "description": "It was done before"}},
             openapi_extra=documentation.describe_json_body(make_example(kind.request), kind.request),
         )(_make_submission(name))
     return router
@@ -285,7 +285,7 @@ def make_example(model: type[BaseModel]) -> dict[str, Any]:
 
 def _make_submission(
     kind: str,
-) -> Callable[[Request, callers.Owner, callers.ServiceDep], Awaitable[Response]]:
+) -> abc.Callable[[Request, callers.Owner, callers.ServiceDep], abc.Awaitable[Response]]:
     async def ask(request: Request, owner: callers.Owner, service: callers.ServiceDep) -> Response:
         asked = await bodies.read_json(request)
         row, _ = await bodies.in_writer_thread(service.ask, owner, kind, asked)
@@ -296,12 +296,12 @@ def _make_submission(
 
 
 async def stream_events(
-    first: JobDocument,
-    look: Callable[[], Awaitable[JobDocument]],
+    first: contracts.JobDocument,
+    look: abc.Callable[[], abc.Awaitable[contracts.JobDocument]],
     seen: int,
     stopping: asyncio.Event,
     longest_s: float,
-) -> AsyncIterator[str]:
+) -> abc.AsyncIterator[str]:
     """The events of a job from the revision ``seen`` on, until it is over, the server stops, or time is up.
 
     Who follows it then asks again, from the last event that came.

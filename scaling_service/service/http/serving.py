@@ -20,9 +20,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.http.app import create_app
+from scaling_service.service.jobs import settings as jobs_settings
 from scaling_service.service.jobs.process import RunnerProcess, log_as_json
 from scaling_service.service.jobs.service import Service
-from scaling_service.service.jobs.settings import ServiceSettings, SettingsRefused, is_loopback
 from scaling_service.service.store import keys
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ _OWN_FILES = 200  # of these, kept back for databases, uploads and logs. Chosen.
 _BACKLOG = 512
 
 
-def serve(settings: ServiceSettings) -> None:
+def serve(settings: jobs_settings.ServiceSettings) -> None:
     """Serve until SIGTERM or SIGINT; then end tidily.
 
     Jobs that run are given back to the queue, and go on at the next start.
@@ -51,7 +51,7 @@ def serve(settings: ServiceSettings) -> None:
         refuse_exposed(service)
         with _listen(settings) as listener:
             log_as_json()
-            if not is_loopback(settings.host) and settings.tls_key is None:
+            if not jobs_settings.is_loopback(settings.host) and settings.tls_key is None:
                 log.warning("keys and data go unencrypted unless a proxy speaks HTTPS")
             runner = RunnerProcess(settings)
             runner.start()
@@ -65,15 +65,15 @@ def refuse_exposed(service: Service) -> None:
     """Stop before everyone in the network can see everything, or where HTTPS cannot be spoken."""
     settings = service.settings
     _check_tls(settings)
-    if not is_loopback(settings.host) and not keys.has_valid(service.store.database):
-        raise SettingsRefused(
+    if not jobs_settings.is_loopback(settings.host) and not keys.has_valid(service.store.database):
+        raise jobs_settings.SettingsRefused(
             f"whoever reaches {settings.host} could see and change everything, for there is no API key",
             field="host",
             remedy="Make one by `scaling-service keys create OWNER`, or listen on 127.0.0.1",
         )
 
 
-def _check_tls(settings: ServiceSettings) -> None:
+def _check_tls(settings: jobs_settings.ServiceSettings) -> None:
     """Whether what HTTPS needs is there and can be used."""
     certificate, key = settings.tls_certificate, settings.tls_key
     if certificate is None and key is None:
@@ -83,7 +83,7 @@ def _check_tls(settings: ServiceSettings) -> None:
             raise OSError("a certificate and its key are needed")
         ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(certificate, key)
     except OSError as error:  # ssl.SSLError is one
-        raise SettingsRefused(
+        raise jobs_settings.SettingsRefused(
             f"HTTPS cannot be spoken: {error}",
             file=certificate,
             field="tls_certificate",
@@ -92,7 +92,7 @@ def _check_tls(settings: ServiceSettings) -> None:
 
 
 @contextmanager
-def _listen(settings: ServiceSettings) -> Iterator[socket.socket]:
+def _listen(settings: jobs_settings.ServiceSettings) -> Iterator[socket.socket]:
     try:
         family = socket.getaddrinfo(settings.host, settings.port, type=socket.SOCK_STREAM)[0][0]
         listener = socket.create_server(
@@ -182,7 +182,7 @@ def limit_connections() -> int:
     return max(most - _OWN_FILES, most // 2)
 
 
-def configure_server(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
+def configure_server(app: FastAPI, settings: jobs_settings.ServiceSettings) -> uvicorn.Config:
     """How the server behaves: bounds on connections, no word about itself."""
     return uvicorn.Config(
         app,
@@ -201,7 +201,7 @@ def configure_server(app: FastAPI, settings: ServiceSettings) -> uvicorn.Config:
 
 def _run_server(service: Service, listener: socket.socket) -> None:
     settings = service.settings
-    app = create_app(service, loopback=is_loopback(settings.host))
+    app = create_app(service, loopback=jobs_settings.is_loopback(settings.host))
     config = configure_server(app, settings)
     log_as_json("uvicorn", logging.WARNING)
     host, port = listener.getsockname()[:2]

@@ -12,7 +12,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import JSONResponse
 from starlette.concurrency import run_in_threadpool
 
-from scaling_service.documents.service import FileEntry, FileList, SubjectDetail, SubjectPage, SubjectSummary
+from scaling_service.documents import service as contracts
 from scaling_service.documents.subject import SubjectDocument
 from scaling_service.service.http import bodies, callers, contents
 from scaling_service.service.http.documentation import describe_json_body
@@ -55,12 +55,12 @@ _BYTES = {"type": "string", "format": "binary"}
     "",
     status_code=HTTPStatus.CREATED,
     responses=describe_refusals(400, 408, 413, 415, 507)
-    | {200: {"model": SubjectDetail, "description": "Replaced"}},
+    | {200: {"model": contracts.SubjectDetail, "description": "Replaced"}},
     openapi_extra=describe_json_body(EXAMPLE, *DOCUMENTS),
 )
 async def put_subject(
     request: Request, response: Response, owner: callers.Owner, service: callers.ServiceDep
-) -> SubjectDetail:
+) -> contracts.SubjectDetail:
     """Give a subject's document: a new subject, or in place of the document of that name.
 
     It is the subject file of the command line as JSON; files stand in it by the names under which they are
@@ -76,15 +76,17 @@ async def put_subject(
 @router.get("", responses=describe_refusals())
 def list_subjects(
     owner: callers.Owner, service: callers.ServiceDep, cursor: Cursor = None, limit: Size = 50
-) -> SubjectPage:
+) -> contracts.SubjectPage:
     """List subjects, newest first."""
     page = service.subjects(owner, cursor or None, limit)
-    return SubjectPage(items=[SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following)
+    return contracts.SubjectPage(
+        items=[contracts.SubjectSummary(**_make_entry(row)) for row in page.items], next=page.following
+    )
 
 
 @router.get(
     "/{subject}",
-    response_model=SubjectDetail,
+    response_model=contracts.SubjectDetail,
     responses=describe_refusals(404) | {304: {"description": "Unchanged"}},
 )
 def get_subject(
@@ -104,9 +106,9 @@ def delete_subject(subject: Named, owner: callers.Owner, service: callers.Servic
 
 
 @router.get("/{subject}/files", responses=describe_refusals(404))
-def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> FileList:
+def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep) -> contracts.FileList:
     """List a subject's files."""
-    return FileList(items=list_file_entries(service.subject_files(owner, subject)))
+    return contracts.FileList(items=list_file_entries(service.subject_files(owner, subject)))
 
 
 @router.put(
@@ -120,7 +122,7 @@ def list_files(subject: Named, owner: callers.Owner, service: callers.ServiceDep
 )
 async def put_file(
     subject: Named, name: FileName, request: Request, owner: callers.Owner, service: callers.ServiceDep
-) -> FileEntry:
+) -> contracts.FileEntry:
     """Upload a file of a subject; one of the same name is replaced. The body is the file as it is."""
     _refuse_too_large(request, service.settings.limit_upload_mb)
     with ExitStack() as entered:
@@ -166,9 +168,9 @@ def as_datetime(microseconds: int) -> datetime:
     return datetime.fromtimestamp(microseconds / 1e6, UTC)
 
 
-def list_file_entries(rows: list[tables.FileRow]) -> list[FileEntry]:
+def list_file_entries(rows: list[tables.FileRow]) -> list[contracts.FileEntry]:
     """Files as they travel."""
-    return [FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
+    return [contracts.FileEntry(name=row.name, size=row.size, sha256=row.sha256) for row in rows]
 
 
 def _make_entry(row: tables.SubjectRow) -> dict[str, Any]:
@@ -176,8 +178,8 @@ def _make_entry(row: tables.SubjectRow) -> dict[str, Any]:
     return {"id": row.id, "revision": row.revision} | times
 
 
-def _make_detail(service: Service, owner: str, subject: str) -> SubjectDetail:
-    return SubjectDetail(
+def _make_detail(service: Service, owner: str, subject: str) -> contracts.SubjectDetail:
+    return contracts.SubjectDetail(
         **_make_entry(service.subject(owner, subject)),
         document=service.subject_document(owner, subject),
         files=list_file_entries(service.subject_files(owner, subject)),

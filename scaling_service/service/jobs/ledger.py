@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections import abc
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +23,7 @@ PARTS_SHARE = 0.95
 
 WAITING = "waiting"  # what a job does that waits for nothing but its turn, or for others
 
-_FRESH: Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
+_FRESH: abc.Mapping[str, Any] = {"finished_us": None, "started_us": None}  # of a job that is asked for again
 
 _AGAIN = (State.FAILED, State.CANCELLED)  # asked for in one of these states, a job is queued again
 _TRIES = 5
@@ -50,7 +50,9 @@ class Ledger:
     most_losses: int
     lease_s: float
 
-    def ask(self, make: Callable[[Connection], jobs.NewJob], most_waiting: int) -> tuple[tables.JobRow, bool]:
+    def ask(
+        self, make: abc.Callable[[Connection], jobs.NewJob], most_waiting: int
+    ) -> tuple[tables.JobRow, bool]:
         """Make a job or find the one that there is, and whether it was put in the queue by this.
 
         One that failed or was cancelled is queued again. ``make`` reads what the job rests on within the
@@ -62,7 +64,7 @@ class Ledger:
         return self._ask(make, most_waiting)
 
     def _ask(
-        self, make: Callable[[Connection], jobs.NewJob], most_waiting: int
+        self, make: abc.Callable[[Connection], jobs.NewJob], most_waiting: int
     ) -> tuple[tables.JobRow, bool]:
         with self.store.write() as connection:
             new = make(connection)
@@ -103,7 +105,11 @@ class Ledger:
             self._move(connection, row, machine.Event.WAIT, _sum_progress(over, count))
 
     def lease(
-        self, worker: str, host: str, kinds: Collection[str] | None = None, without: Collection[str] = ()
+        self,
+        worker: str,
+        host: str,
+        kinds: abc.Collection[str] | None = None,
+        without: abc.Collection[str] = (),
     ) -> tables.JobRow | None:
         """Take the next job, of any kind or of some, of no owner ``without``; None where nothing waits."""
         with self.store.write() as connection:
@@ -170,7 +176,7 @@ class Ledger:
                         self._move(connection, part, machine.Event.CANCEL)
             return _require_existing(connection, job)
 
-    def take_back(self, dead: Iterable[str] = ()) -> list[str]:
+    def take_back(self, dead: abc.Iterable[str] = ()) -> list[str]:
         """Queue jobs again whose worker is lost: its lease ran out, or it is known to be dead; these jobs."""
         with self.store.write() as connection:
             taken = jobs.lock_lost(connection, dead)
@@ -191,7 +197,7 @@ class Ledger:
         connection: Connection,
         row: tables.JobRow,
         event: machine.Event,
-        values: Mapping[str, Any] | None = None,
+        values: abc.Mapping[str, Any] | None = None,
     ) -> State:
         """Write where a locked job stands after an event, with all that changes with it."""
         new = machine.follow_event(

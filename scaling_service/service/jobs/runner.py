@@ -10,7 +10,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Collection, Iterable, Mapping
+from collections import abc
 from concurrent.futures import CancelledError, Executor, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -74,7 +74,7 @@ class Runner:
         store: Store,
         settings: ServiceSettings,
         *,
-        kinds: Mapping[str, Kind] = KINDS,
+        kinds: abc.Mapping[str, Kind] = KINDS,
         make_executor: attempts.MakeExecutor | None = None,
     ) -> None:
         self._store, self._settings, self._kinds = store, settings, kinds
@@ -248,7 +248,9 @@ class Runner:
                 return
             self._start(row, executor, beside=beside)
 
-    def _lease(self, kinds: Collection[str] | None = None, without: Collection[str] = ()) -> JobRow | None:
+    def _lease(
+        self, kinds: abc.Collection[str] | None = None, without: abc.Collection[str] = ()
+    ) -> JobRow | None:
         if not jobs.has_queued(self._store.database, kinds, without):
             return None
         # Raise StoreFull where the disk is nearly full; queued jobs say so while it is.
@@ -343,7 +345,7 @@ class RunnerLock:
             fcntl.flock(self._file, fcntl.LOCK_EX)
             hidden.rename(self._folder / self.name)  # locked before anyone can see it
 
-    def dead(self, names: Iterable[str]) -> list[str]:
+    def dead(self, names: abc.Iterable[str]) -> list[str]:
         """Those runners that were on this machine and are no more."""
         mine = [name for name in names if name.startswith(f"{self._machine}-") and name != self.name]
         with errors.disk_errors(self._folder):

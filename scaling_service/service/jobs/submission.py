@@ -14,7 +14,7 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import pydantic
 from sqlalchemy import Connection
 
 from scaling_service.capabilities.shared import job
@@ -37,17 +37,17 @@ class RequestInvalid(errors.InputError):
     """A request does not follow its contract."""
 
     @classmethod
-    def of(cls, error: ValidationError, remedy: str) -> RequestInvalid:
+    def of(cls, error: pydantic.ValidationError, remedy: str) -> RequestInvalid:
         """By the first of what was found."""
         first = error.errors(include_url=False)[0]
         field = ".".join(str(part) for part in first["loc"])
         return cls(str(first["msg"]).removeprefix("Value error, "), field=field, remedy=remedy)
 
 
-class ImagedPerson(BaseModel):
+class ImagedPerson(pydantic.BaseModel):
     """A subject of whom there are images only; landmarks can be found, models cannot be scaled."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = pydantic.ConfigDict(extra="forbid", strict=True, frozen=True)
 
     subject: Person
     bones: Bones | None = None
@@ -61,7 +61,7 @@ def check_subject(content: Mapping[str, Any]) -> str:
     if not {"model", "trials"} & content.keys():
         try:
             return ImagedPerson.model_validate(dict(content)).subject.id
-        except ValidationError:
+        except pydantic.ValidationError:
             pass  # the full contract says what is wrong, in its own words
     return check_document(content).subject.id
 
@@ -85,7 +85,7 @@ def check_request(kind: kinds.Kind, request: Mapping[str, Any] | job.JobRequest)
     try:
         # As JSON, in which a strict check still takes lists for tuples, and objects for settings.
         return kind.request.model_validate_json(json.dumps(request), strict=True)
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         remedy = "Correct it; the service's documentation shows examples"
         raise RequestInvalid.of(error, remedy) from None
 

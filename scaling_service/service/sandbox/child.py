@@ -10,7 +10,7 @@ import select
 import signal
 import tempfile
 import traceback
-from collections.abc import Callable, Iterator
+from collections import abc
 from dataclasses import dataclass
 from itertools import pairwise
 from multiprocessing import parent_process
@@ -30,8 +30,8 @@ SECRETS = "SCALING_SERVICE_"
 _HINDRANCES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.ESTALE)
 _LONGEST = 2000  # characters of a text in a message. Chosen: a message must fit the pipe's buffer whole.
 
-Progress = Callable[[str, float], None]
-Work = Callable[[Path, Progress], Any]
+Progress = abc.Callable[[str, float], None]
+Work = abc.Callable[[Path, Progress], Any]
 """What a child computes: folder of the attempt, progress -> a result that is JSON-ready."""
 
 
@@ -120,7 +120,7 @@ def code_places(error: BaseException) -> str:
     return " < ".join(reversed(lines))[:_LONGEST]
 
 
-def _list_causes(error: BaseException) -> Iterator[BaseException]:
+def _list_causes(error: BaseException) -> abc.Iterator[BaseException]:
     """An error and what it came from."""
     seen: BaseException | None = error
     while seen is not None:

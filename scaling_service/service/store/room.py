@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sqlalchemy import func, select, union
+import sqlalchemy as sa
 
 from scaling_service.core.errors import InputError
 from scaling_service.service.store import tables
@@ -99,15 +99,15 @@ class Quotas:
 
 def measure_taken(database: Database, owner: str) -> int:
     """Bytes of all that an owner uploaded and that was made of it, each content once."""
-    uploaded = select(tables.subject_files.c.sha256, tables.subject_files.c.size).where(
+    uploaded = sa.select(tables.subject_files.c.sha256, tables.subject_files.c.size).where(
         tables.subject_files.c.owner == owner
     )
     of_jobs = (
-        select(table.c.sha256, table.c.size)
+        sa.select(table.c.sha256, table.c.size)
         .join(tables.jobs, tables.jobs.c.id == table.c.job)
         .where(tables.jobs.c.owner == owner)
         for table in (tables.job_inputs, tables.job_files)
     )
-    every = union(uploaded, *of_jobs).subquery()
+    every = sa.union(uploaded, *of_jobs).subquery()
     with database.read() as connection:
-        return int(connection.scalar(select(func.sum(every.c.size))) or 0)
+        return int(connection.scalar(sa.select(sa.func.sum(every.c.size))) or 0)

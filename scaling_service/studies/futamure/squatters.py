@@ -12,14 +12,14 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import RatedMotion
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model import body, inertia
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import inertia_planar
 from scaling_service.model.builtin import load_builtin
-from scaling_service.model.compile import compile_model, list_parameter_values
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import Inertias
-from scaling_service.numerics.multibody.tree import place_tree_markers, pose_links
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual.artefact import draw_shared
@@ -203,9 +203,9 @@ def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) 
     q = _in_balance(model, np.radians(degrees), over)
     qdot, qddot = differentiate_spline(times, q)
     truth = RatedMotion(times, q, qdot, qddot)
-    wrench = compute_root_wrench(inertia.compile_mechanism(model), truth.rates, list_parameter_values(model))[
-        0
-    ].T
+    wrench = compute_root_wrench(
+        inertia.compile_mechanism(model), truth.rates, compiling.list_parameter_values(model)
+    )[0].T
     return Squats(
         name=name,
         truth=truth,
@@ -223,12 +223,12 @@ def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) 
 
 def _in_balance(model: body.BodyModel, q: Array, over: Array) -> Array:
     """The ankle turned, the trunk as it was, until the centre of mass is ``over`` (n,) m before it."""
-    tree, p = inertia.compile_mechanism(model).tree, list_parameter_values(model)
+    tree, p = inertia.compile_mechanism(model).tree, compiling.list_parameter_values(model)
     masses = inertia.gather_inertias(model).mass / inertia.gather_inertias(model).mass.sum()
 
     def ahead(turn: Array) -> Array:
         at = q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0])
-        centres = place_tree_markers(tree, pose_links(tree, np.ascontiguousarray(at.T), p))
+        centres = trees.place_tree_markers(tree, trees.pose_links(tree, np.ascontiguousarray(at.T), p))
         return np.asarray(masses @ centres[:, 0])
 
     turn, step = np.zeros(len(q)), 1e-5
@@ -240,9 +240,9 @@ def _in_balance(model: body.BodyModel, q: Array, over: Array) -> Array:
 
 def _record_markers(seed: int, name: str, model: body.BodyModel, truth: RatedMotion, faults: float) -> Array:
     """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
-    tree, p = compile_model(model), list_parameter_values(model)
-    poses = pose_links(tree, np.ascontiguousarray(truth.q.T), p)
-    placed = np.moveaxis(place_tree_markers(tree, poses), -1, 0)
+    tree, p = compiling.compile_model(model), compiling.list_parameter_values(model)
+    poses = trees.pose_links(tree, np.ascontiguousarray(truth.q.T), p)
+    placed = np.moveaxis(trees.place_tree_markers(tree, poses), -1, 0)
     n, count = placed.shape[:2]
     local = np.zeros((n, count, 3))
     expected = expect_artefacts(model)

@@ -30,15 +30,9 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 from scaling_service.studies import claims
+from scaling_service.studies.futamure import document as documents
 from scaling_service.studies.futamure import squatters
 from scaling_service.studies.futamure.claims import CLAIMS
-from scaling_service.studies.futamure.document import (
-    FutamureDocument,
-    RealEntry,
-    RecordingEntry,
-    SquatterEntry,
-    WayEntry,
-)
 
 SOURCE = (
     "Futamure S., Bonnet V., Dumas R., Kulić D., Venture G.: Dynamically consistent inverse kinematics "
@@ -78,7 +72,7 @@ FITTED_SHARE = 0.6
 """Of a real recording (chosen: three of five squats)."""
 
 
-def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
+def study_squatter(seed: int, *, faults: float = 1.0) -> documents.SquatterEntry:
     """Record one person, explain the recordings, and compare with the truth.
 
     ``faults``: see :func:`make_virtual_squatter`.
@@ -96,7 +90,7 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
         _MM * np.sqrt((way[0].gaps.marker_gaps ** 2).sum(axis=2).mean(axis=0))
         for way in (found.classical, found.consistent)
     ]
-    return SquatterEntry(
+    return documents.SquatterEntry(
         name=person.name,
         fitted=describe_recording(found, 0, person.fitted.truth.q),
         held_out=describe_recording(found, 1, person.held_out.truth.q),
@@ -114,7 +108,7 @@ def study_squatter(seed: int, *, faults: float = 1.0) -> SquatterEntry:
 
 def describe_recording(
     found: estimate.ConsistentResult, k: int, truth: Array | None = None
-) -> RecordingEntry:
+) -> documents.RecordingEntry:
     """The errors of all ways in recording k, (fitted, held out).
 
     ``truth``: its angles, (n, 4), rad, where they are known.
@@ -123,12 +117,12 @@ def describe_recording(
     for name in WAYS:
         tracked = getattr(found, name)[k]
         apart = None if truth is None else np.degrees(tracked.rated.q - truth)
-        ways[name] = WayEntry(
+        ways[name] = documents.WayEntry(
             wrench_rmse=tracked.wrench_rmse[list(SAGITTAL_ROWS)].tolist(),
             marker_rms_mm=round(_MM * tracked.marker_rms_m, 3),
             angle_rmse_deg=[] if apart is None else np.sqrt((apart**2).mean(axis=0)).tolist(),
         )
-    return RecordingEntry(**ways)
+    return documents.RecordingEntry(**ways)
 
 
 def start_model(person: squatters.VirtualSquatter, plane: planar.SagittalPlane) -> BodyModel:
@@ -196,7 +190,7 @@ def reproduce_futamure(
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
     finished: claims.PersonDone | None = None,
-) -> FutamureDocument:
+) -> documents.FutamureDocument:
     """Explain squats of virtual persons in both ways, and ask what the paper claims.
 
     ``seed``: decides who the persons are. ``recordings``: subject files of real squats with forces, shown
@@ -205,7 +199,7 @@ def reproduce_futamure(
     """
     clock, count = time.perf_counter(), squatters.SUBJECTS if subjects is None else subjects
     real = [_study_real(Path(file)) for file in recordings]
-    document = FutamureDocument(
+    document = documents.FutamureDocument(
         source=SOURCE,
         code_version=code_version(),
         settings=asdict(ConsistentSettings()),
@@ -220,7 +214,7 @@ def reproduce_futamure(
     return claims.answer_claims(document, CLAIMS)
 
 
-def _study_real(file: Path) -> RealEntry:
+def _study_real(file: Path) -> documents.RealEntry:
     """A real person's first recording: its beginning fitted, its end held out."""
     loaded = open_subject(file, UNSMOOTHED)
     subject = loaded.session.subject
@@ -233,7 +227,7 @@ def _study_real(file: Path) -> RealEntry:
         parts = [whole.part(slice(0, cut), "fitted"), whole.part(slice(cut, None), "held out")]
         clock = time.perf_counter()
         found = estimate.estimate_consistent(ready.prepared.model, parts[:1], parts[1:], ready.settings)
-    return RealEntry(
+    return documents.RealEntry(
         name=f"{subject.id} {whole.name}",
         model=Path(subject.model).name,
         start=ready.prepared.start,

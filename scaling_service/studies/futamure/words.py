@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from scaling_service.core.arrays import Array
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 from scaling_service.studies.claims import summarise_study
+from scaling_service.studies.futamure import document as documents
 from scaling_service.studies.futamure.claims import PAPER
-from scaling_service.studies.futamure.document import FutamureDocument, SquatterEntry, WayEntry
 from scaling_service.studies.futamure.study import WAYS
 
 _WRENCH = ("fx, N", "fy, N", "mz, N m")
@@ -20,13 +20,13 @@ _JOINTS = ("ankle", "knee", "hip", "shoulder")
 _INERTIA = ("masses", "centres of mass", "moments of inertia")
 
 
-def summarise(document: FutamureDocument) -> Summary:
+def summarise(document: documents.FutamureDocument) -> Summary:
     """The study in short, with what only virtual persons can tell."""
     tables = [*make_tables(document), *_make_truth_tables(document.persons)]
     return summarise_study("Futamure et al.", document, tables)
 
 
-def make_tables(document: FutamureDocument) -> Iterator[Table]:
+def make_tables(document: documents.FutamureDocument) -> abc.Iterator[Table]:
     """What the paper's table 2 has, of virtual persons and of real recordings."""
     rows = [
         Row(f"{way}, {said}", _format_cells([getattr(getattr(p, part), way) for p in document.persons]))
@@ -45,7 +45,7 @@ def make_tables(document: FutamureDocument) -> Iterator[Table]:
         yield _tabulate_real(document)
 
 
-def _tabulate_real(document: FutamureDocument) -> Table:
+def _tabulate_real(document: documents.FutamureDocument) -> Table:
     rows = [
         Row(f"{r.name}, {r.model}, {said}, {way}", _format_cells([getattr(getattr(r, part), way)]))
         for r in document.recordings
@@ -55,7 +55,7 @@ def _tabulate_real(document: FutamureDocument) -> Table:
     return Table(caption="RMS errors of real squats", columns=_COLUMNS, rows=rows)
 
 
-def _format_cells(found: Sequence[WayEntry]) -> list[str]:
+def _format_cells(found: abc.Sequence[documents.WayEntry]) -> list[str]:
     """Of all recordings in one way."""
     values = np.array([[*entry.wrench_rmse, entry.marker_rms_mm] for entry in found])
     angles = np.array([np.mean(entry.angle_rmse_deg) for entry in found if entry.angle_rmse_deg])
@@ -67,7 +67,7 @@ def _spread(values: Array, digits: int = 2) -> str:
     return f"{values.mean():.{digits}f}{spread}"
 
 
-def _make_truth_tables(persons: Sequence[SquatterEntry]) -> Iterator[Table]:
+def _make_truth_tables(persons: abc.Sequence[documents.SquatterEntry]) -> abc.Iterator[Table]:
     rows = []
     for way in WAYS:
         errors = np.array([getattr(p.fitted, way).angle_rmse_deg for p in persons])

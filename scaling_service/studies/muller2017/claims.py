@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.dynamics.uncertainty.total import SMALL_FORCE, SMALL_MOMENT
+from scaling_service.capabilities.dynamics.uncertainty import total as totals
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
 from scaling_service.studies import claims
@@ -124,7 +124,7 @@ def _plates_negligible(study: Muller2017Document) -> claims.Answer:
 def _table_acceptable(study: Muller2017Document) -> claims.Answer:
     dr = 100 * _of(study, "dr")
     force, moment = dr[:, :3].mean(axis=1), dr[:, 3:].mean(axis=1)
-    holds = bool((force <= 100 * SMALL_FORCE).all() and (moment <= 100 * SMALL_MOMENT).all())
+    holds = bool((force <= 100 * totals.SMALL_FORCE).all() and (moment <= 100 * totals.SMALL_MOMENT).all())
     said = (
         f"forces {force.mean():.2f} ± {force.std(ddof=min(1, len(force) - 1)):.2f} %, moments "
         f"{moment.mean():.2f} ± {moment.std(ddof=min(1, len(moment) - 1)):.2f} %"

@@ -17,10 +17,10 @@ from scaling_service.capabilities.motion.inverse_kinematics import inverse_kinem
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
 from scaling_service.model import body, builtin
-from scaling_service.model.anatomy.inertia import apply_inertia_table, find_possible_tensor
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
+from scaling_service.model import compile as compiling
+from scaling_service.model import inertia as model_inertia
+from scaling_service.model.anatomy import inertia as inertias
 from scaling_service.model.forces import SegmentLoads
-from scaling_service.model.inertia import compile_mechanism, gather_inertias, with_inertias
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody.motion import Inertias
@@ -30,7 +30,7 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_root_wrench
 from scaling_service.virtual import artefact
-from scaling_service.virtual.motion import ANKLE_HEIGHT, draw_wandering
+from scaling_service.virtual import motion as motions
 
 SLOT_S = (1.2, 1.8)
 """How long one movement takes (chosen: unhurried imitation of a video; 29 joints fit into a minute)."""
@@ -141,12 +141,12 @@ def simulate_sequence(
     them, or shuffled. Returns ``q`` ((n, n_coordinates), rad and m): the pelvis is carried so that the feet
     that bear the person stay where they are; ``share`` (n,): of the load on the right foot.
     """
-    q = repeat_default_pose(model, len(times))
+    q = compiling.repeat_default_pose(model, len(times))
     bearing = np.empty(len(times))
     column = {name: k for k, name in enumerate(model.coordinate_names)}
     for coordinate in model.coordinates:
         if coordinate.kind == "rotation":
-            q[:, column[coordinate.name]] = np.radians(draw_wandering(rng, times, SWAY_DEG, SWAY_HZ))
+            q[:, column[coordinate.name]] = np.radians(motions.draw_wandering(rng, times, SWAY_DEG, SWAY_HZ))
     found, start, turn = list_movements(), 0.0, 0
     order = np.arange(len(found)) if in_order else rng.permutation(len(found))
     while start < times[-1]:
@@ -170,13 +170,13 @@ def simulate_sequence(
 def _simulate_standing(model: body.BodyModel, q: Array, right: Array, stature_m: float) -> Array:
     ankles = [body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"]
     marked = model.with_markers(tuple(ankles))
-    tree, p = compile_model(marked), list_parameter_values(marked)
+    tree, p = compiling.compile_model(marked), compiling.list_parameter_values(marked)
     place = [model.coordinate_names.index(f"pelvis_t{axis}") for axis in "xyz"]
     q = q.copy()
     q[:, place] = 0.0
     placed = pose_markers(tree, q, p)
     still = pose_markers(tree, 0.0 * q[:1], p)[0]
-    home = still - [still.mean(axis=0)[0], still[0, 1] - ANKLE_HEIGHT * stature_m, 0.0]
+    home = still - [still.mean(axis=0)[0], still[0, 1] - motions.ANKLE_HEIGHT * stature_m, 0.0]
     share = np.column_stack([right, 1.0 - right])
     q[:, place] = np.einsum("nk,nka->na", share, home[None] - placed)
     return q
@@ -247,8 +247,10 @@ def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.Body
         own = stature * (1.0 + PROPORTION_SD * stream(seed, "excited", "length", both_sides).normal())
         factors[name] = (own, own, own)
     model = scale_model(generic, factors, mass_kg=mass)
-    table = apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
-    return with_inertias(table, _miss_inertia(seed, gather_inertias(table), mass, size))
+    table = inertias.apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
+    return model_inertia.with_inertias(
+        table, _miss_inertia(seed, model_inertia.gather_inertias(table), mass, size)
+    )
 
 
 def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
@@ -259,7 +261,7 @@ def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inert
     own *= mass / own.sum()
     com = table.com + COM_M * size * rng.normal(size=(n, 3))
     spread = np.exp(TENSOR_SD * size * rng.normal(size=n)) * own / table.mass
-    tensors = np.array([find_possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
+    tensors = np.array([inertias.find_possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
     return Inertias(own, com, tensors)
 
 
@@ -274,7 +276,7 @@ def _calibrate_model(
     model = scale_model(truth, factors)
     markers = tuple(artefact.shift_marker(m, PLACE_LEFT_M * size * rng.normal(size=3)) for m in model.markers)
     model = model.with_markers(markers)
-    return apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
+    return inertias.apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
 
 
 def _perform(
@@ -292,14 +294,16 @@ def _perform(
     # Both forces are parallel and the common centre of pressure lies between, so that their sum is the net
     # wrench.
     first, second = differentiate_spline(times, q)
-    p = list_parameter_values(truth)
-    wrench, _ = compute_root_wrench(compile_mechanism(truth), Rates.of_frames(q, first, second), p)
+    p = compiling.list_parameter_values(truth)
+    wrench, _ = compute_root_wrench(
+        model_inertia.compile_mechanism(truth), Rates.of_frames(q, first, second), p
+    )
     force, moment = wrench[:3].T, wrench[3:].T
     vertical = force[:, 1]
     centre = np.column_stack([moment[:, 2] / vertical, np.zeros_like(vertical), -moment[:, 0] / vertical])
     free = moment - np.cross(centre, force)  # about the vertical
     feet = truth.with_markers(tuple(body.Marker.at(f"own {s}", f"calcn_{s}", (0.0, 0.0, 0.0)) for s in "rl"))
-    ankles = pose_markers(compile_model(feet), q, p)
+    ankles = pose_markers(compiling.compile_model(feet), q, p)
     apart = (ankles[:, 0] - ankles[:, 1]) * [1.0, 0.0, 1.0]
     share = np.column_stack([right, 1.0 - right])[..., None]
     centres = np.stack([centre + (1.0 - right)[:, None] * apart, centre - right[:, None] * apart], axis=1)
@@ -355,11 +359,11 @@ def _record_markers(
 ) -> Array:
     """What the cameras see, shape (n, n_markers, 3), m."""
     skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
-    seen = pose_markers(compile_model(skin, labels), q, list_parameter_values(skin))
+    seen = pose_markers(compiling.compile_model(skin, labels), q, compiling.list_parameter_values(skin))
     for k, label in enumerate(labels):
         rng = stream(seed, "excited", "markers", name, label)
         for axis in range(3):
-            seen[:, k, axis] += draw_wandering(rng, times, settings.skin * WANDER_M, WANDER_HZ)
+            seen[:, k, axis] += motions.draw_wandering(rng, times, settings.skin * WANDER_M, WANDER_HZ)
         seen[:, k] += settings.noise * CAMERA_M * rng.normal(size=(len(times), 3))
     return seen
 

@@ -28,14 +28,9 @@ from scaling_service.documents.writing import code_version
 from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
 from scaling_service.studies import claims
+from scaling_service.studies.muller2017 import document as documents
 from scaling_service.studies.muller2017 import excitation, monte_carlo
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
-from scaling_service.studies.muller2017.document import (
-    IdentificationEntry,
-    Muller2017Document,
-    PersonEntry,
-    PropagatedEntry,
-)
 
 SUBJECTS = 10
 """Muller et al. 2017, sec. 2.3."""
@@ -80,7 +75,7 @@ def study_person(
     seed: int,
     settings: monte_carlo.UncertaintySettings,
     recorded: excitation.ExcitationSettings = excitation.WHOLE,
-) -> PersonEntry:
+) -> documents.PersonEntry:
     """The whole study of one person, in this thread.
 
     ``seed``: of the person. ``settings``: its seed is replaced by the person's.
@@ -96,7 +91,7 @@ def study_person(
     rows, scale = markers.frames, _scale(person)
     markers_sd = _compute_rms(markers.sd) / scale
     largest = np.argsort(-markers.shares.mean(axis=1))[:SHOWN].tolist()
-    return PersonEntry.model_validate(
+    return documents.PersonEntry.model_validate(
         {
             **describe_uncertainty(f"excited_{seed}", found),
             "linear_slopes_per_cm": linear.slopes_per_cm,
@@ -192,7 +187,7 @@ def _measure_dynamics(
 
 def _identify(
     person: excitation.ExcitedPerson, settings: identification.IdentificationSettings
-) -> IdentificationEntry:
+) -> documents.IdentificationEntry:
     """Identify from one performance, despite whatever verdict, and look at the other."""
     fit, other = person.performances["in_order"], person.performances["shuffled"]
     scale, inner = _scale(person), other.recording.frames
@@ -203,7 +198,7 @@ def _identify(
         true = inertia.with_inertias(person.truth, inertia.gather_inertias(model))
         entry[f"residual_{when}"] = _compute_rms(_measure_dynamics(model, other).residual[inner]) / scale
         entry[f"true_error_{when}"] = _compute_rms(_compute_true_residual(true, other)[inner]) / scale
-    return IdentificationEntry.model_validate(entry)
+    return documents.IdentificationEntry.model_validate(entry)
 
 
 def reproduce_muller2017(
@@ -214,7 +209,7 @@ def reproduce_muller2017(
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
     finished: claims.PersonDone | None = None,
-) -> Muller2017Document:
+) -> documents.Muller2017Document:
     """Propagate uncertainty in recordings of virtual persons, and ask what the paper claims.
 
     ``settings``: its seed decides who the persons are. ``recordings``: subject files of real persons whose
@@ -234,7 +229,7 @@ def reproduce_muller2017(
     )
     chosen = {**asdict(settings), "levels": list(settings.levels)}
     del chosen["seed"]
-    document = Muller2017Document(
+    document = documents.Muller2017Document(
         source=SOURCE,
         code_version=code_version(),
         settings={**chosen, "database": settings.database_size, "recorded": asdict(recorded)},
@@ -247,7 +242,9 @@ def reproduce_muller2017(
     return claims.answer_claims(document, CLAIMS)
 
 
-def _study_real(file: str | Path, settings: monte_carlo.UncertaintySettings) -> list[PropagatedEntry]:
+def _study_real(
+    file: str | Path, settings: monte_carlo.UncertaintySettings
+) -> list[documents.PropagatedEntry]:
     """A real person's recordings, with the model as it is."""
     found = dynamics(
         file,
@@ -256,7 +253,7 @@ def _study_real(file: str | Path, settings: monte_carlo.UncertaintySettings) -> 
     )
     subject = found.prepared.subject.id
     return [
-        PropagatedEntry.model_validate(
+        documents.PropagatedEntry.model_validate(
             describe_uncertainty(
                 f"{subject} {name}", monte_carlo.propagate_by_samples(trial.recording, settings)
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import abc
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
 from scaling_service.studies.claims import summarise_study
-from scaling_service.studies.muller2017.document import Muller2017Document, PersonEntry, PropagatedEntry
+from scaling_service.studies.muller2017 import document as documents
 
 _AXES = "X forward, Y up, Z right: the paper's vertical Fz and Mz are fy and my here."
 
@@ -24,14 +24,14 @@ _MEANS = (
 )
 
 
-def summarise(document: Muller2017Document) -> Summary:
+def summarise(document: documents.Muller2017Document) -> Summary:
     """The study in short, with what only virtual persons can tell and where the uncertainty comes from."""
     persons = document.persons
     further = [*_make_truth_tables(persons), *_make_source_tables(persons[0])]
     return summarise_study("Muller et al. 2017", document, [*make_tables(document), *further])
 
 
-def make_tables(document: Muller2017Document) -> list[tables.Table]:
+def make_tables(document: documents.Muller2017Document) -> list[tables.Table]:
     """Means over persons, and real recordings."""
     rows = [
         tables.Row(
@@ -52,11 +52,11 @@ def make_tables(document: Muller2017Document) -> list[tables.Table]:
     ]
 
 
-def _format_percent(shares: Iterable[float]) -> list[str]:
+def _format_percent(shares: abc.Iterable[float]) -> list[str]:
     return [f"{100 * share:.2f}" for share in shares]
 
 
-def _make_truth_tables(persons: Sequence[PersonEntry]) -> Iterator[tables.Table]:
+def _make_truth_tables(persons: abc.Sequence[documents.PersonEntry]) -> abc.Iterator[tables.Table]:
     for title, name in (
         ("Identified beside the tables", "identified_beside_tables"),
         ("Identified with hardly any tables", "identified_freely"),
@@ -64,7 +64,7 @@ def _make_truth_tables(persons: Sequence[PersonEntry]) -> Iterator[tables.Table]
         yield _tabulate_identified(title, [getattr(person, name) for person in persons])
 
 
-def _tabulate_identified(title: str, entries: Sequence[object]) -> tables.Table:
+def _tabulate_identified(title: str, entries: abc.Sequence[object]) -> tables.Table:
     rows = []
     for said, before, after in (
         ("held-out residual", "residual_before", "residual_after"),
@@ -80,7 +80,7 @@ def _tabulate_identified(title: str, entries: Sequence[object]) -> tables.Table:
     )
 
 
-def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[tables.Table]:
+def _tabulate_real(recordings: abc.Sequence[documents.PropagatedEntry]) -> list[tables.Table]:
     return [
         tables.Table(
             caption=f"{recording.name}: {recording.reconstruction_error_mm:.1f} mm over {recording.frames} "
@@ -98,7 +98,7 @@ def _tabulate_real(recordings: Sequence[PropagatedEntry]) -> list[tables.Table]:
     ]
 
 
-def _make_source_tables(person: PersonEntry) -> Iterator[tables.Table]:
+def _make_source_tables(person: documents.PersonEntry) -> abc.Iterator[tables.Table]:
     yield tables.Table(
         caption=f"Markers that carry most of the uncertainty, {person.name}: % of the variance",
         columns=["marker", "own error, mm", *COMPONENTS],

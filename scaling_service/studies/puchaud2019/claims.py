@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import abc
 from functools import partial
 
 import numpy as np
 
-from scaling_service.capabilities.cohort.document import CurveEntry, FriedmanEntry
+from scaling_service.capabilities.cohort import document as documents
 from scaling_service.studies import claims
 from scaling_service.studies.puchaud2019 import document
 
@@ -22,7 +22,7 @@ CLAIMS: list[claims.Claim[document.Puchaud2019Document]] = []
 _claim = partial(claims.claim, CLAIMS)
 
 
-def _test(study: document.Puchaud2019Document, kind: str, quantity: str) -> FriedmanEntry:
+def _test(study: document.Puchaud2019Document, kind: str, quantity: str) -> documents.FriedmanEntry:
     found = study.statistics.quantity(kind, quantity)
     if found.friedman is None:
         raise ValueError(f"{kind} {quantity} was not compared: {found.note}")
@@ -33,7 +33,7 @@ def _format_p(value: float) -> str:
     return "p < 0.001" if value < 0.001 else f"p = {value:.3f}"
 
 
-def _average_difference(test: FriedmanEntry, method: str, reference: str) -> float:
+def _average_difference(test: documents.FriedmanEntry, method: str, reference: str) -> float:
     """Mean of the method minus the reference."""
     pair = test.pair(method, reference)
     return pair.difference_mean if pair.methods[1] == reference else -pair.difference_mean
@@ -49,7 +49,7 @@ def _lengths_differ(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 def _compare_with_image(
-    study: document.Puchaud2019Document, method: str, names: Iterable[str], *, differ: bool
+    study: document.Puchaud2019Document, method: str, names: abc.Iterable[str], *, differ: bool
 ) -> claims.Answer:
     """Whether a method's lengths all differ, or all do not differ, from EB's."""
     tests = {name: _test(study, "segment_lengths_mm", name) for name in names}
@@ -155,7 +155,7 @@ def _error_order(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 def _errors_differ(
-    study: document.Puchaud2019Document, method: str, others: Sequence[str], *, differ: bool
+    study: document.Puchaud2019Document, method: str, others: abc.Sequence[str], *, differ: bool
 ) -> claims.Answer:
     """Whether the kinematic error of a model differs from those of others, or from none of them."""
     test = _test(study, *_ERROR)
@@ -186,7 +186,7 @@ def _fitted_is_alike(study: document.Puchaud2019Document) -> claims.Answer:
 
 
 def _angles_differ(
-    study: document.Puchaud2019Document, joint: str, methods: Sequence[str], *, differ: bool
+    study: document.Puchaud2019Document, joint: str, methods: abc.Sequence[str], *, differ: bool
 ) -> claims.Answer:
     """Whether a joint's angles differ from those of EB_am somewhere in the cycle, on both sides."""
     found = {
@@ -203,7 +203,7 @@ def _angles_differ(
     )
 
 
-def _curves_differ(curve: CurveEntry, method: str) -> tuple[bool | None, str]:
+def _curves_differ(curve: documents.CurveEntry, method: str) -> tuple[bool | None, str]:
     """Whether a method's curves differ from EB_am's, None where too few subjects walked; and words for it."""
     anova = curve.anova
     if anova is None:

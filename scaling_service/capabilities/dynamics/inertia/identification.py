@@ -8,7 +8,7 @@ several times its size, and the problem has one form only.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from dataclasses import dataclass, field, replace
 
 import clarabel
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from scaling_service.capabilities.dynamics.inertia import parameters as inertia_parameters
 from scaling_service.capabilities.dynamics.inertia.evidence import (
     N_COMPONENTS,
     ForceRecording,
@@ -25,23 +26,13 @@ from scaling_service.capabilities.dynamics.inertia.evidence import (
     gather_evidence,
     weigh_errors,
 )
-from scaling_service.capabilities.dynamics.inertia.parameters import (
-    InertialIdentification,
-    InertialPrior,
-    PriorSpread,
-    Solution,
-    WrenchError,
-    describe_combinations,
-    describe_parameters,
-    make_inertial_prior,
-)
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
+from scaling_service.model import compile as compiling
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia import find_possible_tensor
 from scaling_service.model.body import BodyModel
-from scaling_service.model.compile import list_parameter_values, repeat_default_pose
 from scaling_service.numerics.multibody import motion
 from scaling_service.numerics.multibody.tree import pose_links
 
@@ -170,8 +161,11 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
     default posture) and the markers on it. Along each axis it reaches at least one standard deviation of the
     segment's own mass to both sides of the prior's centre, for so far the segment itself reaches.
     """
-    tree, q = inertia.compile_whole_tree(model), np.ascontiguousarray(repeat_default_pose(model, 1).T)
-    poses = pose_links(tree, q, list_parameter_values(model))
+    tree, q = (
+        inertia.compile_whole_tree(model),
+        np.ascontiguousarray(compiling.repeat_default_pose(model, 1).T),
+    )
+    poses = pose_links(tree, q, compiling.list_parameter_values(model))
     origins, axes = poses.origins[..., 0], poses.axes[..., 0].transpose(0, 2, 1)
     bodies = []
     for k, segment in enumerate(model.segments):
@@ -192,7 +186,7 @@ def list_bodies(model: BodyModel) -> tuple[Body, ...]:
 class IdentificationSettings:
     """How inertia is identified."""
 
-    spread: PriorSpread = field(default_factory=PriorSpread)
+    spread: inertia_parameters.PriorSpread = field(default_factory=inertia_parameters.PriorSpread)
     mass_known: bool = True  # whether the total mass stays; else the plates tell it
     symmetric: bool = True  # whether left and right change alike
     # identify even where no component of the wrench supports it; it becomes a warning
@@ -201,13 +195,13 @@ class IdentificationSettings:
 
 def identify_inertia(
     model: BodyModel,
-    fitted: Sequence[ForceRecording],
+    fitted: abc.Sequence[ForceRecording],
     *,
-    held_out: Sequence[ForceRecording] = (),
+    held_out: abc.Sequence[ForceRecording] = (),
     supported: ArrayLike | None = None,
     noise: ArrayLike | None = None,
     settings: IdentificationSettings = IdentificationSettings(),
-) -> InertialIdentification:
+) -> inertia_parameters.InertialIdentification:
     """Identify the inertia of a model's segments (Futamure et al., eq. 8).
 
     Parameters
@@ -265,7 +259,7 @@ def identify_inertia(
             field="trials.calibration",
             remedy="Name recordings with forces",
         )
-    prior = make_inertial_prior(
+    prior = inertia_parameters.make_inertial_prior(
         model, settings.spread, mass_known=settings.mass_known, symmetric=settings.symmetric
     )
     evidence = [gather_evidence(model, recording) for recording in fitted]
@@ -274,12 +268,12 @@ def identify_inertia(
     changed = inertia.with_inertias(
         model, motion.Inertias.of_parameters(prior.mean + solution.change.reshape(-1, motion.N_PARAMETERS))
     )
-    result = InertialIdentification(
+    result = inertia_parameters.InertialIdentification(
         model=changed,
-        parameters=describe_parameters(model, changed, prior, solution),
-        combinations=describe_combinations(prior, solution),
+        parameters=inertia_parameters.describe_parameters(model, changed, prior, solution),
+        combinations=inertia_parameters.describe_combinations(prior, solution),
         fits=tuple(
-            WrenchError(
+            inertia_parameters.WrenchError(
                 trial=e.trial,
                 held_out=out,
                 frames=e.frames,
@@ -327,11 +321,11 @@ def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
 
 def _solve(
     model: BodyModel,
-    prior: InertialPrior,
-    evidence: Sequence[WrenchEquations],
+    prior: inertia_parameters.InertialPrior,
+    evidence: abc.Sequence[WrenchEquations],
     components: NDArray[np.bool_],
     noise_known: Array | None,
-) -> Solution:
+) -> inertia_parameters.Solution:
     """The parameters, with the noise that is known or most likely."""
     assumed = noise_known if noise_known is not None else np.repeat([1.0, ARM_M], 3)
     information, slope = gather(evidence, assumed, components)
@@ -357,7 +351,7 @@ def _solve(
             field="forces",
             remedy="Check the units of the forces and that markers and forces are of one recording",
         )
-    return Solution(
+    return inertia_parameters.Solution(
         change=prior.scale @ directions @ moves,
         directions=directions,
         gains=gains[kept],
@@ -366,7 +360,9 @@ def _solve(
     )
 
 
-def _warn(result: InertialIdentification, settings: IdentificationSettings) -> Iterator[str]:
+def _warn(
+    result: inertia_parameters.InertialIdentification, settings: IdentificationSettings
+) -> abc.Iterator[str]:
     """What a person should know of a result."""
     if not result.combinations:
         hint = "; the total mass was held, too" if settings.mass_known else ""

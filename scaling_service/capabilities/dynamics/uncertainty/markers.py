@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scaling_service.capabilities.dynamics.uncertainty import linear
-from scaling_service.capabilities.dynamics.uncertainty.reference import LoadedMotion, Reference
+from scaling_service.capabilities.dynamics.uncertainty import reference as references
 from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.model import inertia
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import N_PARAMETERS
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import compute_jacobian, place_tree_markers, pose_markers
 from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.signals.splines import differentiate_spline
 from scaling_service.numerics.wrench import compute_regressor_blocks
@@ -70,7 +70,7 @@ class MarkerUncertainty:
 
 
 def propagate_marker_errors(
-    recording: LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
+    recording: references.LoadedMotion, *, sd_m: Mapping[str, float] | None = None, shared: float = SHARED
 ) -> MarkerUncertainty:
     """Propagate each marker's error to the residual wrench.
 
@@ -78,7 +78,7 @@ def propagate_marker_errors(
     they are as large as the filtered residuals tell. ``shared`` is the share of the variance of a marker's
     whole error that its segment's markers have in common, below 1. Errors as ``propagate``.
     """
-    reference = Reference.of(recording, "all")
+    reference = references.Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
     left = _filter_residuals(reference)
@@ -107,7 +107,7 @@ def propagate_marker_errors(
     )
 
 
-def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: float) -> Array:
+def _estimate_sizes(reference: references.Reference, left: Array, weights: Array, shared: float) -> Array:
     """Standard deviation of each marker's own error per direction, m.
 
     What is left of errors e is ``(1 - J P) e``: the variance that unit errors would leave of each marker is
@@ -131,7 +131,7 @@ def _estimate_sizes(reference: Reference, left: Array, weights: Array, shared: f
     return np.asarray(np.sqrt(variance / np.maximum(unit, _LEAST)))
 
 
-def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> Array:
+def _spread_common_errors(reference: references.Reference, sizes: Array, shared: float) -> Array:
     """How far each segment's common error moves each marker, shape (n_links, n_markers), m."""
     links = reference.tree.marker_link
     on = links[None, :] == np.arange(len(reference.tree.links))[:, None]
@@ -139,10 +139,10 @@ def _spread_common_errors(reference: Reference, sizes: Array, shared: float) -> 
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
-def _filter_residuals(reference: Reference) -> Array:
+def _filter_residuals(reference: references.Reference) -> Array:
     """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
     low_pass = reference.low_pass
-    placed = np.moveaxis(pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
+    placed = np.moveaxis(trees.pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
     known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
     left = np.where(known[:, None], reference.measured - placed, np.nan)
     filtered = filter_butterworth(
@@ -152,7 +152,7 @@ def _filter_residuals(reference: Reference) -> Array:
 
 
 def _follow(
-    reference: Reference, block: linear.WrenchJacobian, weights: Array
+    reference: references.Reference, block: linear.WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """How inverse kinematics follows the markers in every frame.
 
@@ -160,9 +160,9 @@ def _follow(
     seen, (n, n_markers).
     """
     tree, poses = reference.tree, block.poses
-    by_variable = compute_jacobian(tree, poses, place_tree_markers(tree, poses), reference.varied)[
-        ..., block.kept
-    ]
+    by_variable = trees.compute_jacobian(
+        tree, poses, trees.place_tree_markers(tree, poses), reference.varied
+    )[..., block.kept]
     moved = np.ascontiguousarray(np.moveaxis(by_variable, -1, 0))
     seen = reference.seen[:, block.rows].T > 0
     weighted = moved * (weights * seen)[:, None, :, None]
@@ -215,7 +215,11 @@ class FrameChoice:
 
 
 def choose_frames(
-    recording: LoadedMotion, uncertainty: MarkerUncertainty, *, window_s: float = 1.0, count: int = 10
+    recording: references.LoadedMotion,
+    uncertainty: MarkerUncertainty,
+    *,
+    window_s: float = 1.0,
+    count: int = 10,
 ) -> FrameChoice:
     """The windows that tell most of the inertial parameters, given how uncertain each frame is.
 
@@ -230,7 +234,7 @@ def choose_frames(
             field="window_s",
             remedy="Take one window at least, of 1 s",
         )
-    reference = Reference.of(recording, "all")
+    reference = references.Reference.of(recording, "all")
     length = round(window_s / reference.step_s)
     thin = max(1, round(reference.low_pass.rate_hz / (INDEPENDENT * recording.cutoff_hz)))
     picked = np.arange(0, len(uncertainty.frames), thin)
@@ -250,8 +254,8 @@ def choose_frames(
 
 
 def _gather_information(
-    recording: LoadedMotion,
-    reference: Reference,
+    recording: references.LoadedMotion,
+    reference: references.Reference,
     uncertainty: MarkerUncertainty,
     picked: NDArray[np.intp],
     place: NDArray[np.intp],

@@ -12,19 +12,14 @@ from numpy.typing import NDArray
 from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, inertia
-from scaling_service.model.compile import compile_model, list_parameter_values
+from scaling_service.model import compile as compiling
 from scaling_service.model.forces import SegmentLoads
 from scaling_service.model.results import Motion
+from scaling_service.numerics import wrench as wrenches
+from scaling_service.numerics.multibody import tree as trees
 from scaling_service.numerics.multibody.motion import Mechanism
 from scaling_service.numerics.multibody.motion import Motion as Rates
-from scaling_service.numerics.multibody.tree import (
-    Tree,
-    place_tree_markers,
-    pose_links,
-    pose_markers,
-)
 from scaling_service.numerics.signals import filters
-from scaling_service.numerics.wrench import compute_root_wrench, move_moment
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 
 STENCIL = (1.6, -0.2, 8.0 / 315.0, -1.0 / 560.0)
@@ -42,10 +37,10 @@ _PERIODS = 20  # of the cutoff; chosen: the impulse response has long died away
 
 def make_trees(
     model: body.BodyModel, markers: tuple[str, ...], segments: Sequence[body.Segment]
-) -> tuple[Tree, Tree]:
+) -> tuple[trees.Tree, trees.Tree]:
     """A tree with these markers and then the segments' centres of mass, and the same without the latter."""
     centres = tuple(body.Marker.at(f"centre of mass of {s.name}", s.name, s.com) for s in segments)
-    whole = compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
+    whole = compiling.compile_model(model.with_markers((*(model.marker(name) for name in markers), *centres)))
     count = len(markers)
     alone = replace(
         whole,
@@ -102,7 +97,7 @@ class Reference:
 
     trial: str
     mechanism: Mechanism
-    tree: Tree  # with the markers that are compared with the measured ones
+    tree: trees.Tree  # with the markers that are compared with the measured ones
     p: Array  # (n_parameters,)
     low_pass: LowPass
     step_s: float
@@ -153,8 +148,8 @@ class Reference:
         return cls(
             trial=motion.trial,
             mechanism=inertia.compile_mechanism(model),
-            tree=compile_model(model, motion.markers),
-            p=list_parameter_values(model),
+            tree=compiling.compile_model(model, motion.markers),
+            p=compiling.list_parameter_values(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
             q=np.ascontiguousarray(rated.q.T),
@@ -195,10 +190,10 @@ class Reference:
             inner = slice(start + HALO, stop - HALO)
             known = q[:, start:stop]
             rates = difference_once(known, self.step_s), difference_twice(known, self.step_s)
-            wrench, root = compute_root_wrench(self.mechanism, Rates(q[:, inner], *rates), self.p)
-            residual[:, inner] = move_moment(wrench - self.external[:, inner], root)
-            poses = pose_links(self.tree, np.ascontiguousarray(q[:, inner]), self.p)
-            away = place_tree_markers(self.tree, poses) - self.measured[:, :, inner]
+            wrench, root = wrenches.compute_root_wrench(self.mechanism, Rates(q[:, inner], *rates), self.p)
+            residual[:, inner] = wrenches.move_moment(wrench - self.external[:, inner], root)
+            poses = trees.pose_links(self.tree, np.ascontiguousarray(q[:, inner]), self.p)
+            away = trees.place_tree_markers(self.tree, poses) - self.measured[:, :, inner]
             far[:, inner] = self.seen[:, inner] * np.linalg.norm(away, axis=1)
         count = sum(self.seen[:, start + HALO : stop - HALO].sum() for start, stop in self.spans)
         return float(far.sum() / count), residual
@@ -212,8 +207,8 @@ class Reference:
 
 def _list_measured(model: body.BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
     """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
-    tree = compile_model(model, motion.markers)
-    placed = pose_markers(tree, np.nan_to_num(q), list_parameter_values(model))
+    tree = compiling.compile_model(model, motion.markers)
+    placed = trees.pose_markers(tree, np.nan_to_num(q), compiling.list_parameter_values(model))
     measured = np.moveaxis(placed + motion.residuals, 0, -1)
     seen = np.asarray(np.isfinite(measured).all(axis=1)) & np.asarray(np.isfinite(motion.q).all(axis=1))
     return np.where(seen[:, None], measured, 0.0), np.ascontiguousarray(seen.astype(float))

@@ -6,7 +6,7 @@ on a treadmill. It needs neither force plates nor a model with feet.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -140,7 +140,7 @@ def _explain_too_few(contacts: int, side: Side) -> str:
     return f"between the {contacts} contacts of the {foot} markers are hidden"
 
 
-def _find_middle(trial: Trial, names: Sequence[str]) -> Array | None:
+def _find_middle(trial: Trial, names: abc.Sequence[str]) -> Array | None:
     places = [_find_position(trial, name) for name in names]
     known = [place for place in places if place is not None]
     if len(known) < len(names):
@@ -165,7 +165,7 @@ def _find_position(trial: Trial, landmark: str) -> Array | None:
     return _find_seen_longest([trial.position(label) for label in meant])
 
 
-def _find_seen_longest(places: Sequence[Array]) -> Array | None:
+def _find_seen_longest(places: abc.Sequence[Array]) -> Array | None:
     counts = [int(find_seen(place).sum()) for place in places]
     return places[int(np.argmax(counts))] if counts and max(counts) > 0 else None
 
@@ -205,7 +205,7 @@ def _measure_excursion(ahead: Array) -> float:
     return float(np.ptp(ahead[np.isfinite(ahead)]))
 
 
-def _list_contacts(times: Array, ahead: Array) -> Iterator[tuple[float, ...]]:
+def _list_contacts(times: Array, ahead: Array) -> abc.Iterator[tuple[float, ...]]:
     """Times of the foremost places, one group for each run of frames in which all is seen."""
     known = np.isfinite(ahead)
     if not known.any():

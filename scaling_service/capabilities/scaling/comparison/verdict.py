@@ -7,7 +7,7 @@ model is often the one furthest from the bones (Puchaud 2019, sections 3.1 and 4
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import abc
 from typing import Literal
 
 from scaling_service.capabilities.scaling.comparison.evidence import (
@@ -77,7 +77,7 @@ def judge(evidence: Evidence) -> Verdict:
     )
 
 
-def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+def _list_doubts(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
     """What speaks against the model, or against the recordings that it was made from."""
     if chosen.method != ANSWER:
         yield (
@@ -125,7 +125,7 @@ def _write_headline(chosen: MethodEvidence, strength: Strength) -> str:
     return f"Use {ANSWER} for this person{said}."
 
 
-def _explain(chosen: MethodEvidence, evidence: Evidence) -> Iterator[str]:
+def _explain(chosen: MethodEvidence, evidence: Evidence) -> abc.Iterator[str]:
     if chosen.method == ANSWER:
         images = "images, " if evidence.imaged else ""
         yield (
@@ -188,7 +188,7 @@ def _rate_geometry(chosen: MethodEvidence, evidence: Evidence) -> Graded:
 def _rate_angles(chosen: MethodEvidence) -> Graded:
     if not chosen.angle_sds:
         return "unknown", "Their deviations are not known here: see `ik`."
-    sds: Mapping[str, float] = chosen.angle_sds
+    sds: abc.Mapping[str, float] = chosen.angle_sds
     worst = max(sds, key=lambda name: sds[name])
     most = f"{_format_deg(sds[worst])} at most ({spell_name(worst)})"
     text = f"To ± {most}, RMS over frames; 5° may mislead a reader."

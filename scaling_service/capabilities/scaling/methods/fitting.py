@@ -10,7 +10,7 @@ same is seen again, over the prior's variance.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -25,13 +25,7 @@ from scaling_service.core.errors import TrialUnusable
 from scaling_service.model.body import BodyModel
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import estimator
-from scaling_service.numerics.least_squares.problem import (
-    SQUARED,
-    Huber,
-    Problem,
-    compute_total_cost,
-    find_seen,
-)
+from scaling_service.numerics.least_squares import problem as problems
 
 _FEWEST_BLOCKS = 4  # chosen: of fewer trials, stretches of equal length stand for independent parts
 
@@ -48,7 +42,7 @@ class CalibrationFrames:
 
 
 def choose_calibration_frames(
-    trials: Sequence[Trial], markers: Sequence[str], count: int
+    trials: abc.Sequence[Trial], markers: abc.Sequence[str], count: int
 ) -> CalibrationFrames:
     """Frames equally spaced in time over all calibration trials (Puchaud 2019, section 2.2.4).
 
@@ -57,7 +51,7 @@ def choose_calibration_frames(
     Raises TrialUnusable: there is no frame to calibrate on.
     """
     measured = np.concatenate([np.zeros((0, len(markers), 3)), *(t.select(markers).markers for t in trials)])
-    usable = np.flatnonzero(find_seen(measured).any(axis=1))
+    usable = np.flatnonzero(problems.find_seen(measured).any(axis=1))
     if not len(usable):
         raise TrialUnusable(
             "no calibration trial shows a marker of the model",
@@ -72,13 +66,13 @@ def choose_calibration_frames(
     return CalibrationFrames(recording, _number_blocks(trials)[chosen])
 
 
-def _number_blocks(trials: Sequence[Trial]) -> NDArray[np.intp]:
+def _number_blocks(trials: abc.Sequence[Trial]) -> NDArray[np.intp]:
     parts = -(-_FEWEST_BLOCKS // len(trials))
     labels = [k * parts + (np.arange(t.n_frames) * parts) // t.n_frames for k, t in enumerate(trials)]
     return np.concatenate(labels).astype(np.intp)
 
 
-Progress = Callable[[int, float], None]
+Progress = abc.Callable[[int, float], None]
 """Called with the number of a step and what it left, m2."""
 
 
@@ -87,7 +81,7 @@ class Fit:
     """The bordered problem of one calibration, and where it starts."""
 
     task: Task
-    problem: Problem
+    problem: problems.Problem
     q0: Array
     p0: Array
     prior_sd: Array
@@ -99,12 +93,12 @@ class Fit:
     ) -> Fit:
         """Pose the problem: ``freed`` is the start's ``model`` with parameters."""
         q0 = solve_task(Task.of(model, frames.trial), frames.trial.times).q
-        loss = SQUARED if settings.robust_m is None else Huber(settings.robust_m)
+        loss = problems.SQUARED if settings.robust_m is None else problems.Huber(settings.robust_m)
         task = Task.of(freed, frames.trial)
         lower = np.array([p.lower for p in freed.parameters])
         upper = np.array([p.upper for p in freed.parameters])
         wide = [np.inf if p.prior_sd is None or not settings.prior else p.prior_sd for p in freed.parameters]
-        problem = Problem(
+        problem = problems.Problem(
             tree=task.tree,
             measured=task.measured,
             weights=task.weights,
@@ -133,7 +127,7 @@ class Fit:
 
     def error(self, solution: estimator.Solution) -> float:
         """The cumulative kinematic error alone, without the prior's share (Puchaud 2019, eq. 1; m2)."""
-        return compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
+        return problems.compute_total_cost(self.with_prior(0.0).problem, solution.q, solution.p, self.p0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,12 +164,16 @@ def _report_later(progress: Progress, steps: int, step: int, cost: float) -> Non
 def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | None) -> Fitted:
     """Inverse kinematics and parameters in turn, until the cost hardly changes (Puchaud 2019, 2.2.4)."""
     q, p = fit.q0, fit.p0
-    cost, outcome, loop = compute_total_cost(fit.problem, q, p, fit.p0), estimator.Outcome.MAX_STEPS, 0
+    cost, outcome, loop = (
+        problems.compute_total_cost(fit.problem, q, p, fit.p0),
+        estimator.Outcome.MAX_STEPS,
+        0,
+    )
     while outcome is estimator.Outcome.MAX_STEPS and loop < settings.max_loops:
         loop += 1
         p = estimator.solve(fit.problem.hold_motion(), q, fit.p0, start=p).p
         q = solve_task(fit.task.at(p), np.arange(len(q), dtype=float), q).q
-        before, cost = cost, compute_total_cost(fit.problem, q, p, fit.p0)
+        before, cost = cost, problems.compute_total_cost(fit.problem, q, p, fit.p0)
         if progress is not None:
             progress(loop, cost)
         if abs(before - cost) < settings.loop_tolerance * before:

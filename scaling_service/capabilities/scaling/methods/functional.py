@@ -7,7 +7,7 @@ expressed in ground in one posture, the standing one: the segments' poses are mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,10 +18,10 @@ from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model import parameters
+from scaling_service.model import poses as posing
 from scaling_service.model.anatomy.centres import Points
 from scaling_service.model.anatomy.frames import build_femur_frame
 from scaling_service.model.body import BodyModel
-from scaling_service.model.poses import evaluate_marker, list_model_values
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
 from scaling_service.numerics.least_squares import problem
@@ -66,7 +66,7 @@ class Cluster:
         rotation[foreign], position[foreign] = np.nan, np.nan
         return functional.Poses(rotation, position)
 
-    def list_shown(self, trials: Iterable[Trial]) -> tuple[str, ...]:
+    def list_shown(self, trials: abc.Iterable[Trial]) -> tuple[str, ...]:
         """Those of its labels that at least one of the trials shows."""
         found = {label for trial in trials for label in trial.shown_labels}
         return tuple(label for label in self.labels if label in found)
@@ -80,12 +80,12 @@ class Posture:
     ``carriers``: segment to the labels on it.
     """
 
-    points: Mapping[str, Array]
-    carriers: Mapping[str, tuple[str, ...]]
+    points: abc.Mapping[str, Array]
+    carriers: abc.Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(
-        cls, model: BodyModel, extra: Mapping[str, str], static: Trial | None, trials: Sequence[Trial]
+        cls, model: BodyModel, extra: abc.Mapping[str, str], static: Trial | None, trials: abc.Sequence[Trial]
     ) -> Posture:
         """The mean of the static trial; without one, the frame of the others that shows most markers.
 
@@ -135,8 +135,8 @@ class FunctionalJoints:
     """
 
     posture: Posture
-    hips: Mapping[str, Array] = field(default_factory=dict)
-    knees: Mapping[str, Array] = field(default_factory=dict)
+    hips: abc.Mapping[str, Array] = field(default_factory=dict)
+    knees: abc.Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def hip_in(self, trial: Trial, side: str) -> Array:
@@ -149,8 +149,8 @@ class _NotFound(Exception):
 
 
 def _find_both_sides(
-    joint: str, posture: Posture, trials: Sequence[Trial]
-) -> tuple[Mapping[str, Array], list[str]]:
+    joint: str, posture: Posture, trials: abc.Sequence[Trial]
+) -> tuple[abc.Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
     find, what, instead = _SOUGHT[joint]
     found: dict[str, Array] = {}
@@ -172,7 +172,7 @@ def _find_both_sides(
     return found, notes
 
 
-def _find_hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+def _find_hip(posture: Posture, trials: abc.Sequence[Trial], side: str) -> tuple[Array, str]:
     limits = (HIP_RANGE_DEG, HIP_RANGE_DEG)
     first, second, trials_used = _select_moving(posture, trials, "pelvis", f"femur_{side}", limits)
     found = functional.find_rotation_centre(first, second)
@@ -182,7 +182,7 @@ def _find_hip(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Arr
     )
 
 
-def _find_knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Array, str]:
+def _find_knee(posture: Posture, trials: abc.Sequence[Trial], side: str) -> tuple[Array, str]:
     first, second, trials_used = _select_moving(
         posture, trials, f"femur_{side}", f"tibia_{side}", (KNEE_RANGE_DEG,)
     )
@@ -195,7 +195,7 @@ def _find_knee(posture: Posture, trials: Sequence[Trial], side: str) -> tuple[Ar
 
 
 def _select_moving(
-    posture: Posture, trials: Sequence[Trial], proximal: str, distal: str, limits_deg: Sequence[float]
+    posture: Posture, trials: abc.Sequence[Trial], proximal: str, distal: str, limits_deg: abc.Sequence[float]
 ) -> tuple[functional.Poses, functional.Poses, str]:
     """Poses of both segments in the trials in which the joint moves enough, and which these are."""
     clusters = [_require_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
@@ -220,7 +220,7 @@ def _select_moving(
     )
 
 
-def _require_enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
+def _require_enough(cluster: Cluster, trials: abc.Sequence[Trial]) -> Cluster:
     shown = cluster.list_shown(trials)
     if len(shown) < rigid.MIN_POINTS:
         names = f" ({', '.join(shown)})" if shown else ""
@@ -231,11 +231,13 @@ def _require_enough(cluster: Cluster, trials: Sequence[Trial]) -> Cluster:
     return cluster
 
 
-def _describe_angles(values_deg: Sequence[float] | Array) -> str:
+def _describe_angles(values_deg: abc.Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
 
 
-_SOUGHT: Mapping[str, tuple[Callable[[Posture, Sequence[Trial], str], tuple[Array, str]], str, str]] = {
+_SOUGHT: abc.Mapping[
+    str, tuple[abc.Callable[[Posture, abc.Sequence[Trial], str], tuple[Array, str]], str, str]
+] = {
     "hip": (_find_hip, "functional centre", "the regression"),
     "knee": (_find_knee, "functional axis", "the epicondyles"),
 }
@@ -262,7 +264,7 @@ def find_functional_joints(session: Session, settings: CalibrationSettings) -> F
             remedy="Choose a built-in leg model, or take regression and epicondyles",
         )
     posture = Posture.of(session.model, session.subject.extra_markers, session.static, session.calibration)
-    found: dict[str, Mapping[str, Array]] = {"hip": {}, "knee": {}}
+    found: dict[str, abc.Mapping[str, Array]] = {"hip": {}, "knee": {}}
     notes = list[str]()
     for joint, how in (("hip", settings.hip_centre), ("knee", settings.knee_axis)):
         if how == "functional":
@@ -285,9 +287,9 @@ def with_functional(
     """
     notes = []
     for side, centre in joints.hips.items():
-        cluster, values = joints.posture.cluster("pelvis"), list_model_values(model)
+        cluster, values = joints.posture.cluster("pelvis"), posing.list_model_values(model)
         known = [name for name in cluster.labels if name in model.marker_names]
-        local = [evaluate_marker(model.marker(name), values) for name in known]
+        local = [posing.evaluate_marker(model.marker(name), values) for name in known]
         rotation, position = rigid.fit_rigid(
             np.array(local), np.array([joints.posture.points[n] for n in known])
         )

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.model import people as population
 from scaling_service.model import trial
 from scaling_service.model.anatomy.frames import build_pelvis_frame
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.people import People, read_people
 
 _DOUBTFUL, _IMPOSSIBLE = 3.0, 6.0  # deviations before it is said, and before it is refused; chosen
 _IMPOSSIBLE_SHARE = 0.3  # chosen: beside them, as of lengths between joints: what no marker is misplaced by
@@ -71,7 +71,7 @@ def _compare_hips(evidence: trial.ImageEvidence) -> Iterator[str]:
     """A warning for a hip that lies where no person's does in a pelvis of such spines."""
     if not {"RASIS", "LASIS", "RPSIS", "LPSIS"} <= evidence.landmarks.keys():
         return
-    people = read_people()
+    people = population.read_people()
     spines = [np.array(evidence.landmarks[name]) for name in ("RASIS", "LASIS", "RPSIS", "LPSIS")]
     usual = predict_hip_centres(*spines, regression="harrington2007_single")  # by the width alone
     frame = build_pelvis_frame(*spines)
@@ -94,7 +94,9 @@ def _compare_hips(evidence: trial.ImageEvidence) -> Iterator[str]:
         yield f"EB: {said}: {_HIP_REMEDY}"
 
 
-def _expect(evidence: trial.ImageEvidence, span: _Span, people: People) -> tuple[float, float, bool] | None:
+def _expect(
+    evidence: trial.ImageEvidence, span: _Span, people: population.People
+) -> tuple[float, float, bool] | None:
     """Distance of markers by the image, its deviation, m, and whether skin may widen it; None if unseen."""
     imaged = {find_canonical(name) or name: at for name, (_, at) in evidence.markers.items()}
     skin = not set(span.ends) <= imaged.keys()
@@ -114,7 +116,7 @@ def _expect(evidence: trial.ImageEvidence, span: _Span, people: People) -> tuple
 
 
 def _compare(evidence: trial.ImageEvidence, standing: trial.Trial) -> Iterator[str]:
-    people = read_people()
+    people = population.read_people()
     shown = {find_canonical(label) or label: label for label in standing.shown_labels}
     for span in _SPANS:
         found = _expect(evidence, span, people)

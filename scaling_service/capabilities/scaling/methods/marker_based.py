@@ -9,25 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scaling_service.capabilities.scaling.methods import functional, people_prior, placement
+from scaling_service.capabilities.scaling.sizes import points as sizes_points
+from scaling_service.capabilities.scaling.sizes import sizing as personal_sizes
 from scaling_service.capabilities.scaling.sizes import without_markers
-from scaling_service.capabilities.scaling.sizes.points import (
-    find_person_points,
-    with_sacrum,
-    with_virtual_landmarks,
-)
-from scaling_service.capabilities.scaling.sizes.sizing import (
-    NO_BONES,
-    Sizing,
-    size_segments,
-)
 from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core import errors
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results, subject
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import lengths
 from scaling_service.model.anatomy.centres import Centre
 from scaling_service.model.anatomy.frames import build_pelvis_frame
-from scaling_service.model.compile import compile_model, list_parameter_values, repeat_default_pose
 from scaling_service.model.people import read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.scaling import scale_model
@@ -38,7 +30,9 @@ _SHORTEST_M = 0.01  # chosen: no two landmarks of a measurement lie closer on a 
 
 
 def scale_linearly(
-    session: subject.Session, settings: CalibrationSettings, bones: Mapping[str, float] = NO_BONES
+    session: subject.Session,
+    settings: CalibrationSettings,
+    bones: Mapping[str, float] = personal_sizes.NO_BONES,
 ) -> results.Calibration:
     """Scale the session's model from marker distances.
 
@@ -62,7 +56,7 @@ def scale_linearly(
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
     setup = session.scale_setup
     joints = functional.find_functional_joints(session, settings)
-    sizing: Sizing | None = None
+    sizing: personal_sizes.Sizing | None = None
     if setup is not None:
         if settings.scaling != "uniform":
             raise errors.SubjectInvalid(
@@ -72,7 +66,7 @@ def scale_linearly(
             )
         factors = compute_setup_factors(session.model, standing, setup)
     else:
-        sizing = size_segments(session, settings, joints, bones)
+        sizing = personal_sizes.size_segments(session, settings, joints, bones)
         factors = dict(sizing.factors)
         notes.extend(sizing.notes)
     keep = setup is None or setup.preserve_mass_distribution
@@ -129,7 +123,7 @@ def _widen_pelvis(
     }
 
 
-def _state_hips(model: body.BodyModel, sizing: Sizing) -> dict[str, results.EstimatedCentre]:
+def _state_hips(model: body.BodyModel, sizing: personal_sizes.Sizing) -> dict[str, results.EstimatedCentre]:
     """How far the model's hips are from the person's: their distance from the estimate, and its deviation.
 
     Along x, y, z of the pelvis. Nothing without all four spines in model and recording.
@@ -160,8 +154,8 @@ def _with_markers(
     if setup is not None and setup.placement is not None:
         model = placement.place_markers(model, standing, setup.placement)
     elif setup is None:
-        model = with_sacrum(model, (standing, *session.dynamic))
-        posed = with_virtual_landmarks(standing, centres)
+        model = sizes_points.with_sacrum(model, (standing, *session.dynamic))
+        posed = sizes_points.with_virtual_landmarks(standing, centres)
         model, placed = placement.place_tracking_markers(model, posed)
         if placed:
             notes.append(
@@ -177,7 +171,7 @@ def _apply_functional(
     session: subject.Session,
     settings: CalibrationSettings,
 ) -> tuple[body.BodyModel, dict[str, parameters.Tilt], tuple[str, ...]]:
-    points = find_person_points(
+    points = sizes_points.find_person_points(
         joints.posture.as_trial(),
         standing=session.static is not None,
         regression=settings.hip_regression,
@@ -246,8 +240,10 @@ def _pair_factor(
                 field="scale_setup",
                 remedy="Give the marker set that belongs to the set-up under `marker_set:`",
             )
-    tree = compile_model(model, names)
-    ours = pose_markers(tree, repeat_default_pose(model, 1), list_parameter_values(model))[0]
+    tree = compiling.compile_model(model, names)
+    ours = pose_markers(
+        tree, compiling.repeat_default_pose(model, 1), compiling.list_parameter_values(model)
+    )[0]
     rows = placement.select_frames(trial, time_range)
     ratios = []
     for first, second in measurement.pairs:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -56,7 +56,7 @@ class Freedom:
         model: body.BodyModel,
         seen: frozenset[str],
         settings: CalibrationSettings,
-        length_sds: Mapping[str, float] = MappingProxyType({}),
+        length_sds: abc.Mapping[str, float] = MappingProxyType({}),
     ) -> body.BodyModel:
         """The model with its parameters freed.
 
@@ -176,10 +176,10 @@ def _list_tilts(start: results.Calibration, values: dict[str, float]) -> dict[st
 
 def _list_warnings(
     method: str,
-    estimated: Sequence[results.EstimatedParameter],
+    estimated: abc.Sequence[results.EstimatedParameter],
     solution: estimator.Solution,
     doubt: estimator.Uncertainty,
-    sds: Mapping[str, float],
+    sds: abc.Mapping[str, float],
 ) -> tuple[str, ...]:
     found = []
     if solution.outcome is not estimator.Outcome.CONVERGED:

@@ -17,11 +17,11 @@ from scipy.optimize import minimize_scalar
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model import body, trial
+from scaling_service.model import poses as posing
 from scaling_service.model.anatomy import frames
+from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.model.anatomy.bones import find_body
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, list_chain, straighten
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.poses import Frame, follow
 from scaling_service.model.results import JointMove
 from scaling_service.model.scaling import scale_model
 from scaling_service.numerics.multibody import rigid
@@ -74,7 +74,7 @@ class Registration:
 
         ``by``: (3,). ``values``: coordinate to its value, rad or m.
         """
-        back = -follow(segment.joints, values)[0].T @ by
+        back = -posing.follow(segment.joints, values)[0].T @ by
         joints = (*_make_shifts(by), *segment.joints, *_make_shifts(back))
         self._rejoint(segment, joints, shift=body.to_vector(by), child_shift=body.to_vector(back))
 
@@ -84,7 +84,7 @@ class Registration:
         ``onto``: (3,), in the parent's frame.
         """
         first, last = find_turning_joints(segment)
-        rotation, _ = follow(segment.joints[:first], values)
+        rotation, _ = posing.follow(segment.joints[:first], values)
         turn = rotation.T @ _turn_onto(find_axis_in_parent(segment, values), onto)
         angle = float(np.linalg.norm(turn))
         if angle == 0.0:
@@ -129,7 +129,7 @@ def find_turning_joints(segment: body.Segment) -> tuple[int, int]:
 def find_axis_in_parent(segment: body.Segment, values: Mapping[str, float]) -> Array:
     """The axis, (3,), of the first driven turn of the joint that carries a segment, in its parent's frame."""
     first, _ = find_turning_joints(segment)
-    rotation, _ = follow(segment.joints[:first], values)
+    rotation, _ = posing.follow(segment.joints[:first], values)
     axis: Array = rotation @ np.array(segment.joints[first].axis)
     return axis
 
@@ -143,7 +143,7 @@ def register_pelvis(found: Registration, evidence: trial.ImageEvidence, image: f
     ``image``: the frame of the spines in the image, as :func:`build_pelvis_frame`. It gives the turn about
     the line of the hips, for which the model's own spines are marked; without marks its x axis serves.
     """
-    name = find_segment(found.model, "pelvis", "")
+    name = anatomy_lengths.find_segment(found.model, "pelvis", "")
     assert name is not None
     seen = {s: np.array(evidence.centres[f"hip_{s}"]) for s in "rl" if f"hip_{s}" in evidence.centres}
     ours = _place_hips(found.model, name)
@@ -159,15 +159,19 @@ def register_pelvis(found: Registration, evidence: trial.ImageEvidence, image: f
     middle = 0.5 * (ours["r"] + ours["l"])
     pose = found.poses[name] = trial.ImagePose(rotation, 0.5 * (seen["r"] + seen["l"]) - rotation @ middle)
     for side in "rl":
-        femur = find_segment(found.model, "femur", side)
+        femur = anatomy_lengths.find_segment(found.model, "femur", side)
         if femur is not None:
-            first, *_ = list_chain(found.model, name, femur)
+            first, *_ = anatomy_lengths.list_chain(found.model, name, femur)
             found.shift(first, pose.to_local(seen[side]) - ours[side])
 
 
 def _place_hips(model: body.BodyModel, pelvis: str) -> dict[str, Array]:
     """Both hip centres in the pelvis's frame, (3,) m; of one leg alone the other's is its mirror image."""
-    found = {side: ends[pelvis] for side in "rl" if pelvis in (ends := find_joint_ends(model, "hip", side))}
+    found = {
+        side: ends[pelvis]
+        for side in "rl"
+        if pelvis in (ends := anatomy_lengths.find_joint_ends(model, "hip", side))
+    }
     for side, other in ("rl", "lr"):
         if other in found:
             found.setdefault(side, found[other] * (1.0, 1.0, -1.0))
@@ -206,17 +210,17 @@ def register_leg(found: Registration, evidence: trial.ImageEvidence, side: str, 
         for joint in ("hip", "knee", "ankle")
         if f"{joint}_{side}" in evidence.centres
     }
-    femur, tibia = (str(find_segment(found.model, role, side)) for role in ("femur", "tibia"))
+    femur, tibia = (str(anatomy_lengths.find_segment(found.model, role, side)) for role in ("femur", "tibia"))
     lengths = {femur: np.linalg.norm(centres["hip"] - centres["knee"])}
     if "ankle" in centres:
         lengths[tibia] = np.linalg.norm(centres["knee"] - centres["ankle"])
     ends = _find_leg_ends(found.model, femur, tibia, side)
     found.resize({n: float(length / np.linalg.norm(np.subtract(*ends[n]))) for n, length in lengths.items()})
     ends = _find_leg_ends(found.model, femur, tibia, side)
-    values = straighten(found.model)
+    values = anatomy_lengths.straighten(found.model)
     axis = evidence.axes.get(f"knee_{side}")
     flexion = lateral if axis is None else np.array(axis) * np.sign(np.array(axis) @ lateral)
-    knee, carried = _find_turning_in(list_chain(found.model, femur, tibia), values)
+    knee, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, femur, tibia), values)
     model_axis = carried @ find_axis_in_parent(knee, values)
     rightward = model_axis * np.sign(model_axis[2])
     hip_at, knee_at = ends[femur]
@@ -237,7 +241,9 @@ def _find_leg_ends(
     model: body.BodyModel, femur: str, tibia: str, side: str
 ) -> dict[str, tuple[Array, Array]]:
     """The upper and the lower joint's centre of thigh and shank, each in its own frame."""
-    hip, knee, ankle = (find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle"))
+    hip, knee, ankle = (
+        anatomy_lengths.find_joint_ends(model, joint, side) for joint in ("hip", "knee", "ankle")
+    )
     for ends, joint, segment in ((hip, "hip", femur), (knee, "knee", tibia), (ankle, "ankle", tibia)):
         if segment not in ends:
             raise _refuse_without_joint(joint, segment)
@@ -260,16 +266,16 @@ def _register_shank(
     ``ends``: centres of knee and ankle in the shank's frame.
     """
     knee_at, ankle_at = ends
-    chain = list_chain(found.model, femur, tibia)
-    values = straighten(found.model)
+    chain = anatomy_lengths.list_chain(found.model, femur, tibia)
+    values = anatomy_lengths.straighten(found.model)
     knee, _ = _find_turning_in(chain, values)
     terms = knee.joints[find_turning_joints(knee)[0]].law.terms
     coordinate = next(t.coordinate for t in terms if t.coordinate is not None)
     joints = [j for s in chain for j in s.joints]
     target = thigh.to_local(ankle)
 
-    def place(angle: float) -> Frame:
-        return follow(joints, {**values, coordinate: angle})
+    def place(angle: float) -> posing.Frame:
+        return posing.follow(joints, {**values, coordinate: angle})
 
     def measure_gap(angle: float) -> float:
         turn, origin = place(angle)
@@ -289,7 +295,7 @@ def _register_shank(
     turn, origin = place(angle)
     ours, theirs = ankle_at - knee_at, turn.T @ (target - origin) - knee_at
     found.turn_child(found.model.segment(tibia), _turn_onto(ours, theirs), knee_at)
-    joints = [j for s in list_chain(found.model, femur, tibia) for j in s.joints]
+    joints = [j for s in anatomy_lengths.list_chain(found.model, femur, tibia) for j in s.joints]
     turn, origin = place(angle)
     found.poses[tibia] = thigh.carry((turn, origin))
 
@@ -298,15 +304,17 @@ def _move_ankle(
     found: Registration, evidence: trial.ImageEvidence, tibia: str, side: str, ankle: Array
 ) -> None:
     """The ankle's centre where the image shows it, and its axis where the talus was imaged."""
-    foot = find_segment(found.model, "foot", side)
+    foot = anatomy_lengths.find_segment(found.model, "foot", side)
     if foot is None:
         return
-    pose, chain = found.poses[tibia], list_chain(found.model, tibia, foot)
-    found.shift(chain[0], pose.to_local(ankle) - find_joint_ends(found.model, "ankle", side)[tibia])
+    pose, chain = found.poses[tibia], anatomy_lengths.list_chain(found.model, tibia, foot)
+    found.shift(
+        chain[0], pose.to_local(ankle) - anatomy_lengths.find_joint_ends(found.model, "ankle", side)[tibia]
+    )
     axis = evidence.axes.get(f"ankle_{side}")
     if axis is not None:
-        values = straighten(found.model)
-        joint, carried = _find_turning_in(list_chain(found.model, tibia, foot), values)
+        values = anatomy_lengths.straighten(found.model)
+        joint, carried = _find_turning_in(anatomy_lengths.list_chain(found.model, tibia, foot), values)
         onto = carried.T @ pose.rotation.T @ np.array(axis)
         found.turn(joint, onto * np.sign(onto @ find_axis_in_parent(joint, values)), values)
         _register_subtalar(found, evidence, tibia, side)
@@ -322,14 +330,16 @@ def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia
     talus, calcn = (find_body(found.model, f"{bone}_{side}") for bone in ("talus", "calcn"))
     if name not in evidence.axes or talus is None or calcn is None:
         return
-    values = straighten(found.model)
-    chain = list_chain(found.model, talus, calcn)
+    values = anatomy_lengths.straighten(found.model)
+    chain = anatomy_lengths.list_chain(found.model, talus, calcn)
     if not any(j.turns for s in chain for j in s.joints):
         return
     joint, carried = _find_turning_in(chain, values)
     ankle, onto = np.array(evidence.centres[f"ankle_{side}"]), np.array(evidence.axes[name])
     hinge = np.array(evidence.axes[f"ankle_{side}"])
-    before = follow([j for s in list_chain(found.model, tibia, talus) for j in s.joints], values)
+    before = posing.follow(
+        [j for s in anatomy_lengths.list_chain(found.model, tibia, talus) for j in s.joints], values
+    )
     pose = found.poses[tibia].carry(before)
     ours = pose.rotation @ carried @ find_axis_in_parent(joint, values)
     theirs = onto * np.sign(onto @ ours)
@@ -338,7 +348,7 @@ def _register_subtalar(found: Registration, evidence: trial.ImageEvidence, tibia
     found.poses[talus] = placed
     first, _ = find_turning_joints(joint)
     upto = [j for s in chain[: chain.index(joint)] for j in s.joints]
-    centre = follow([*upto, *joint.joints[:first]], values)[1]
+    centre = posing.follow([*upto, *joint.joints[:first]], values)[1]
     axis = placed.rotation.T @ theirs
     off = placed.to_local(np.array(evidence.centres[name])) - centre
     found.move_axis(joint, carried.T @ (off - (off @ axis) * axis), values)
@@ -355,10 +365,10 @@ def _find_turning_in(chain: list[body.Segment], values: Mapping[str, float]) -> 
     before: list[body.Joint] = []
     for segment in chain:
         if any(j.turns for j in segment.joints):
-            return segment, follow(before, values)[0]
+            return segment, posing.follow(before, values)[0]
         before += segment.joints
     find_turning_joints(chain[-1])
-    return chain[-1], follow(before, values)[0]
+    return chain[-1], posing.follow(before, values)[0]
 
 
 def mirror_knee(found: Registration, imaged: str, other: str) -> None:
@@ -366,12 +376,12 @@ def mirror_knee(found: Registration, imaged: str, other: str) -> None:
 
     ``imaged``, ``other``: their shanks.
     """
-    values = straighten(found.model)
+    values = anatomy_lengths.straighten(found.model)
     ours, theirs = (found.model.segment(name) for name in (imaged, other))
     first, _ = find_turning_joints(ours)
     move = found.moves.get(ours.joint_name, JointMove())
     # What is wanted is the axis as it stands now, seen in a mirror: an axis has no sign of its own.
-    now = follow(ours.joints[:first], values)[0] @ np.array(move.turn)
+    now = posing.follow(ours.joints[:first], values)[0] @ np.array(move.turn)
     angle = float(np.linalg.norm(now))
     if angle == 0.0:
         return

@@ -6,7 +6,7 @@ landmarks. A relation between several numbers, such as a hip and the pelvis's wi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,12 +14,12 @@ import numpy as np
 from scaling_service.capabilities.scaling.sizes.sizing import find_dimension
 from scaling_service.core.arrays import Array
 from scaling_service.model import body
+from scaling_service.model import people as population
+from scaling_service.model.anatomy import lengths as anatomy_lengths
 from scaling_service.model.anatomy.anthropometry import DimensionPrior
 from scaling_service.model.anatomy.centres import MARKER_RADIUS_M
 from scaling_service.model.anatomy.hip_centre import predict_hip_centres
-from scaling_service.model.anatomy.lengths import find_joint_ends, find_segment, measure_segment_lengths
 from scaling_service.model.parameters import LETTERS
-from scaling_service.model.people import Opposite, People
 from scaling_service.model.results import Calibration
 from scaling_service.model.trial import ImageEvidence
 from scaling_service.numerics.least_squares.whitening import GaussianPrior
@@ -33,7 +33,7 @@ _STEP = 1e-3  # relative, and m: of differences; the regressions are linear
 
 SPINES = ("RASIS", "LASIS", "RPSIS", "LPSIS")
 
-Spines = Mapping[str, Array]
+Spines = abc.Mapping[str, Array]
 """RASIS, LASIS, RPSIS and LPSIS to their places on the pelvis, (3,) m."""
 
 
@@ -44,20 +44,20 @@ class Imaged:
     pelvis: bool = False
     hips: frozenset[str] = frozenset()  # sides
     knees: frozenset[str] = frozenset()  # joints whose axis the image shows
-    lengths: Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
+    lengths: abc.Mapping[str, float] = field(default_factory=dict)  # by name of the length, m
     segments: frozenset[str] = frozenset()  # that lie in the image
     markers: frozenset[str] = frozenset()
-    off: Mapping[str, float] = field(default_factory=dict)
+    off: abc.Mapping[str, float] = field(default_factory=dict)
     """Deviations that the image's surfaces leave of centres (``hip_r`` …) along each axis, m; what is absent
     is as good as images usually are."""
-    turned: Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
+    turned: abc.Mapping[str, float] = field(default_factory=dict)  # the same of joints' axes, rad
 
-    def deviate_centre(self, centre: str, people: People) -> float:
+    def deviate_centre(self, centre: str, people: population.People) -> float:
         """Standard deviation of an imaged centre along each axis, m: the image's, at least what is usual."""
         usual = people.image_hip if centre.startswith("hip_") else people.image_centre
         return max(usual, self.off.get(centre, 0.0))
 
-    def deviate_axis(self, joint: str, people: People) -> float:
+    def deviate_axis(self, joint: str, people: population.People) -> float:
         """The same of a joint's axis, rad, about each of the segment's others."""
         return max(people.image_axis_sd, self.turned.get(joint, 0.0))
 
@@ -71,7 +71,7 @@ class Imaged:
                 for side in "rl"
             }
             parts = [sized[length].partition("_") for length in self.lengths]
-            return target in [find_segment(model, role, side) for role, _, side in parts]
+            return target in [anatomy_lengths.find_segment(model, role, side) for role, _, side in parts]
         if group == "centre":
             return target.removeprefix("hip_") in self.hips
         return target in (self.knees if group == "axis" else self.markers)
@@ -85,12 +85,15 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
     if evidence is None:
         return NOTHING_IMAGED
     model, lying = start.model, frozenset(start.image_poses)
-    parts = {side: tuple(find_segment(model, role, side) for role in ("femur", "tibia")) for side in "rl"}
-    pelvis = find_segment(model, "pelvis", "") in lying
+    parts = {
+        side: tuple(anatomy_lengths.find_segment(model, role, side) for role in ("femur", "tibia"))
+        for side in "rl"
+    }
+    pelvis = anatomy_lengths.find_segment(model, "pelvis", "") in lying
     own = {segment for segment, whose in start.bone_sized.items() if whose == "own"}
     lengths = {
         name: length
-        for name, length in measure_segment_lengths(model).items()
+        for name, length in anatomy_lengths.measure_segment_lengths(model).items()
         if (name == "inter_hip" and pelvis and {"hip_r", "hip_l"} <= evidence.centres.keys())
         or (name[:-2] in ("femur", "shank") and parts[name[-1]][name.startswith("shank")] in own)
     }
@@ -115,7 +118,7 @@ def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
     )
 
 
-def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, float]]:
+def measure_imaged(imaged: Imaged, people: population.People) -> dict[str, tuple[float, float]]:
     """Dimensions that images show and their standard deviations, m."""
     ends = {"inter_hip": ("hip_r", "hip_l")} | {
         f"{length}_{side}": (f"{upper}_{side}", f"{lower}_{side}")
@@ -131,18 +134,18 @@ def measure_imaged(imaged: Imaged, people: People) -> dict[str, tuple[float, flo
 def expect_sizes(
     prior: GaussianPrior,
     start: Calibration,
-    carrying: Sequence[str],
+    carrying: abc.Sequence[str],
     pelvis: str | None,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Sizes of segments over the start's, as of persons of this stature and sex.
 
     ``carrying``: segments whose sizes are free. ``expected``: dimensions of persons like this one, who has
     such bones where some were imaged. ``told``: marker to the landmark that it marks.
     """
-    lengths = dict(measure_segment_lengths(start.model))
+    lengths = dict(anatomy_lengths.measure_segment_lengths(start.model))
     spines = find_spines(start.model, told)
     if spines is not None:
         lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
@@ -169,7 +172,7 @@ def expect_sizes(
         prior.add_values([name], np.ones(1), np.array([[sd**2]]))
 
 
-def find_spines(model: body.BodyModel, told: Mapping[str, str]) -> Spines | None:
+def find_spines(model: body.BodyModel, told: abc.Mapping[str, str]) -> Spines | None:
     """Where a model's ASIS and PSIS markers are; a sacral marker stands for both PSIS. None if one lacks.
 
     ``told``: marker to the landmark that it marks.
@@ -197,16 +200,16 @@ class _HipRelation:
     """How far regressions put the hips from the model's, as sizes and skin vary."""
 
     model: body.BodyModel
-    people: People
+    people: population.People
     pelvis: str
     spines: Spines
     sides: tuple[str, ...]
     sizes: tuple[str, ...]  # names of the sizes that enter: pelvis x and z, thighs and shanks
     expected: DimensionPrior  # of persons like this one, where the model has no ankle
-    lengths: Mapping[str, float]  # of the model's segments, m
-    hips: Mapping[str, Array]  # side to the model's own, (3,) m
+    lengths: abc.Mapping[str, float]  # of the model's segments, m
+    hips: abc.Mapping[str, Array]  # side to the model's own, (3,) m
 
-    def evaluate(self, sizes: Mapping[str, float], front: float, back: float) -> Array:
+    def evaluate(self, sizes: abc.Mapping[str, float], front: float, back: float) -> Array:
         """Hips by regression less the model's scaled ones, side by side, (3 n_sides,), m.
 
         ``front``, ``back``: skin over ASIS and PSIS, m.
@@ -228,13 +231,15 @@ class _HipRelation:
             found.append(np.mean(places, axis=0) - along * self.hips[side])
         return np.concatenate(found)
 
-    def _measure_leg(self, side: str, sizes: Mapping[str, float]) -> float:
+    def _measure_leg(self, side: str, sizes: abc.Mapping[str, float]) -> float:
         """From ASIS to ankle of a straight leg, m."""
         if f"shank_{side}" not in self.lengths:
             return self.expected.value(f"leg_length_{side}")
         total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
         for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
-            total += self.lengths[name] * sizes.get(f"scale.{find_segment(self.model, role, side)}", 1.0)
+            total += self.lengths[name] * sizes.get(
+                f"scale.{anatomy_lengths.find_segment(self.model, role, side)}", 1.0
+            )
         return total
 
 
@@ -243,10 +248,10 @@ def expect_hips(
     model: body.BodyModel,
     pelvis: str,
     sides: tuple[str, ...],
-    people: People,
+    people: population.People,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Hips where the image shows them, else where regressions on the bony pelvis put them.
 
@@ -267,7 +272,11 @@ def expect_hips(
     if spines is None:
         sd, mean, skin = np.full(len(names), _MODEL_HIP_M), np.zeros(len(names)), np.zeros((len(names), 1))
     else:
-        legs = (f"scale.{find_segment(model, role, side)}" for side in sides for role in ("femur", "tibia"))
+        legs = (
+            f"scale.{anatomy_lengths.find_segment(model, role, side)}"
+            for side in sides
+            for role in ("femur", "tibia")
+        )
         sizes = tuple(n for n in (f"scale.{pelvis}.x", f"scale.{pelvis}.z", *legs) if n in prior.names)
         hips = _HipRelation(
             model=model,
@@ -277,8 +286,8 @@ def expect_hips(
             sides=sides,
             sizes=sizes,
             expected=expected,
-            lengths=measure_segment_lengths(model),
-            hips={side: find_joint_ends(model, "hip", side)[pelvis] for side in sides},
+            lengths=anatomy_lengths.measure_segment_lengths(model),
+            hips={side: anatomy_lengths.find_joint_ends(model, "hip", side)[pelvis] for side in sides},
         )
         (front, front_sd), (back, back_sd) = people.skin_over_asis, people.skin_over_psis
         ones = dict.fromkeys(sizes, 1.0)
@@ -300,11 +309,11 @@ def expect_hips(
 
 def expect_places(
     prior: GaussianPrior,
-    shown: Sequence[body.Marker],
-    people: People,
+    shown: abc.Sequence[body.Marker],
+    people: population.People,
     expected: DimensionPrior,
     imaged: Imaged,
-    told: Mapping[str, str],
+    told: abc.Mapping[str, str],
 ) -> None:
     """Markers where the image shows them; else landmarks where an examiner feels them, others anywhere.
 
@@ -334,10 +343,10 @@ def expect_places(
 
 def _expect_opposite(
     prior: GaussianPrior,
-    row: Opposite,
-    ends: Mapping[int, body.Marker],
+    row: population.Opposite,
+    ends: abc.Mapping[int, body.Marker],
     width: str,
-    people: People,
+    people: population.People,
     expected: DimensionPrior,
 ) -> None:
     """Landmarks at both ends of a joint, or at one: their distance is the person's, not the model's."""
@@ -354,7 +363,7 @@ def _expect_opposite(
     prior.add_values(names, mean.ravel(), palpated + apart)
 
 
-def _list_shifts(marker: body.Marker) -> Iterator[str]:
+def _list_shifts(marker: body.Marker) -> abc.Iterator[str]:
     return (f"marker.{marker.name}.{letter}" for letter in LETTERS)
 
 

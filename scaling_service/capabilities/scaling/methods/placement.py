@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from dataclasses import replace
 
 import numpy as np
 
 from scaling_service.capabilities.motion import ranges
+from scaling_service.capabilities.motion import task as tasks
 from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.solving import solve_from
-from scaling_service.capabilities.motion.task import Task, guess_start
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
 from scaling_service.model import body, parameters
+from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy.markers import find_canonical
-from scaling_service.model.compile import compile_model, list_coordinate_ranges, repeat_default_pose
 from scaling_service.model.places import find_landmarks_by_place
 from scaling_service.model.subject import MarkerPlacement
 from scaling_service.model.trial import Trial
@@ -66,7 +66,7 @@ def with_axis(model: body.BodyModel, joint: str, tilt: parameters.Tilt) -> body.
     return parameters.fold(freed, {f"axis.{joint}.x": tilt[0], f"axis.{joint}.y": tilt[1]})
 
 
-def add_markers(model: body.BodyModel, extra: Mapping[str, str], trial: Trial) -> body.BodyModel:
+def add_markers(model: body.BodyModel, extra: abc.Mapping[str, str], trial: Trial) -> body.BodyModel:
     """Further markers on named segments, each at its mean local position over a trial.
 
     The model's pose comes from the markers it has; a marker that the trial does not show is left out.
@@ -154,7 +154,7 @@ def place_markers(model: body.BodyModel, trial: Trial, placement: MarkerPlacemen
     return move_markers(model, found)
 
 
-def move_markers(model: body.BodyModel, local: Mapping[str, body.Vector]) -> body.BodyModel:
+def move_markers(model: body.BodyModel, local: abc.Mapping[str, body.Vector]) -> body.BodyModel:
     """The model with some markers at other local positions (m)."""
     return model.with_markers(
         tuple(
@@ -167,12 +167,12 @@ def move_markers(model: body.BodyModel, local: Mapping[str, body.Vector]) -> bod
 def _locate(
     model: body.BodyModel,
     trial: Trial,
-    segments: Mapping[str, str],
-    weights: Mapping[str, float] | None = None,
+    segments: abc.Mapping[str, str],
+    weights: abc.Mapping[str, float] | None = None,
 ) -> dict[str, body.Vector]:
     """Local positions of labels on their segments, the model posed by its weighted markers, m."""
     few = trial.frames(np.unique(np.linspace(0, trial.n_frames - 1, _MANY_FRAMES).round().astype(np.intp)))
-    q = solve_task(Task.of(model, few, weights=weights), few.times).q
+    q = solve_task(tasks.Task.of(model, few, weights=weights), few.times).q
     return _average_local_places(model, few, q, segments)
 
 
@@ -207,8 +207,8 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     which are followed at once, as if they were frames.
     """
     weights = {m.name: placement.marker_weights.get(m.name, 0.0) for m in model.markers}
-    task = Task.of(model, pose, weights=weights)
-    wanted = repeat_default_pose(model, 1)
+    task = tasks.Task.of(model, pose, weights=weights)
+    wanted = compiling.repeat_default_pose(model, 1)
     pull = np.zeros(len(model.coordinates))
     for k, name in enumerate(model.coordinate_names):
         pull[k] = placement.coordinate_weights.get(name, 0.0)
@@ -216,8 +216,8 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
     # OpenSim's marker goal is the weighted mean of the squared distances, not their sum.
     prior = (np.repeat(wanted, _STARTS, axis=0), pull * task.weights.sum())
     measured = np.repeat(task.measured, _STARTS, axis=0)
-    natural = list_coordinate_ranges(model)
-    starts = guess_start(task.tree, measured, wanted[0], task.p, task.free)
+    natural = compiling.list_coordinate_ranges(model)
+    starts = tasks.guess_start(task.tree, measured, wanted[0], task.p, task.free)
     turning = task.free & [c.kind == "rotation" for c in model.coordinates]
     starts[1:] += turning * np.random.default_rng(0).normal(0.0, _SPREAD, starts[1:].shape)
 
@@ -230,13 +230,13 @@ def _solve_static_pose(model: body.BodyModel, pose: Trial, placement: MarkerPlac
 
 
 def _average_local_places(
-    model: body.BodyModel, trial: Trial, q: Array, segments: Mapping[str, str]
+    model: body.BodyModel, trial: Trial, q: Array, segments: abc.Mapping[str, str]
 ) -> dict[str, body.Vector]:
     """Mean position of labels in their segments' frames over the frames that show them (m)."""
     carriers = [
         body.Marker.at(f"origin of {s}", s, (0.0, 0.0, 0.0)) for s in dict.fromkeys(segments.values())
     ]
-    tree = compile_model(model.with_markers(tuple(carriers)))
+    tree = compiling.compile_model(model.with_markers(tuple(carriers)))
     poses = pose_links(tree, np.ascontiguousarray(q.T), np.zeros(tree.n_parameters))
     link = {m.segment: int(k) for m, k in zip(carriers, tree.marker_link, strict=True)}
     present = _list_seen(trial, segments)
@@ -249,5 +249,5 @@ def _average_local_places(
     return means
 
 
-def _list_seen(trial: Trial, names: Iterable[str]) -> list[str]:
+def _list_seen(trial: Trial, names: abc.Iterable[str]) -> list[str]:
     return [n for n in names if n in trial.labels and problem.find_seen(trial.position(n)).any()]

@@ -8,7 +8,7 @@ segment's ends, linearly; what is left of it wanders.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -27,9 +27,9 @@ from scaling_service.capabilities.shared.settings import CalibrationSettings
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results
+from scaling_service.model import people as population
 from scaling_service.model.anatomy import lengths
 from scaling_service.model.freed import free_named
-from scaling_service.model.people import People, read_people
 from scaling_service.model.places import tell_landmarks
 from scaling_service.model.subject import Session
 from scaling_service.model.trial import Trial
@@ -80,7 +80,7 @@ class JointPosterior:
         Raises TrialUnusable: no trial shows a marker of the model.
         """
         assert start is not None
-        clock, people = time.perf_counter(), read_people()
+        clock, people = time.perf_counter(), population.read_people()
         images = session.images
         unused: tuple[str, ...] = ()
         if images is not None and shows_sizes(images, start.model):
@@ -141,7 +141,9 @@ def _count_on(progress: Progress, before: int, number: int, cost: float) -> None
 MAP = JointPosterior()
 
 
-def _choose_frames(session: Session, names: Sequence[str], count: int, people: People) -> _Frames:
+def _choose_frames(
+    session: Session, names: abc.Sequence[str], count: int, people: population.People
+) -> _Frames:
     """The mean of the standing trial, and frames equally spaced in time over all movements to fit.
 
     A person who stands shows one posture, however long. Skin that wanders is seen anew after twice its time
@@ -191,9 +193,9 @@ def _weigh_unlike(squares: Array, trial: Trial) -> Array:
 
 def _free(
     start: results.Calibration,
-    seen: frozenset[str] | set[str] | Sequence[str],
+    seen: frozenset[str] | set[str] | abc.Sequence[str],
     session: Session,
-    people: People,
+    people: population.People,
     imaged: people_prior.Imaged,
 ) -> tuple[body.BodyModel, GaussianPrior]:
     """The start's model with everything freed, and what is known of each number."""
@@ -230,13 +232,13 @@ def _free(
 
 
 def _list_names(
-    shown: Sequence[body.Marker],
-    carrying: Sequence[str],
+    shown: abc.Sequence[body.Marker],
+    carrying: abc.Sequence[str],
     pelvis: str | None,
-    knees: Sequence[str],
-    hips: Sequence[str],
-    drivers: Mapping[str, Mapping[str, float]],
-) -> Iterator[str]:
+    knees: abc.Sequence[str],
+    hips: abc.Sequence[str],
+    drivers: abc.Mapping[str, abc.Mapping[str, float]],
+) -> abc.Iterator[str]:
     """The parameters; ``hips``: sides. ``drivers``: segment to the coordinates with which its skin slides."""
     for segment in carrying:
         yield from (f"scale.{segment}.{a}" for a in "xz") if segment == pelvis else (f"scale.{segment}",)
@@ -250,7 +252,7 @@ def _list_names(
         )
 
 
-def _list_drivers(model: body.BodyModel, segment: str, people: People) -> dict[str, float]:
+def _list_drivers(model: body.BodyModel, segment: str, people: population.People) -> dict[str, float]:
     """The angles that a segment's skin follows, and how far each goes in an ordinary movement, rad.
 
     They are those of the joints at its ends. Nothing slides because the whole body turns, so the joint to the
@@ -288,7 +290,7 @@ def _keep_posterior(prior: GaussianPrior, found: posterior.Posterior, skin: floa
 
 def _list_parameters(
     freed: body.BodyModel, prior: GaussianPrior, found: posterior.Posterior, imaged: people_prior.Imaged
-) -> Iterator[results.EstimatedParameter]:
+) -> abc.Iterator[results.EstimatedParameter]:
     """All but skin, of which there are hundreds. What images tell is determined as what movements do."""
     before = np.sqrt(np.diag(np.linalg.inv(prior.precision)))
     after = np.sqrt(np.diag(found.covariance))
@@ -308,7 +310,7 @@ def _list_parameters(
 
 
 def _list_factors(
-    start: results.Calibration, values: Mapping[str, float]
+    start: results.Calibration, values: abc.Mapping[str, float]
 ) -> dict[str, tuple[float, float, float]]:
     factors = {}
     for segment in start.model.segment_names:
@@ -319,7 +321,9 @@ def _list_factors(
     return factors
 
 
-def _list_tilts(start: results.Calibration, values: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _list_tilts(
+    start: results.Calibration, values: abc.Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
     turned = {
         joint: parameters.compose_tilts(
             start.axis_tilts.get(joint, (0.0, 0.0)), (values[f"axis.{joint}.x"], values[f"axis.{joint}.y"])
@@ -329,7 +333,7 @@ def _list_tilts(start: results.Calibration, values: Mapping[str, float]) -> dict
     return {**start.axis_tilts, **turned}
 
 
-def _list_moves(start: results.Calibration, values: Mapping[str, float]) -> dict[str, results.JointMove]:
+def _list_moves(start: results.Calibration, values: abc.Mapping[str, float]) -> dict[str, results.JointMove]:
     """Hips as far as they moved beyond what sizes do."""
     moved = dict(start.joint_moves)
     for side in "rl":
@@ -345,7 +349,7 @@ def _list_moves(start: results.Calibration, values: Mapping[str, float]) -> dict
 
 
 def _list_sizes(
-    start: results.Calibration, values: Mapping[str, float], sds: Mapping[str, float]
+    start: results.Calibration, values: abc.Mapping[str, float], sds: abc.Mapping[str, float]
 ) -> dict[str, results.SegmentSize]:
     """Of segments with one free factor; the shares of evidence are the start's no more."""
     return {
@@ -377,7 +381,7 @@ def _list_pelvis(
     return {pelvis: replace(size, factor=factor, sd=sd / length)}
 
 
-def _list_centres(freed: body.BodyModel, sds: Mapping[str, float]) -> dict[str, results.EstimatedCentre]:
+def _list_centres(freed: body.BodyModel, sds: abc.Mapping[str, float]) -> dict[str, results.EstimatedCentre]:
     joints = dict.fromkeys(p.target for p in freed.parameters if p.group == "centre")
     return {
         joint: results.EstimatedCentre(
@@ -388,8 +392,8 @@ def _list_centres(freed: body.BodyModel, sds: Mapping[str, float]) -> dict[str, 
 
 
 def _list_warnings(
-    found: posterior.Posterior, estimated: Sequence[results.EstimatedParameter]
-) -> Iterator[str]:
+    found: posterior.Posterior, estimated: abc.Sequence[results.EstimatedParameter]
+) -> abc.Iterator[str]:
     if found.outcome is not Outcome.CONVERGED:
         yield f"MAP: stopped after {found.steps} steps before it converged"
     loose = [p.name for p in estimated if p.group in ("length", "centre", "axis") and not p.identifiable]

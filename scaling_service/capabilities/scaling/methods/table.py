@@ -6,7 +6,7 @@ the method's, and what it names is a :class:`Method`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import abc
 from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Protocol
@@ -17,7 +17,7 @@ from scaling_service.capabilities.scaling.methods.image_based import EB
 from scaling_service.capabilities.scaling.methods.marker_based import MB
 from scaling_service.capabilities.scaling.methods.posterior import MAP
 from scaling_service.capabilities.scaling.sizes import without_markers
-from scaling_service.capabilities.shared.settings import PAPER, CalibrationSettings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.core.errors import SubjectInvalid
 from scaling_service.model.results import Calibration
 from scaling_service.model.subject import Session
@@ -49,19 +49,19 @@ class Method(Protocol):
         self,
         session: Session,
         start: Calibration | None,
-        settings: CalibrationSettings,
+        settings: shared_settings.CalibrationSettings,
         progress: Progress | None,
     ) -> Calibration:
         """Scale the session's model; ``start`` is the first guess where the method needs one."""
 
 
-def _with_others(own: Mapping[str, Method]) -> Mapping[str, Method]:
+def _with_others(own: abc.Mapping[str, Method]) -> abc.Mapping[str, Method]:
     """Our methods, then those of other distributions; a name that is taken stays ours."""
     others = {point.name: point.load() for point in entry_points(group=GROUP) if point.name not in own}
     return MappingProxyType({**own, **others})
 
 
-_OURS: Mapping[str, Method] = MappingProxyType(
+_OURS: abc.Mapping[str, Method] = MappingProxyType(
     {
         "MB": MB,
         "MB_lam": optimised.MB_LAM,
@@ -71,10 +71,10 @@ _OURS: Mapping[str, Method] = MappingProxyType(
         "MAP": MAP,
     }
 )
-METHODS: Mapping[str, Method] = _with_others(_OURS)
+METHODS: abc.Mapping[str, Method] = _with_others(_OURS)
 
 
-def check_methods(methods: Iterable[str]) -> None:
+def check_methods(methods: abc.Iterable[str]) -> None:
     """Refuse a method that there is not (SubjectInvalid)."""
     for method in methods:
         if method not in METHODS:
@@ -86,7 +86,7 @@ def check_methods(methods: Iterable[str]) -> None:
 def calibrate(
     session: Session,
     method: str,
-    settings: CalibrationSettings = PAPER,
+    settings: shared_settings.CalibrationSettings = shared_settings.PAPER,
     known: dict[str, Calibration] | None = None,
     progress: Progress | None = None,
 ) -> Calibration:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from scaling_service.capabilities.kinetics import forces as kinetics_forces
 from scaling_service.capabilities.kinetics import inverse_dynamics
-from scaling_service.capabilities.kinetics.forces import TrialForces, assign_forces, read_movement_forces
 from scaling_service.capabilities.subject.loading import Loaded
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array
@@ -28,7 +28,7 @@ differs little from its neighbours."""
 MOST_ROWS = 10
 """Differences of each method and quantity that are shown, largest first. Chosen: what one looks through."""
 
-UNITS: Mapping[results.MuscleQuantity, tuple[float, str]] = {
+UNITS: abc.Mapping[results.MuscleQuantity, tuple[float, str]] = {
     "moment arm": (1e3, "mm"),
     "length": (1e3, "mm"),
     "joint moment": (1.0, "N m"),
@@ -42,9 +42,9 @@ class MuscleCourses:
     """One method's muscles and joints over one trial."""
 
     times: Array  # (n_frames,), s
-    angles: Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
+    angles: abc.Mapping[str, Array]  # rotational coordinate to (n_frames,), rad
     geometry: muscles.MuscleGeometry
-    moments: Mapping[str, Array]
+    moments: abc.Mapping[str, Array]
     """Coordinate to its generalised force, (n_frames,), N m; NaN where forces do not determine it. Empty
     without forces."""
 
@@ -63,7 +63,7 @@ class MuscleComparison:
     """What the methods make of the muscles."""
 
     reference: str  # the method that the others are held against
-    courses: Mapping[str, Mapping[str, MuscleCourses]]  # method to trial to its courses
+    courses: abc.Mapping[str, abc.Mapping[str, MuscleCourses]]  # method to trial to its courses
     differences: tuple[results.MuscleDifference, ...]
     """Of each method and quantity the largest, in descending order; a muscle or joint comes once for each
     coordinate."""
@@ -72,9 +72,9 @@ class MuscleComparison:
 
 def compare_muscles(
     loaded: Loaded,
-    models: Mapping[str, tuple[BodyModel, str]],
-    motions: Mapping[str, Mapping[str, Motion]],
-    trials: Sequence[str],
+    models: abc.Mapping[str, tuple[BodyModel, str]],
+    motions: abc.Mapping[str, abc.Mapping[str, Motion]],
+    trials: abc.Sequence[str],
     progress: Progress,
 ) -> MuscleComparison:
     """Compare what methods make of the muscles of an OpenSim model.
@@ -120,11 +120,13 @@ def _report_no_muscles(what: str) -> errors.SubjectInvalid:
     )
 
 
-def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, TrialForces], tuple[str, ...]]:
+def _gather_forces(
+    loaded: Loaded, trials: abc.Sequence[str]
+) -> tuple[dict[str, kinetics_forces.TrialForces], tuple[str, ...]]:
     """The forces on the feet of those trials that have some, and why others have no joint moments."""
     try:
-        read = read_movement_forces(loaded.session.subject, loaded.plates)
-        found, unusable = assign_forces(
+        read = kinetics_forces.read_movement_forces(loaded.session.subject, loaded.plates)
+        found, unusable = kinetics_forces.assign_forces(
             loaded, {path: read[path] for path in read if path.stem in trials}, lambda _: DYNAMICS_CUTOFF_HZ
         )
     except errors.InputError as error:
@@ -134,7 +136,9 @@ def _gather_forces(loaded: Loaded, trials: Sequence[str]) -> tuple[dict[str, Tri
     return found, (*unusable, said) if without else unusable
 
 
-def _follow(model: BodyModel, text: str, motion: Motion, forces: TrialForces | None) -> MuscleCourses:
+def _follow(
+    model: BodyModel, text: str, motion: Motion, forces: kinetics_forces.TrialForces | None
+) -> MuscleCourses:
     stride = -(-len(motion.times) // MOST_FRAMES)
     rows = slice(None, None, stride)
     order = [motion.coordinates.index(name) for name in model.coordinate_names]
@@ -158,7 +162,7 @@ def _list_joint_angles(model: BodyModel) -> list[str]:
     return [c.name for c in model.coordinates if c.kind == "rotation" and not c.locked and c.name not in root]
 
 
-def _list_largest(peaks: Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:
+def _list_largest(peaks: abc.Iterable[results.MuscleDifference]) -> list[results.MuscleDifference]:
     """The largest of all trials for each muscle and coordinate, the largest first."""
     found: dict[tuple[str, str], results.MuscleDifference] = {}
     for peak in peaks:
@@ -169,11 +173,11 @@ def _list_largest(peaks: Iterable[results.MuscleDifference]) -> list[results.Mus
 
 
 def _list_peaks(
-    reference: Mapping[str, MuscleCourses],
-    method: Mapping[str, MuscleCourses],
+    reference: abc.Mapping[str, MuscleCourses],
+    method: abc.Mapping[str, MuscleCourses],
     quantity: results.MuscleQuantity,
     names: tuple[str, str],
-) -> Iterator[results.MuscleDifference]:
+) -> abc.Iterator[results.MuscleDifference]:
     """Where a method differs most from the reference in each trial, for each muscle and coordinate."""
     factor, unit = UNITS[quantity]
     for trial, own in method.items():
@@ -215,7 +219,7 @@ def make_muscle_document(found: MuscleComparison) -> results.MuscleDocument:
     )
 
 
-def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
+def write_courses(folder: Path, courses: abc.Mapping[str, MuscleCourses]) -> None:
     """Write ``TRIAL_muscle_lengths.sto``, ``TRIAL_moment_arms.sto``, ``TRIAL_joint_moments.sto``; m, N m.
 
     A moment arm's column is ``MUSCLE.COORDINATE``; joint moments only where there are forces.
@@ -233,7 +237,7 @@ def write_courses(folder: Path, courses: Mapping[str, MuscleCourses]) -> None:
                 )
 
 
-def _tabulate_muscles(name: str, times: Array, columns: Mapping[str, Array]) -> sto.Table:
+def _tabulate_muscles(name: str, times: Array, columns: abc.Mapping[str, Array]) -> sto.Table:
     return sto.Table(
         name=name,
         columns=("time", *columns),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections import abc
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -36,7 +36,7 @@ class MuscleCheck:
     """An exported model's muscles and OpenSim's."""
 
     document: engines.EngineMuscleDocument
-    sweeps: Mapping[str, Array]  # coordinate to its values, (n_steps,), rad
+    sweeps: abc.Mapping[str, Array]  # coordinate to its values, (n_steps,), rad
     engine: mujoco_muscles.EngineMuscles
     reference: MuscleGeometry | None  # over all sweeps one after the other
 
@@ -97,7 +97,7 @@ def _gather_arms(reference: MuscleGeometry, coordinate: str, rows: slice) -> Arr
 
 
 def _find_worst(
-    off: Mapping[str, Array], values: Mapping[str, Array], muscle: int
+    off: abc.Mapping[str, Array], values: abc.Mapping[str, Array], muscle: int
 ) -> tuple[float, str, float]:
     """The largest difference of a muscle, the coordinate that was moved there, and its value."""
     worst = {name: int(np.argmax(np.abs(each[:, muscle]))) for name, each in off.items()}
@@ -107,10 +107,10 @@ def _find_worst(
 
 def _find_contradiction(
     number: int,
-    values: Mapping[str, Array],
-    lengths: Mapping[str, Array],
-    arms: Mapping[str, Array],
-    off: Mapping[str, Array],
+    values: abc.Mapping[str, Array],
+    lengths: abc.Mapping[str, Array],
+    arms: abc.Mapping[str, Array],
+    off: abc.Mapping[str, Array],
 ) -> list[str]:
     """Whether the difference grows where OpenSim's length is not the integral of OpenSim's moment arm."""
     gaps: dict[str, float] = {}
@@ -133,8 +133,8 @@ def _explain_arms(
     rows: list[engines.EngineMuscle],
     model: BodyModel,
     osim: str,
-    off: Mapping[str, Array],
-    values: Mapping[str, Array],
+    off: abc.Mapping[str, Array],
+    values: abc.Mapping[str, Array],
 ) -> list[engines.EngineMuscle]:
     """Rows whose moment arm is off, with the slope of OpenSim's own length where it is off most.
 
@@ -207,7 +207,7 @@ def _summarise(rows: list[engines.EngineMuscle], engine: str, reference: str | N
     )
 
 
-def _name_worst(rows: list[engines.EngineMuscle]) -> Iterator[str]:
+def _name_worst(rows: list[engines.EngineMuscle]) -> abc.Iterator[str]:
     for row in (row for k, row in enumerate(rows[:_TOLD]) if not (k and row.within)):
         why = f": {'; '.join(row.causes)}" if row.causes else ""
         yield (

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import abc
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.playback.document import MuscleCurve, MuscleScene
+from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
 from scaling_service.capabilities.scaling.muscles import compare
 from scaling_service.documents.results import MuscleDifference
@@ -20,19 +20,21 @@ MOST_CURVES = 6
 """Of each quantity. Chosen: two rows of a page."""
 
 
-def write_muscle_scene(found: compare.MuscleComparison, outputs: Path, *, brief: bool = False) -> MuscleScene:
+def write_muscle_scene(
+    found: compare.MuscleComparison, outputs: Path, *, brief: bool = False
+) -> playing.MuscleScene:
     """Write ``scene/muscles.json`` with its tables.
 
     ``outputs``: the folder of the job's files. ``brief``: whether numbers are kept in brief.
     """
     files = ArrayFiles(outputs, FOLDER, brief=brief)
     curves = [_write_curve(found, each, k, files) for k, each in enumerate(_list_distinct(found.differences))]
-    document = MuscleScene(curves=curves)
+    document = playing.MuscleScene(curves=curves)
     write_json(outputs / FILE_NAME, document)
     return document
 
 
-def _list_distinct(differences: Sequence[MuscleDifference]) -> Iterator[MuscleDifference]:
+def _list_distinct(differences: abc.Sequence[MuscleDifference]) -> abc.Iterator[MuscleDifference]:
     """Of each quantity the largest of all methods, each muscle and coordinate once."""
     for quantity in compare.UNITS:
         largest: dict[tuple[str, str], MuscleDifference] = {}
@@ -44,7 +46,7 @@ def _list_distinct(differences: Sequence[MuscleDifference]) -> Iterator[MuscleDi
 
 def _write_curve(
     found: compare.MuscleComparison, each: MuscleDifference, k: int, files: ArrayFiles
-) -> MuscleCurve:
+) -> playing.MuscleCurve:
     factor, unit = compare.UNITS[each.quantity]
     times = found.courses[each.method][each.trial].times
     courses = {
@@ -52,7 +54,7 @@ def _write_curve(
         for method, trials in found.courses.items()
     }
     known = {method: factor * values for method, values in courses.items() if values is not None}
-    return MuscleCurve(
+    return playing.MuscleCurve(
         quantity=each.quantity,
         muscle=each.muscle,
         coordinate=each.coordinate,

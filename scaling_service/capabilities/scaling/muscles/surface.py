@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from scaling_service.bones.results import MeshRefused
 from scaling_service.capabilities.playback.drawing import place_bones
 from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
-from scaling_service.files.osim.muscles import Attachment, Wrap, move_attachments, read_attachments
+from scaling_service.files.osim import muscles as osim_muscles
 from scaling_service.model import results
 from scaling_service.model.anatomy.lengths import find_joint_ends
 from scaling_service.model.trial import Bone
@@ -24,7 +24,7 @@ from scaling_service.model.trial import Bone
 class MovedAttachments:
     """Attachments on one segment's bone, before and after."""
 
-    points: tuple[Attachment, ...]  # where they are now
+    points: tuple[osim_muscles.Attachment, ...]  # where they are now
     before: Array  # (n, 3), m, in the segment's frame: where scaling put them
     distances: Array  # (n, 2), m: from the person's bone before and after
 
@@ -34,12 +34,12 @@ class FollowedSurfaces:
     """A model whose muscles are attached where the person's bones are."""
 
     osim: str
-    moved: Mapping[str, MovedAttachments]  # by segment
+    moved: abc.Mapping[str, MovedAttachments]  # by segment
     notes: tuple[str, ...]
 
 
 def follow_surfaces(
-    osim: str, calibration: results.Calibration, bones: Mapping[str, Bone], source: Path
+    osim: str, calibration: results.Calibration, bones: abc.Mapping[str, Bone], source: Path
 ) -> FollowedSurfaces:
     """Move a model's attachments by the smooth map from its own bones, as scaled, to the person's.
 
@@ -50,9 +50,9 @@ def follow_surfaces(
     Raises DependencyMissing, FileUnreadable: as for reading a model.
     """
     persons = place_bones(calibration, bones)
-    points, wraps, surfaces = read_attachments(osim, source, persons.keys())
+    points, wraps, surfaces = osim_muscles.read_attachments(osim, source, persons.keys())
     moved: dict[str, MovedAttachments] = {}
-    moved_wraps: list[Wrap] = []
+    moved_wraps: list[osim_muscles.Wrap] = []
     notes = [
         f"{calibration.method}: the model's {list_few(names)} of {segment} is not beside it or in Geometry/"
         for segment, names in surfaces.absent.items()
@@ -81,7 +81,7 @@ def follow_surfaces(
     if not every:
         notes.append(f"{calibration.method}: muscles follow no surface: all attachments are scaled")
         return FollowedSurfaces(osim, moved, tuple(notes))
-    text, astray = move_attachments(osim, source, every, moved_wraps)
+    text, astray = osim_muscles.move_attachments(osim, source, every, moved_wraps)
     if astray:
         notes.append(
             f"{calibration.method}: {list_few(astray)} would run along another side of what they slide over: "
@@ -90,7 +90,9 @@ def follow_surfaces(
     return FollowedSurfaces(text, _without(moved, astray), tuple(notes))
 
 
-def _without(moved: Mapping[str, MovedAttachments], muscles: Collection[str]) -> dict[str, MovedAttachments]:
+def _without(
+    moved: abc.Mapping[str, MovedAttachments], muscles: abc.Collection[str]
+) -> dict[str, MovedAttachments]:
     """Moved attachments but for those of some muscles."""
     return {
         segment: MovedAttachments(
@@ -119,7 +121,7 @@ def _find_centres(calibration: results.Calibration, segment: str) -> tuple[Array
 
 
 def _move(
-    points: Sequence[Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
+    points: abc.Sequence[osim_muscles.Attachment], before: Array, mapped: morph.SurfaceMap, person: Bone
 ) -> MovedAttachments:
     after = mapped(before)
     there = tuple(replace(point, at=at) for point, at in zip(points, after, strict=True))
@@ -135,7 +137,7 @@ def _describe_distances(segment: str, found: MovedAttachments, mapped: morph.Sur
     )
 
 
-def write_attachments(file: Path, moved: Mapping[str, MovedAttachments]) -> None:
+def write_attachments(file: Path, moved: abc.Mapping[str, MovedAttachments]) -> None:
     """Write a table of all attachments that were moved: places in the segment's frame and distances, mm."""
     places = [f"{axis}_{when}_mm" for when in ("before", "after") for axis in "xyz"]
     with file.open("w", encoding="utf-8", newline="") as stream:

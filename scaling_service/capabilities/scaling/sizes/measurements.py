@@ -13,7 +13,7 @@ thickness (x) the mean of both. Everything else keeps one factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import abc
 from dataclasses import dataclass
 from functools import partial
 
@@ -43,7 +43,7 @@ _BREADTH: Pair = (("RSHO",), ("LSHO",))
 _HEIGHT: Pair = (("C7",), ("RASIS", "LASIS", "RPSIS", "LPSIS"))
 _HEIGHT_FROM_SACRUM: Pair = (("C7",), ("RASIS", "LASIS", "SACR", "SACR"))
 
-AXES: Mapping[str, str] = {
+AXES: abc.Mapping[str, str] = {
     "pelvis": "xyz",
     "femur_r": "yz",
     "tibia_r": "yz",
@@ -149,7 +149,7 @@ _JOINTED_TRUNK = SegmentMeasurement(
 """With a joint in its middle, where a trunk that is too long folds."""
 
 
-def list_measurements(segments: Sequence[str]) -> tuple[SegmentMeasurement, ...]:
+def list_measurements(segments: abc.Sequence[str]) -> tuple[SegmentMeasurement, ...]:
     """What can be measured of a model with these segments."""
     trunk = _JOINTED_TRUNK if "abdomen" in segments else _RIGID_TRUNK
     return tuple(m for m in (_PELVIS, trunk, *_LIMBS) if set(m.segments) & set(segments))
@@ -202,7 +202,7 @@ _DEPTH = SegmentMeasurement(
 
 
 def open_axes(
-    factors: Mapping[str, Vector], people: Sequence[Points], ours: Points
+    factors: abc.Mapping[str, Vector], people: abc.Sequence[Points], ours: Points
 ) -> tuple[dict[str, Vector], tuple[str, ...]]:
     """Uniform factors opened along the axes that can be measured.
 
@@ -213,7 +213,7 @@ def open_axes(
     """
     opened, notes = dict(factors), list[str]()
 
-    def measure_first(measure: Callable[[Points, Points], float | None]) -> float | None:
+    def measure_first(measure: abc.Callable[[Points, Points], float | None]) -> float | None:
         """On the first recording on which it can be."""
         return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
@@ -260,7 +260,7 @@ def _measure_hip_depth(points: Points) -> float | None:
     return float(known.mean()) if known.size and known.mean() > 0.0 else None
 
 
-def read_fitted_factor(values: Mapping[str, float], segment: str) -> Vector:
+def read_fitted_factor(values: abc.Mapping[str, float], segment: str) -> Vector:
     """What a fit multiplied a segment's size by, along x, y and z; ones where it was not free.
 
     ``values``: parameter name to value.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections import abc
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ _ROUGHLY = {
 """Where markers of clusters are put on the generic model, m, right side; the scale tool's marker placer moves
 them to where they were in the standing trial."""
 
-_MEASUREMENTS: Mapping[str, tuple[tuple[str, str], ...]] = {
+_MEASUREMENTS: abc.Mapping[str, tuple[tuple[str, str], ...]] = {
     "pelvis": (("RASIS", "LASIS"),),
     "femur_r femur_l": (("RASIS", "RLFE"), ("LASIS", "LLFE")),
     "tibia_r tibia_l": (("RLFE", "RLM"), ("LLFE", "LLM")),
@@ -31,7 +31,7 @@ _MEASUREMENTS: Mapping[str, tuple[tuple[str, str], ...]] = {
 """As OpenSim's own example for gait2354 measures pelvis, thigh and shank (subject01_Setup_Scale.xml)."""
 
 
-def write_legs(folder: Path, trials: Iterable[Trial], clusters: Mapping[str, str]) -> None:
+def write_legs(folder: Path, trials: abc.Iterable[Trial], clusters: abc.Mapping[str, str]) -> None:
     """Write ``generic.osim``, ``setup_scale.xml`` and every trial as TRC; the one named static is standing.
 
     ``clusters``: markers that the generic model lacks, and the segment each is on.
@@ -53,7 +53,7 @@ def write_legs(folder: Path, trials: Iterable[Trial], clusters: Mapping[str, str
     (folder / "setup_scale.xml").write_text(_write_setup([m.name for m in model.markers], last), "utf-8")
 
 
-def write_subject(folder: Path, document: Mapping[str, Any]) -> Path:
+def write_subject(folder: Path, document: abc.Mapping[str, Any]) -> Path:
     """Write a subject file for our program (JSON is YAML, too)."""
     path = folder / "subject.yaml"
     path.write_text(json.dumps(document, indent=1), encoding="utf-8")

@@ -91,14 +91,14 @@ def _describe_groups(
                     entry.values[subject]
                 )
             if len(members) > 1:
+                means = {
+                    group: {method: sum(one[method] for one in of) / len(of) for method in of[0]}
+                    for group, of in members.items()
+                }
                 ranks = "; ".join(
-                    f"{group} ({len(of)}): {_rank(_average_by_method(of))}" for group, of in members.items()
+                    f"{group} ({len(of)}): {_rank(means[group])}" for group, of in members.items()
                 )
                 yield f"By {label}, kinematic error {said}, mm: {ranks}. Groups are described, not tested."
-
-
-def _average_by_method(values: abc.Sequence[abc.Mapping[str, float]]) -> dict[str, float]:
-    return {method: sum(one[method] for one in values) / len(values) for method in values[0]}
 
 
 def _describe_test(entry: documents.QuantityEntry) -> str:

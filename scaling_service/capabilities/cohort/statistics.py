@@ -109,7 +109,12 @@ def compare_with_references(
 ) -> abc.Iterator[document.AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
     for reference in (summaries.IMAGED, summaries.TRUTH):
-        tables = _tabulate_quantities(subjects, reference)
+        # Quantity to subject to method (the reference among them) to value, mm
+        tables: dict[str, dict[str, dict[str, float]]] = {}
+        for subject in subjects:
+            for measured, column, metres in _list_quantities(subject, reference):
+                row = tables.setdefault(measured, {s.subject: {} for s in subjects})
+                row[subject.subject][column] = _MM * metres
         known = {s for table in tables.values() for s, values in table.items() if reference in values}
         if 0 < len(known) < FEWEST:
             yield (
@@ -160,18 +165,6 @@ def _make_interval(estimate: agreement.Estimate) -> document.Interval:
 
 def _keep_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _tabulate_quantities(
-    subjects: abc.Sequence[summaries.SubjectSummary], reference: str
-) -> dict[str, dict[str, dict[str, float]]]:
-    """Quantity to subject to method (the reference among them) to value, mm."""
-    tables: dict[str, dict[str, dict[str, float]]] = {}
-    for subject in subjects:
-        for quantity, method, metres in _list_quantities(subject, reference):
-            row = tables.setdefault(quantity, {s.subject: {} for s in subjects})
-            row[subject.subject][method] = _MM * metres
-    return tables
 
 
 def _list_quantities(

@@ -16,7 +16,6 @@ from scaling_service.core.arrays import Array
 from scaling_service.model import body
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.subject import Session
-from scaling_service.model.trial import ImageEvidence
 
 TRUTH = "truth"
 """Stands beside the methods' names where the true body is known."""
@@ -93,7 +92,16 @@ def summarise(
     session, scalings = results.session, results.scalings
     motions = {method: scaling.motions for method, scaling in scalings.items()}
     strides = make_stride_curves(session.dynamic, motions, session.model)
-    imaged = _find_imaged(session.images)
+    # Joint centres and lengths that images show; a leg counts where it was imaged whole.
+    imaged: frozenset[str] = frozenset()
+    if session.images is not None:
+        found = {
+            f"{what}_{s}"
+            for s in session.images.sides()
+            for what in ("hip", "knee", "ankle", "femur", "shank")
+        }
+        found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in session.images.centres}
+        imaged = frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
     return SubjectSummary(
         subject=session.subject.id,
         methods={
@@ -133,15 +141,6 @@ def _summarise_method(
         from_truth_m=metres,
         from_truth_rad=radians,
     )
-
-
-def _find_imaged(images: ImageEvidence | None) -> frozenset[str]:
-    """Joint centres and lengths that images show; a leg counts where it was imaged whole."""
-    if images is None:
-        return frozenset()
-    found = {f"{what}_{s}" for s in images.sides() for what in ("hip", "knee", "ankle", "femur", "shank")}
-    found |= {f"hip_{s}" for s in "rl" if f"hip_{s}" in images.centres}
-    return frozenset(found | ({"inter_hip"} if {"hip_r", "hip_l"} <= found else set()))
 
 
 def _select_judged_trials(session: Session) -> list[str]:

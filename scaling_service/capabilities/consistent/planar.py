@@ -118,9 +118,13 @@ def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:
         / _measure_length(own["SHO"] - _find_pelvis_middle(own)),
     }
     trunk = [m.name for m in generic.markers if m.segment == "torso" and m.name in seen]
-    turn, hip = _fit_in_plane(
-        size["torso"] * np.array([own[n] for n in trunk]), np.array([seen[n] for n in trunk])
-    )
+    # Turn and shift that bring points onto others best, in the plane
+    local = size["torso"] * np.array([own[n] for n in trunk])
+    there = np.array([seen[n] for n in trunk])
+    a, b = local - local.mean(axis=0), there - there.mean(axis=0)
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    flat = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn, hip = flat, there.mean(axis=0) - flat @ local.mean(axis=0)
     reach = {s.name: _find_joint_place(generic, s.name) for s in generic.segments}
     size["thigh"] = _measure_length(hip - seen["KNE"]) / _measure_length(reach["torso"])
     shoulder = hip + size["torso"] * turn @ reach["arm"]
@@ -174,14 +178,6 @@ def _turn_onto(axis: Array) -> Array:
     return np.array([[y, x], [-x, y]])
 
 
-def _fit_in_plane(local: Array, seen: Array) -> tuple[Array, Array]:
-    """Turn and shift that bring points onto others best, in the plane."""
-    a, b = local - local.mean(axis=0), seen - seen.mean(axis=0)
-    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return turn, seen.mean(axis=0) - turn @ local.mean(axis=0)
-
-
 def _place(
     marker: body.Marker, seen: Mapping[str, Array], frames: Mapping[str, tuple[Array, Array]]
 ) -> body.Marker:
@@ -207,7 +203,17 @@ def prepare_squat(
     planar: dict[str, tuple[Trial, SegmentLoads]] = {}
     for path, (source, raw) in gather_movement_forces(subject, loaded.plates).items():
         with blame_file(path, [path]):
-            trial = join_sides(_rename_labels(trials[path.stem]))
+            # Labels of a body in space under the built-in models' names; those of the planar model stay.
+            whole = trials[path.stem]
+            wanted = {source for sources in markers.PLANAR_SOURCES.values() for source in sources}
+            taken = set(whole.labels)
+            names: dict[str, str] = {}
+            for label in whole.labels:
+                known = markers.find_canonical(label)
+                if known in wanted and known not in taken and label not in markers.PLANAR_SOURCES:
+                    names[label] = known
+                    taken.add(known)
+            trial = join_sides(whole.relabel(names))
             plane = find_sagittal_plane(trial)
         with blame_file(source, [source]):
             forces = plates.synchronise(
@@ -242,16 +248,3 @@ def prepare_squat(
         warnings=(*loaded.session.warnings, *massive.notes),
     )
     return prepared, recordings
-
-
-def _rename_labels(trial: Trial) -> Trial:
-    """Labels of a body in space under the built-in models' names; those of the planar model stay."""
-    wanted = {source for sources in markers.PLANAR_SOURCES.values() for source in sources}
-    taken = set(trial.labels)
-    names: dict[str, str] = {}
-    for label in trial.labels:
-        known = markers.find_canonical(label)
-        if known in wanted and known not in taken and label not in markers.PLANAR_SOURCES:
-            names[label] = known
-            taken.add(known)
-    return trial.relabel(names)

@@ -238,7 +238,21 @@ def pose_problem(
     shown = set(recording.motion.estimated)
     open_ = compiling.free_coordinates(model) & np.array([c in shown for c in model.coordinate_names])
     axes = (0, 1, 2) if recording.components == SPATIAL else (0, 1)
-    targets, count = _make_marker_targets(recording, basis, settings)
+    # Positions as measured, rates of splines through them, and how many errors are new. Velocities and
+    # accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
+    labels = recording.motion.markers
+    measured = recording.trial.select(labels).markers
+    seen = np.asarray(np.isfinite(measured).all(axis=2))
+    n = len(measured)
+    splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
+    values = np.stack([part.reshape(measured.shape) for part in splines])
+    values[0] = measured
+    values = np.where(seen[None, :, :, None], values, 0.0)
+    scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
+    dimensions = 3 if recording.components == SPATIAL else 2
+    total = dimensions * max(float(seen.sum()), 1.0)
+    weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
+    targets, count = marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
     return problems.ConsistentProblem(
         mechanism=motions.Mechanism(whole, inertia.gather_inertias(model)),
         tree=alone,
@@ -293,28 +307,6 @@ def gather_limits(model: body.BodyModel, problem: problems.ConsistentProblem) ->
     """
     lower, upper = compiling.list_coordinate_bounds(model)
     return lower[problem.free], upper[problem.free]
-
-
-def _make_marker_targets(
-    recording: ConsistentRecording, basis: SplineBasis, settings: problems.ConsistentSettings
-) -> tuple[marker_rates.MarkerTargets, float]:
-    """Positions as measured, rates of splines through them, and how many errors are new.
-
-    Velocities and accelerations count by the largest of all markers (Futamure et al.: between 0 and 1).
-    """
-    names = recording.motion.markers
-    measured = recording.trial.select(names).markers
-    seen = np.asarray(np.isfinite(measured).all(axis=2))
-    n = len(measured)
-    splines = basis.evaluate(basis.fit(measured.reshape(n, -1)))
-    values = np.stack([part.reshape(measured.shape) for part in splines])
-    values[0] = measured
-    values = np.where(seen[None, :, :, None], values, 0.0)
-    scales = np.array([settings.residual_m, *np.abs(values[1:]).max(axis=(1, 2, 3))])
-    dimensions = 3 if recording.components == SPATIAL else 2
-    total = dimensions * max(float(seen.sum()), 1.0)
-    weights = seen[None] / (np.maximum(scales, np.finfo(float).tiny)[:, None, None] ** 2 * total)
-    return marker_rates.MarkerTargets(values, weights), total / count_repeats(recording, settings)
 
 
 def count_repeats(recording: ConsistentRecording, settings: problems.ConsistentSettings) -> float:

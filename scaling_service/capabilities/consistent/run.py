@@ -21,11 +21,9 @@ from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject import loading
 from scaling_service.core import progress as progressing
-from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT
-from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
@@ -127,7 +125,18 @@ def read(
     names = [t.name for t in prepared.loaded.session.calibration if t.name in found]
     fitted = tuple(found[name] for name in names)
     held_out = tuple(recording for name, recording in found.items() if name not in names)
-    prepared, notes = _take_borne_mass(prepared, fitted)
+    # The model with the mass that the plates bear, and a note where that is another
+    if not fitted:
+        raise TrialUnusable(
+            "no calibration trial has forces, so there is nothing to fit",
+            field="trials.calibration",
+            remedy="Name a movement with both feet on force plates under `calibration:`",
+        )
+    borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
+    mass, before = float(borne.mean() / -GRAVITY[1]), inertia.sum_mass(prepared.model)
+    said = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
+    changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
+    prepared, notes = changed, said if abs(mass / before - 1.0) > 0.01 else ()
     # fitted markers, and those of a given model, are where they are said to be
     placed_m = PLACED_M if prepared.start in ("MB", "EB", planar.STANDING) else 0.0
     own = ConsistentSettings(cutoff_hz=chosen.cutoff_hz, placed_m=placed_m)
@@ -143,39 +152,20 @@ def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> C
     assert weight is not None  # it has one recording
     weight.check()
     trial = next(t for t in prepared.loaded.session.dynamic if t.name == name)
+    # The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others.
+    rows = [prepared.model.segment_names.index(name) for name in forces.loads.segments]
+    known = np.isfinite(dynamics.motion.q).all(axis=1)
+    tree = inertia.compile_whole_tree(prepared.model)
+    poses = pose_links(
+        tree, np.ascontiguousarray(dynamics.motion.q[known].T), list_parameter_values(prepared.model)
+    )
+    middle = poses.origins[rows].mean(axis=0).T
+    result = np.tile(middle.mean(axis=0), (len(dynamics.motion.q), 1))
+    result[known] = middle
     return ConsistentRecording(
         trial=trial,
         motion=motion,
         loads=forces.loads,
         supported=inverse_dynamics.find_judged_frames(dynamics, forces.contacts, cutoff_hz),
-        about=_find_middle_of_feet(prepared.model, dynamics.motion.q, forces.loads.segments),
+        about=result,
     )
-
-
-def _find_middle_of_feet(model: BodyModel, q: Array, segments: tuple[str, ...]) -> Array:
-    """The middle of the feet's origins, (n, 3), m; where a frame is not known, that of the others."""
-    rows = [model.segment_names.index(name) for name in segments]
-    known = np.isfinite(q).all(axis=1)
-    tree = inertia.compile_whole_tree(model)
-    poses = pose_links(tree, np.ascontiguousarray(q[known].T), list_parameter_values(model))
-    middle = poses.origins[rows].mean(axis=0).T
-    result = np.tile(middle.mean(axis=0), (len(q), 1))
-    result[known] = middle
-    return result
-
-
-def _take_borne_mass(
-    prepared: start.Prepared, fitted: tuple[ConsistentRecording, ...]
-) -> tuple[start.Prepared, tuple[str, ...]]:
-    """The model with the mass that the plates bear, and a note where that is another."""
-    if not fitted:
-        raise TrialUnusable(
-            "no calibration trial has forces, so there is nothing to fit",
-            field="trials.calibration",
-            remedy="Name a movement with both feet on force plates under `calibration:`",
-        )
-    borne = np.concatenate([recording.wrench[recording.known, 1] for recording in fitted])
-    mass, before = float(borne.mean() / -GRAVITY[1]), inertia.sum_mass(prepared.model)
-    notes = (f"the plates bear {mass:.1f} kg; the model weighed {before:.1f} kg and was brought to that",)
-    changed = replace(prepared, model=scale_model(prepared.model, {}, mass_kg=mass))
-    return changed, notes if abs(mass / before - 1.0) > 0.01 else ()

@@ -47,7 +47,39 @@ def save_consistent(
             x, y, z = factors.get(name, (1.0, 1.0, 1.0))
             factors[name] = (factor * x, factor * y, factor * z)
         notes = saving.write_massive_model(scratch, result.model, results.prepared, factors)
-        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        # `consistent.json`, with the files and notes that writing them added
+        written = sorted(path.name for path in scratch.iterdir())
+        prepared, estimate = results.prepared, results.result
+        trials = {
+            recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
+            for k, (recording, ways) in enumerate(results.tracked)
+        }
+        headline, tone = words.write_headline(trials.values())
+        document = documents.ConsistentDocument(
+            headline=headline,
+            tone=tone,
+            **saving.record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
+            mass_kg=round(sum_mass(prepared.model), 3),
+            trials=trials,
+            inertial=[
+                documents.InertialEntry.model_validate(p, from_attributes=True)
+                for p in estimate.inertial.parameters
+            ],
+            lengths_mm=_measure_lengths(estimate.model),
+            lengths_before_mm=_measure_lengths(estimate.start),
+            length_factors={name: round(f, 5) for name, f in estimate.factors.items()},
+            outer_iterations=estimate.outer_iterations,
+            converged=estimate.converged,
+            history=[
+                documents.LoopEntry(
+                    marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
+                )
+                for markers, w in estimate.history
+            ],
+            warnings=[*results.warnings, *notes],
+            files=list(written),
+            wall_s=round(results.wall_s, 3),
+        )
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the result's views with the ground wrench over time.
@@ -126,43 +158,6 @@ def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording
         markers=motion.markers,
         residuals=tracked.gaps.marker_gaps,
         estimated=motion.estimated,
-    )
-
-
-def _make_document(
-    results: ConsistentResults, files: abc.Sequence[str], notes: abc.Sequence[str]
-) -> documents.ConsistentDocument:
-    """``consistent.json``, with the files and notes that writing them added."""
-    prepared, result = results.prepared, results.result
-    trials = {
-        recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
-        for k, (recording, ways) in enumerate(results.tracked)
-    }
-    headline, tone = words.write_headline(trials.values())
-    return documents.ConsistentDocument(
-        headline=headline,
-        tone=tone,
-        **saving.record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
-        mass_kg=round(sum_mass(prepared.model), 3),
-        trials=trials,
-        inertial=[
-            documents.InertialEntry.model_validate(p, from_attributes=True)
-            for p in result.inertial.parameters
-        ],
-        lengths_mm=_measure_lengths(result.model),
-        lengths_before_mm=_measure_lengths(result.start),
-        length_factors={name: round(f, 5) for name, f in result.factors.items()},
-        outer_iterations=result.outer_iterations,
-        converged=result.converged,
-        history=[
-            documents.LoopEntry(
-                marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
-            )
-            for markers, w in result.history
-        ],
-        warnings=[*results.warnings, *notes],
-        files=list(files),
-        wall_s=round(results.wall_s, 3),
     )
 
 

@@ -18,6 +18,11 @@ HARDLY = 0.9
 def summarise(document: documents.ConsistentDocument) -> Summary:
     """What was gained, what to beware of, errors and lengths."""
     settled = "." if document.converged else ", and they had not settled."
+    before = document.lengths_before_mm
+    rows = [
+        tables.Row(name, [f"{before[name]:.1f}", f"{after:.1f}"])
+        for name, after in document.lengths_mm.items()
+    ]
     return Summary(
         title=f"Dynamically consistent motion of {document.subject}",
         subtitle=describe_start(document),
@@ -25,7 +30,10 @@ def summarise(document: documents.ConsistentDocument) -> Summary:
         tone=document.tone,
         why=[f"{document.outer_iterations} loops of motion, geometry and inertia{settled}"],
         cautions=document.warnings,
-        tables=[tabulate_errors(document), _tabulate_lengths(document)],
+        tables=[
+            tabulate_errors(document),
+            tables.Table(caption="Segment lengths, mm", columns=["", "start", "found"], rows=rows),
+        ],
     )
 
 
@@ -77,12 +85,3 @@ def tabulate_errors(document: documents.ConsistentDocument) -> tables.Table:
         "the model found, so that forces of this recording played no part in its motion. Moments are about "
         "the middle of the feet.",
     )
-
-
-def _tabulate_lengths(document: documents.ConsistentDocument) -> tables.Table:
-    before = document.lengths_before_mm
-    rows = [
-        tables.Row(name, [f"{before[name]:.1f}", f"{after:.1f}"])
-        for name, after in document.lengths_mm.items()
-    ]
-    return tables.Table(caption="Segment lengths, mm", columns=["", "start", "found"], rows=rows)

@@ -119,7 +119,17 @@ def fetch(url: str, file: catalogue.RemoteFile, cache: Path, received: Received)
         # What went wrong on the way, in plain words
         host = urlsplit(url).netloc
         if isinstance(error, requests.HTTPError) and error.response is not None:
-            problem, remedy = _describe_refusal(error.response.status_code, url)
+            if error.response.status_code in (404, 410):
+                layout = "<address>/<owner>/<name>/<commit>/<path>"
+                problem, remedy = (
+                    f"{url} is not there (HTTP {error.response.status_code})",
+                    f"Check the address: files are looked for at {layout}",
+                )
+            else:
+                problem, remedy = (
+                    f"{url} was refused (HTTP {error.response.status_code})",
+                    "Try again later, or name another address by --base-url",
+                )
         else:
             problem, remedy = next((p, r) for kind, p, r in _ON_THE_WAY if isinstance(error, kind))
         raise DownloadFailed(
@@ -171,13 +181,6 @@ def _report_another(url: str, file: catalogue.RemoteFile, found: str) -> Downloa
         remedy="Try again later, or name another address by --base-url; "
         "a network's sign-in page can be the cause, too",
     )
-
-
-def _describe_refusal(status: int, url: str) -> tuple[str, str]:
-    if status in (404, 410):
-        layout = "<address>/<owner>/<name>/<commit>/<path>"
-        return f"{url} is not there (HTTP {status})", f"Check the address: files are looked for at {layout}"
-    return f"{url} was refused (HTTP {status})", "Try again later, or name another address by --base-url"
 
 
 @contextmanager

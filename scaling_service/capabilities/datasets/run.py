@@ -6,7 +6,6 @@ import csv
 import io
 import shlex
 import shutil
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -57,7 +56,15 @@ def get_dataset(
     texts = subject | {catalogue.SOURCE_FILE: write_source_note(name, dataset)}
     new = _list_missing(folder, texts)  # asked first: nothing is downloaded for a folder that is refused
     missing = [file for file in dataset.files if not _is_there(folder, file)]
-    fetched = _fetch_all(name, dataset, missing, cache, base, progress)
+    # File name in the dataset to its place in the cache
+    total = sum(file.bytes for file in missing)
+    done, fetched = 0, dict[str, Path]()
+    for number, file in enumerate(missing, start=1):
+        received = _report_received(progress, f"{file.saved_as} ({number} of {len(missing)}", done, total)
+        received(0)
+        url = downloads.make_remote_url(base, dataset.repository, dataset.commit, file.path)
+        fetched[file.saved_as] = downloads.fetch(url, file, cache / name, received)
+        done += file.bytes
     # The image markers of a dataset that has them inside a model.
     source = dataset.image_markers_from
     markers = (
@@ -67,7 +74,20 @@ def get_dataset(
     )
     new |= _list_missing(folder, markers)
     if fetched or new:
-        _write(folder, fetched, new)
+        with writing.all_or_nothing(folder) as scratch:
+            try:
+                for path, cached in fetched.items():
+                    (scratch / path).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(cached, scratch / path)
+                for path, content in new.items():
+                    (scratch / path).write_bytes(content.encode())
+            except OSError as error:
+                raise errors.InputError(
+                    f"the dataset cannot be written there: {error.strerror}",
+                    file=folder,
+                    field="--out",
+                    remedy="Free some space, or name another folder",
+                ) from None
     everything = (*(file.saved_as for file in dataset.files), *texts, *markers)
     written = tuple(path for path in everything if path in fetched or path in new)
     return Obtained(folder, written, tuple(path for path in everything if path not in written))
@@ -88,26 +108,6 @@ def _is_there(folder: Path, file: catalogue.RemoteFile) -> bool:
     if place.exists():
         raise _report_difference(folder, file.saved_as)
     return False
-
-
-def _fetch_all(
-    name: str,
-    dataset: catalogue.Dataset,
-    files: Sequence[catalogue.RemoteFile],
-    cache: Path,
-    base: str,
-    progress: Progress | None,
-) -> dict[str, Path]:
-    """File name in the dataset to its place in the cache."""
-    total = sum(file.bytes for file in files)
-    done, fetched = 0, dict[str, Path]()
-    for number, file in enumerate(files, start=1):
-        received = _report_received(progress, f"{file.saved_as} ({number} of {len(files)}", done, total)
-        received(0)
-        url = downloads.make_remote_url(base, dataset.repository, dataset.commit, file.path)
-        fetched[file.saved_as] = downloads.fetch(url, file, cache / name, received)
-        done += file.bytes
-    return fetched
 
 
 def _report_received(progress: Progress | None, what: str, before: int, total: int) -> downloads.Received:
@@ -137,23 +137,6 @@ def _report_difference(folder: Path, name: str) -> errors.InputError:
         field="--out",
         remedy="Move it away, or name another folder",
     )
-
-
-def _write(folder: Path, fetched: dict[str, Path], texts: dict[str, str]) -> None:
-    with writing.all_or_nothing(folder) as scratch:
-        try:
-            for path, source in fetched.items():
-                (scratch / path).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(source, scratch / path)
-            for path, content in texts.items():
-                (scratch / path).write_bytes(content.encode())
-        except OSError as error:
-            raise errors.InputError(
-                f"the dataset cannot be written there: {error.strerror}",
-                file=folder,
-                field="--out",
-                remedy="Free some space, or name another folder",
-            ) from None
 
 
 def tabulate_image_markers(model: Path) -> str:

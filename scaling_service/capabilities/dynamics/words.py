@@ -98,14 +98,14 @@ def write_inertial_headline(
     ratio = held_out_ratio
     if ratio is None:
         return f"{moved}; no recording was held out to check it", "unknown"
-    what = "the wrench" if all(components) else _describe_used(components)
+    what = (
+        "the wrench"
+        if all(components)
+        else ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
+    )
     better = ratio < 1.0
     how = f"{100 * abs(ratio - 1):.0f} % {'better' if better else 'worse'}"
     return f"{moved}; {what} of held-out recordings is explained {how}", "good" if better else "poor"
-
-
-def _describe_used(components: abc.Sequence[bool]) -> str:
-    return ", ".join(c for c, yes in zip(COMPONENTS, components, strict=True) if yes)
 
 
 def _tabulate_parameters(caption: str, parameters: abc.Sequence[documents.InertialChange]) -> tables.Table:

@@ -188,7 +188,11 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
             return InputFile(name=file.name, kind="other", why=found.problem.problem)
         return found
     if file.name.lower().endswith(segmentation.MAP_SUFFIXES):
-        return _read_label_map(file)
+        mask = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
+        try:
+            return replace(mask, why=segmentation.describe_label_map(file))
+        except errors.InputError as error:
+            return replace(mask, problem=make_problem(error, file=file.name))
     for other in file.parent.iterdir():
         if file.name in segmentation.list_tables(other.name):
             return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
@@ -245,14 +249,6 @@ def _read_mesh(file: Path) -> InputFile:
     return _try_reading(
         InputFile(name=file.name, kind="mesh", why="a surface, by its suffix"), file, read_unit
     )
-
-
-def _read_label_map(file: Path) -> InputFile:
-    guess = InputFile(name=file.name, kind="segmentation", why="a label map, by its suffix")
-    try:
-        return replace(guess, why=segmentation.describe_label_map(file))
-    except errors.InputError as error:
-        return replace(guess, problem=make_problem(error, file=file.name))
 
 
 def _read_csv(file: Path) -> InputFile:

@@ -71,8 +71,35 @@ def propose_markers(
     labels = list(dict.fromkeys(label for trial in trials.values() for label in trial.labels))
     wanted = [m.name for m in model.markers if m.weight > 0.0]
     offers = {marker: list(_by_name(marker, labels, document, laboratory)) for marker in wanted}
-    taken = _assign(offers)
-    taken |= _by_place([m for m in wanted if m not in taken], {c.label for c in taken.values()}, who)
+    # The surest offers first; no label is used twice. Of two equally sure ones, the first, less sure.
+    taken: dict[str, _Choice] = {}
+    given: set[str] = set()
+    order = sorted(offers, key=lambda m: -max((c.confidence for c in offers[m]), default=0.0))
+    for marker in order:
+        free = sorted((c for c in offers[marker] if c.label not in given), key=lambda c: -c.confidence)
+        if not free:
+            continue
+        best = free[0]
+        rivals = [c.label for c in free[1:] if c.confidence == best.confidence]
+        if rivals:
+            why = f"{best.why}, but {' and '.join(rivals)} would fit as well"
+            best = _Choice(best.label, AMBIGUOUS, why, best.source)
+        taken[marker] = best
+        given.add(best.label)
+    # Labels that lie where a landmark is that sizes are measured by, whatever they are called. Others
+    # follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
+    missing = [m for m in wanted if m not in taken]
+    placed = {c.label for c in taken.values()}
+    landmarks = {
+        name: marker
+        for marker in missing
+        if (name := anatomy_markers.find_canonical(marker)) is not None and name[1:] in MEASURED
+    }
+    taken |= {
+        landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
+        for one in who.labels.values()
+        if one.landmark in landmarks and one.label not in placed
+    }
     used = {choice.label for choice in taken.values()}
     unused = [label for label in labels if label not in used]
     entries = [_make_entry(model, marker, taken.get(marker), offers[marker], trials) for marker in wanted]
@@ -90,44 +117,6 @@ def _by_name(
             yield _Choice(label, 0.99, "as the laboratory's map says", "laboratory")
         elif (reason := anatomy_markers.describe_likeness(label, marker)) is not None:
             yield _Choice(label, CONFIDENCE[reason], reason or "the same name", "name")
-
-
-def _assign(offers: abc.Mapping[str, list[_Choice]]) -> dict[str, _Choice]:
-    """The surest offers first; no label is used twice. Of two equally sure ones, the first, less sure."""
-    taken: dict[str, _Choice] = {}
-    used: set[str] = set()
-    order = sorted(offers, key=lambda m: -max((c.confidence for c in offers[m]), default=0.0))
-    for marker in order:
-        free = sorted((c for c in offers[marker] if c.label not in used), key=lambda c: -c.confidence)
-        if not free:
-            continue
-        best = free[0]
-        rivals = [c.label for c in free[1:] if c.confidence == best.confidence]
-        if rivals:
-            why = f"{best.why}, but {' and '.join(rivals)} would fit as well"
-            best = _Choice(best.label, AMBIGUOUS, why, best.source)
-        taken[marker] = best
-        used.add(best.label)
-    return taken
-
-
-def _by_place(
-    missing: abc.Sequence[str], used: set[str], who: identifying.Identification
-) -> dict[str, _Choice]:
-    """Labels that lie where a landmark is that sizes are measured by, whatever they are called.
-
-    Others follow their segment as the standing trial shows them: a heel's marker may be anywhere on the heel.
-    """
-    landmarks = {
-        name: marker
-        for marker in missing
-        if (name := anatomy_markers.find_canonical(marker)) is not None and name[1:] in MEASURED
-    }
-    return {
-        landmarks[one.landmark]: _Choice(one.label, one.at_landmark, f"{one.why}: check it", "place")
-        for one in who.labels.values()
-        if one.landmark in landmarks and one.label not in used
-    }
 
 
 def _make_entry(
@@ -195,10 +184,16 @@ def assign_extra_markers(
     ``unused``: labels that no marker took; points that software computed are left out.
     """
     known = marker_sets.assign_tracking_segments(unused, model)
+    # A model's own segment for one of the whole body; None where it has none of that name.
     return [
         documents.ExtraMarker(
             label=label,
-            segment=known.get(label) or (None if found is None else _find_own(model, found.segment)),
+            segment=known.get(label)
+            or (
+                None
+                if found is None
+                else next((s for s in model.segment_names if found.segment in (s, model.bone_of(s))), None)
+            ),
             confidence=1.0 if label in known else 0.0 if found is None else round(found.confidence, 3),
             why="as its marker set says" if label in known else "" if found is None else found.why,
         )
@@ -226,11 +221,6 @@ def find_sacral_label(
     return {anatomy_markers.SACRUM: label for label in sacral}  # noqa: B035 (one label lies there at most)
 
 
-def _find_own(model: BodyModel, segment: str | None) -> str | None:
-    """A model's own segment for one of the whole body; None where it has none of that name."""
-    return next((s for s in model.segment_names if segment in (s, model.bone_of(s))), None)
-
-
 def with_extra_markers(
     proposed: abc.Mapping[str, Any],
     model: BodyModel,
@@ -249,7 +239,12 @@ def with_extra_markers(
     static = trials.get(str(proposed["trials"].get("static")))
     if proposed.get("extra_markers") or static is None:
         return dict(proposed)
-    others = [t for file, t in trials.items() if t is not static and _is_named(file, proposed)]
+    others = [
+        t
+        for file, t in trials.items()
+        if t is not static
+        and any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
+    ]
     moving = set(static.shown_labels) & {label for trial in others for label in trial.shown_labels}
     known = marker_sets.assign_tracking_segments([e.label for e in extra if e.label in moving], model)
     shown = Counter([m.segment for m in markers if m.label in moving] + list(known.values()))
@@ -262,10 +257,6 @@ def with_extra_markers(
     }
     renamed = {anatomy_markers.strip_prefix(label): segment for label, segment in found.items()}
     return {**proposed, **({"extra_markers": renamed} if renamed else {})}
-
-
-def _is_named(file: str, proposed: abc.Mapping[str, Any]) -> bool:
-    return any(file in proposed["trials"].get(role, ()) for role in ("calibration", "evaluation"))
 
 
 def guess_segment(label: str) -> str | None:

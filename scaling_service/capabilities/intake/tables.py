@@ -74,7 +74,22 @@ def check_recording(
     plates: list[base.PlateEntry] = []
     force = pressure = None
     if turned is not None:
-        force, pressure, plates = _of_forces(turned, item, axes, trial, files)
+        # Tables of force and pressure, and plates; corners and types are known of the recording's own
+        # only.
+        ground_forces = turned.change(
+            times=trial.times,
+            force=table_files.sample_at(turned.times, turned.force, trial.times),
+            moment=table_files.sample_at(turned.times, turned.moment, trial.times),
+            read=None,
+        )
+        own = item.corners if len(item.plates) == len(turned.plates) else None
+        entries = table_files.list_plates(turned, None if own is None else axes.rotate(own))
+        kinds = () if own is None else tuple(plate.kind for plate in item.plates)
+        force, pressure, plates = (
+            files.write(f"{item.file}.force", ground_forces.force, "N"),
+            files.write(f"{item.file}.pressure", ground_forces.centre_of_pressure(), "m"),
+            describe_plates(entries, ground_forces, trial, kinds),
+        )
     entry = document.RecordingProof(
         name=trial.name,
         file=item.file,
@@ -111,30 +126,6 @@ def _turn(
         return turn_forces(Path(ground.source), ground.forces, axes), []
     except InputError as error:
         return None, [intake_files.make_problem(error, "warning", ground.source)]
-
-
-def _of_forces(
-    forces: GroundForces,
-    item: intake_files.RecordingFile,
-    axes: orientation.Orientation,
-    trial: Trial,
-    files: table_files.ArrayFiles,
-) -> tuple[base.ArrayEntry, base.ArrayEntry, list[base.PlateEntry]]:
-    """Tables of force and pressure, and plates; corners and types are known of the recording's own only."""
-    ground = forces.change(
-        times=trial.times,
-        force=table_files.sample_at(forces.times, forces.force, trial.times),
-        moment=table_files.sample_at(forces.times, forces.moment, trial.times),
-        read=None,
-    )
-    own = item.corners if len(item.plates) == len(forces.plates) else None
-    entries = table_files.list_plates(forces, None if own is None else axes.rotate(own))
-    kinds = () if own is None else tuple(plate.kind for plate in item.plates)
-    return (
-        files.write(f"{item.file}.force", ground.force, "N"),
-        files.write(f"{item.file}.pressure", ground.centre_of_pressure(), "m"),
-        describe_plates(entries, ground, trial, kinds),
-    )
 
 
 def _label(trial: Trial, column: int) -> document.LabelEntry:

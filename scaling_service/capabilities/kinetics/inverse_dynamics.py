@@ -141,7 +141,13 @@ def differentiate_motion(
     n_coordinates), rad or m, in the model's order; NaN where not known. ``order`` is that of both passes
     together. Refuses a cutoff that is not below half the frame rate.
     """
-    clock, values = np.asarray(times, dtype=float), _unwrap(model, np.array(q, dtype=float))
+    # Rotations without jumps of whole turns, which a filter would smear; each run by itself.
+    smooth = np.array(q, dtype=float)
+    for column, coordinate in enumerate(model.coordinates):
+        if coordinate.kind == "rotation":
+            for start, stop in filters.find_runs(np.isfinite(smooth[:, column])).tolist():
+                smooth[start:stop, column] = np.unwrap(smooth[start:stop, column])
+    clock, values = np.asarray(times, dtype=float), smooth
     if cutoff_hz is not None:
         rate = 1.0 / float(np.median(np.diff(clock)))
         if not 0 < cutoff_hz < 0.5 * rate:
@@ -209,15 +215,6 @@ def in_model_order(model: BodyModel, motion: Motion) -> Array:
             remedy=f"Give a motion of the model '{model.name}'",
         )
     return motion.q[:, [motion.coordinates.index(name) for name in model.coordinate_names]]
-
-
-def _unwrap(model: BodyModel, q: Array) -> Array:
-    """Rotations without jumps of whole turns, which a filter would smear; each run by itself."""
-    for column, coordinate in enumerate(model.coordinates):
-        if coordinate.kind == "rotation":
-            for start, stop in filters.find_runs(np.isfinite(q[:, column])).tolist():
-                q[start:stop, column] = np.unwrap(q[start:stop, column])
-    return q
 
 
 def _convert_loads(
@@ -334,27 +331,7 @@ def evaluate_residuals(
     """
     used = dynamics.find_used(frames)
     residual = dynamics.residual[used]
-    return Residuals(
-        trial=dynamics.trial,
-        frames=int(used.sum()),
-        left_out=int(len(used) - used.sum()),
-        rms=_compute_rms(residual),
-        dr=compute_residual_indicator(residual, dynamics.mass, height_m),
-        gates=_list_gates(dynamics, used),
-    )
-
-
-def _compute_rms(residual: Array) -> Array:
-    known = np.asarray(np.all(np.isfinite(residual), axis=-1))
-    squares = np.where(known[..., None], residual, 0.0) ** 2
-    count = known.sum(axis=-1)[..., None]
-    with np.errstate(invalid="ignore"):  # 0/0 is NaN: no frame known
-        rms: Array = np.sqrt(squares.sum(axis=-2) / count)
-    return rms
-
-
-def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gate, ...]:
-    """Hicks's gates, peak against peak and RMS against RMS (our reading), and OpenSim's plain limits."""
+    # Hicks's gates, peak against peak and RMS against RMS (our reading), and OpenSim's plain limits
     force, moment, external = (
         np.linalg.norm(x[used], axis=1)
         for x in (dynamics.residual[:, :3], dynamics.residual[:, 3:], dynamics.external[:, :3])
@@ -380,4 +357,20 @@ def _list_gates(dynamics: InverseDynamics, used: NDArray[np.bool_]) -> tuple[Gat
         Gate(name=n, source="OpenSim checklist", value=values[n].value, limit=limit, unit=values[n].unit)
         for n, limit in OPENSIM_LIMITS
     ]
-    return (*gates, *plain)
+    return Residuals(
+        trial=dynamics.trial,
+        frames=int(used.sum()),
+        left_out=int(len(used) - used.sum()),
+        rms=_compute_rms(residual),
+        dr=compute_residual_indicator(residual, dynamics.mass, height_m),
+        gates=(*gates, *plain),
+    )
+
+
+def _compute_rms(residual: Array) -> Array:
+    known = np.asarray(np.all(np.isfinite(residual), axis=-1))
+    squares = np.where(known[..., None], residual, 0.0) ** 2
+    count = known.sum(axis=-1)[..., None]
+    with np.errstate(invalid="ignore"):  # 0/0 is NaN: no frame known
+        rms: Array = np.sqrt(squares.sum(axis=-2) / count)
+    return rms

@@ -19,7 +19,7 @@ from scaling_service.capabilities.motion.task import Task
 from scaling_service.core.arrays import Array
 from scaling_service.model.body import BodyModel
 from scaling_service.model.poses import pose_segments
-from scaling_service.model.trial import Rotations, Trial
+from scaling_service.model.trial import Trial
 from scaling_service.numerics.multibody import rigid
 
 
@@ -34,23 +34,20 @@ def join_recordings(trials: abc.Sequence[Trial]) -> tuple[Trial, ...]:
         if before is None or trial.rotations is None or before.rotations is not None:
             joined[trial.name] = trial
         else:
+            # Rotations between their moments, by the shortest turn; NaN before the first and after the
+            # last.
+            matrices = np.full((len(before.times), len(trial.rotations.labels), 3, 3), np.nan)
+            for k in range(len(trial.rotations.labels)):
+                known = np.isfinite(trial.rotations.matrices[:, k]).all(axis=(1, 2))
+                if known.sum() > 1:
+                    own = trial.times[known]
+                    within = (before.times >= own[0]) & (before.times <= own[-1])
+                    turned = Slerp(own, Rotation.from_matrix(trial.rotations.matrices[known, k]))
+                    matrices[within, k] = turned(before.times[within]).as_matrix()
             joined[trial.name] = replace(
-                before, rotations=_put_on_times(trial.rotations, trial.times, before.times)
+                before, rotations=replace(trial.rotations, matrices=matrices, origins=None)
             )
     return tuple(joined[name] for name in dict.fromkeys(trial.name for trial in trials))
-
-
-def _put_on_times(held: Rotations, times: Array, wanted: Array) -> Rotations:
-    """Rotations between their moments, by the shortest turn; NaN before the first and after the last."""
-    matrices = np.full((len(wanted), len(held.labels), 3, 3), np.nan)
-    for k in range(len(held.labels)):
-        known = np.isfinite(held.matrices[:, k]).all(axis=(1, 2))
-        if known.sum() > 1:
-            own = times[known]
-            within = (wanted >= own[0]) & (wanted <= own[-1])
-            turned = Slerp(own, Rotation.from_matrix(held.matrices[known, k]))
-            matrices[within, k] = turned(wanted[within]).as_matrix()
-    return replace(held, matrices=matrices, origins=None)
 
 
 def find_beside_markers(

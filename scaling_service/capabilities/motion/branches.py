@@ -150,9 +150,13 @@ def join_branches(tree: Tree, q: Array, bounds: Bounds, natural: Bounds, neutral
     for triplet in find_triplets(tree):
         _join_triplet(triplet, joined, bounds, natural, neutral)
     joined[:, loose] = np.unwrap(joined[:, loose], axis=0, period=_TURN)
-    joined[:, loose] -= _TURN * _count_turns(
-        joined[:, loose], natural[0][loose], natural[1][loose], neutral[loose]
-    )
+    # Full turns by which whole recordings (n, k) stand away from their ranges, or from the default
+    turns = joined[:, loose]
+    lower = natural[0][loose]
+    upper = natural[1][loose]
+    zero = neutral[loose]
+    middle = _find_middle(lower, upper, zero)
+    joined[:, loose] -= _TURN * np.asarray(np.rint((np.median(turns, axis=0) - middle) / _TURN))
     return joined
 
 
@@ -221,12 +225,6 @@ def write_within(triplet: Triplet, q: Array, bounds: Bounds) -> tuple[Array, NDA
 
 def _measure(step: Array, loose: NDArray[np.bool_]) -> Array:
     return np.asarray(np.square(np.where(loose, wrap(step), step)).sum(axis=1))
-
-
-def _count_turns(q: Array, lower: Array, upper: Array, neutral: Array) -> Array:
-    """Full turns by which whole recordings (n, k) stand away from their ranges, or from the default."""
-    middle = _find_middle(lower, upper, neutral)
-    return np.asarray(np.rint((np.median(q, axis=0) - middle) / _TURN))
 
 
 def _find_middle(lower: Array, upper: Array, otherwise: Array) -> Array:

@@ -119,7 +119,12 @@ def solve_task(
     if start is not None:
         return solve_from(task, slice(None), start, progress)
     neutral = compiling.repeat_default_pose(task.model, 1)[0]
-    stride = _choose_stride(times)
+    if len(times) < _SHORT:
+        stride = 1
+    else:
+        step = float(np.median(np.diff(times)))
+        regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
+        stride = max(1, round(steady.COARSE_S / step)) if regular else 1
     rows = np.unique(np.append(np.arange(0, n, stride), n - 1))
     guess = guess_start(task.tree, task.measured[rows], neutral, task.p, task.free)
     within = replace(task, bounds=compiling.list_coordinate_ranges(task.model))
@@ -138,7 +143,25 @@ def solve_task(
         fine = solve_from(task, slice(None), close, progress, _FINE)
         fine = free_trapped(fine, lambda some, near: solve_from(task, some, near))
         return follow_neighbours(fine, times, lambda some, near: solve_from(task, some, near))
-    natural = _doubt(within, times[rows], rows, natural)
+    # The frames as they were found, or sought again from many starts where something speaks against them
+    moments = times[rows]
+    part = within.in_frames(rows)
+    free = replace(within, bounds=(np.full(len(within.free), -np.inf), np.full(len(within.free), np.inf)))
+    continuous = join_branches(within.tree, natural.q, within.bounds, within.bounds, natural.q[0])
+    doubts = motion_doubts.find_held(part, natural.q, _solver(free, rows, _RELEASE))
+    doubts |= motion_doubts.find_outlying(
+        part, natural.q, np.flatnonzero(natural.cost > _find_limit(natural.cost))
+    )
+    far, jumps = (
+        motion_doubts.find_far(part, natural.q),
+        motion_doubts.find_jumps(part, moments, continuous),
+    )
+    doubts |= far
+    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
+    if sure or (
+        doubts.any() and restarts.confirm_doubts(part, natural, doubts, _solver(within, rows, _PROBE))
+    ):
+        natural = restarts.choose_minima(part, moments, natural, doubts | jumps, _solver(within, rows))
     joined = join_branches(task.tree, natural.q, within.bounds, within.bounds, neutral)
     close = joined if stride == 1 else _interpolate(times, rows, joined)
     fine = free_trapped(
@@ -155,33 +178,8 @@ def _solver(
     return lambda some, near: solve_from(task, rows[some], near, settings=settings)
 
 
-def _doubt(
-    task: Task, times: Array, rows: NDArray[np.intp], found: sweep.MotionSolution
-) -> sweep.MotionSolution:
-    """The frames as they were found, or sought again from many starts where something speaks against them."""
-    part = task.in_frames(rows)
-    free = replace(task, bounds=(np.full(len(task.free), -np.inf), np.full(len(task.free), np.inf)))
-    joined = join_branches(task.tree, found.q, task.bounds, task.bounds, found.q[0])
-    doubts = motion_doubts.find_held(part, found.q, _solver(free, rows, _RELEASE))
-    doubts |= motion_doubts.find_outlying(part, found.q, np.flatnonzero(found.cost > _find_limit(found.cost)))
-    far, jumps = motion_doubts.find_far(part, found.q), motion_doubts.find_jumps(part, times, joined)
-    doubts |= far
-    sure = jumps.any() or far.any(axis=1).mean() > _MOSTLY
-    if sure or (doubts.any() and restarts.confirm_doubts(part, found, doubts, _solver(task, rows, _PROBE))):
-        return restarts.choose_minima(part, times, found, doubts | jumps, _solver(task, rows))
-    return found
-
-
 def _find_limit(cost: Array) -> float:
     return _STUCK * float(np.percentile(cost, _GOOD)) + _TINY if len(cost) else 0.0
-
-
-def _choose_stride(times: Array) -> int:
-    if len(times) < _SHORT:
-        return 1
-    step = float(np.median(np.diff(times)))
-    regular = np.allclose(np.diff(times), step, rtol=0.0, atol=0.2 * step)
-    return max(1, round(steady.COARSE_S / step)) if regular else 1
 
 
 def _interpolate(times: Array, rows: NDArray[np.intp], q: Array) -> Array:

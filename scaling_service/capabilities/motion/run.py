@@ -178,7 +178,23 @@ def ik(
     clock = time.perf_counter()
     report = progress or show_nothing
     check_axes(options.up, options.forward)
-    files = _list_recordings(recordings)
+    files = tuple(Path(path).absolute() for path in recordings)
+    if not files:
+        raise InputError(
+            "no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO"
+        )
+    by_stem: dict[str, Path] = {}
+    for file in files:
+        other = by_stem.get(file.stem)
+        # One of markers and one of sensors are one movement.
+        if other is not None and (file.suffix.lower() == ".sto") == (other.suffix.lower() == ".sto"):
+            raise InputError(
+                f"it and '{other}' have the same name without suffix",
+                file=file,
+                field="recordings",
+                remedy="Results are named by it: leave one out, or rename one",
+            )
+        by_stem[file.stem] = file
     places = subjects.Subject(
         id=subject,
         model=_name_model(model, marker_set),
@@ -305,24 +321,3 @@ def _name_model(model: str | Path, marker_set: str | Path | None) -> str:
             remedy=f"Give one of {', '.join(BUILTIN_NAMES)}, or the path of an .osim file or a model.json",
         )
     return name
-
-
-def _list_recordings(recordings: abc.Sequence[str | Path]) -> tuple[Path, ...]:
-    files = tuple(Path(path).absolute() for path in recordings)
-    if not files:
-        raise InputError(
-            "no recording is given", field="recordings", remedy="Name at least one C3D, TRC or STO"
-        )
-    by_stem: dict[str, Path] = {}
-    for file in files:
-        other = by_stem.get(file.stem)
-        # One of markers and one of sensors are one movement.
-        if other is not None and (file.suffix.lower() == ".sto") == (other.suffix.lower() == ".sto"):
-            raise InputError(
-                f"it and '{other}' have the same name without suffix",
-                file=file,
-                field="recordings",
-                remedy="Results are named by it: leave one out, or rename one",
-            )
-        by_stem[file.stem] = file
-    return files

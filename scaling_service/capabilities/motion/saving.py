@@ -177,26 +177,25 @@ def save_motions(tracked: run.Tracked, folder: str | Path) -> documents.MotionDo
                 write_clinical_angles(scratch, trial.angles)
             if tracked.options.poses:
                 sto.write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
-        document = _make_document(tracked, sorted(path.name for path in scratch.iterdir()))
+        files = sorted(path.name for path in scratch.iterdir())
+        loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
+        processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
+        settings = options.resolved() | {"processing": processing}
+        document = documents.MotionDocument(
+            **record_provenance(loaded, session.evaluation, settings),
+            model=Path(session.subject.model).name,
+            axes=loaded.axes,
+            units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
+            locked=[c.name for c in session.model.coordinates if c.locked],
+            trials={
+                name: make_trial_document(trial, session.model) for name, trial in tracked.trials.items()
+            },
+            warnings=list(session.warnings),
+            files=files,
+            wall_s=round(tracked.wall_s, 3),
+        )
         writing.write_json(scratch / FILE_NAME, document)
     return document
-
-
-def _make_document(tracked: run.Tracked, files: list[str]) -> documents.MotionDocument:
-    loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
-    processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
-    settings = options.resolved() | {"processing": processing}
-    return documents.MotionDocument(
-        **record_provenance(loaded, session.evaluation, settings),
-        model=Path(session.subject.model).name,
-        axes=loaded.axes,
-        units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
-        locked=[c.name for c in session.model.coordinates if c.locked],
-        trials={name: make_trial_document(trial, session.model) for name, trial in tracked.trials.items()},
-        warnings=list(session.warnings),
-        files=files,
-        wall_s=round(tracked.wall_s, 3),
-    )
 
 
 def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> documents.TrackedTrialDocument:

@@ -43,7 +43,19 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
     step = float(np.median(np.diff(times)))
     rows, loose = np.flatnonzero(jumps), np.zeros(len(jumps), dtype=bool)
     if len(rows):
-        loose[rows] = _find_loose(task, rows, found.q[rows], doubts.FASTEST * step / 3.0)
+        # Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames
+        poses = found.q[rows]
+        limit = doubts.FASTEST * step / 3.0
+        turning = np.flatnonzero(
+            task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
+        )
+        heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
+        rates = compute_marker_rates(task.tree, poses, task.p, np.flatnonzero(task.free)) * heavy[:, None]
+        curvature = np.matmul(rates, rates.transpose(0, 2, 1))
+        ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
+        variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
+        own = np.isin(np.flatnonzero(task.free), turning)
+        loose[rows] = np.asarray((variance[:, own] > limit**2).any(axis=1))
     if not loose.any():
         return found
     around = np.ones(2 * max(1, round(COARSE_S / step)) + 1, dtype=bool)
@@ -57,7 +69,10 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         if not len(rows):
             break
         q = found.q.copy()
-        q[rows] = np.where(moving, _bridge(q, kept, rows), q[rows])
+        # Coordinates in some rows, linear in time between those that are kept
+        q[rows] = np.where(
+            moving, np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1), q[rows]
+        )
         for share in _SHARES:
             # Half way to the neighbours' mean at twice the weight: the same minimum, but all move together.
             middle = 0.5 * q[rows] + 0.25 * (q[rows - 1] + q[rows + 1])
@@ -71,20 +86,6 @@ def hold_steady(task: Task, times: Array, found: sweep.MotionSolution) -> sweep.
         found = replace(found, q=better, cost=np.where(likelier, cost, found.cost))
         near &= ~likelier
     return found
-
-
-def _find_loose(task: Task, rows: NDArray[np.intp], q: Array, limit: float) -> NDArray[np.bool_]:
-    """Whether a camera's noise alone turns a joint by more than a limit (rad), in each of some frames."""
-    turning = np.flatnonzero(
-        task.free & np.isin(np.arange(len(task.free)), branches.find_rotations(task.tree))
-    )
-    heavy = np.repeat(np.where(find_seen(task.measured[rows]), np.sqrt(task.weights), 0.0), 3, axis=1)
-    rates = compute_marker_rates(task.tree, q, task.p, np.flatnonzero(task.free)) * heavy[:, None]
-    curvature = np.matmul(rates, rates.transpose(0, 2, 1))
-    ridge = (doubts.CAMERA_M / _WHOLE_TURN) ** 2 * np.eye(curvature.shape[1])
-    variance = doubts.CAMERA_M**2 * np.einsum("nii->ni", np.linalg.inv(curvature + ridge))
-    own = np.isin(np.flatnonzero(task.free), turning)
-    return np.asarray((variance[:, own] > limit**2).any(axis=1))
 
 
 def _find_likelier(
@@ -101,8 +102,3 @@ def _find_likelier(
     )
     dear = np.bincount(runs, after[0] > _DEARER * before[0] + (_SURE * doubts.CAMERA_M) ** 2) > 0
     return np.asarray(((whole_after < whole) & ~dear)[runs])
-
-
-def _bridge(q: Array, kept: NDArray[np.intp], rows: NDArray[np.intp]) -> Array:
-    """Coordinates in some rows, linear in time between those that are kept."""
-    return np.stack([np.interp(rows, kept, q[kept, k]) for k in range(q.shape[1])], axis=1)

@@ -61,7 +61,10 @@ class Task:
                 field="marker_set",
                 remedy="Say where your markers sit on it: an OpenSim MarkerSet file under `marker_set:`",
             )
-        chosen = _list_usable(model, trial, weights or {})
+        weighted = weights or {}
+        shown = trial.shown_labels
+        found = {m.name: float(weighted.get(m.name, m.weight)) for m in model.markers if m.name in shown}
+        chosen = {name: weight for name, weight in found.items() if weight > 0.0}
         if not chosen:
             raise TrialUnusable(
                 f"none of the markers of model '{model.name}' is seen in trial '{trial.name}'",
@@ -106,12 +109,6 @@ class Task:
         return replace(self, measured=self.measured[rows], ranges=self.ranges.in_frames(rows))
 
 
-def _list_usable(model: BodyModel, trial: Trial, weights: Mapping[str, float]) -> dict[str, float]:
-    shown = trial.shown_labels
-    found = {m.name: float(weights.get(m.name, m.weight)) for m in model.markers if m.name in shown}
-    return {name: weight for name, weight in found.items() if weight > 0.0}
-
-
 def guess_start(
     tree: trees.Tree, measured: Array, neutral: Array, p: Array, free: NDArray[np.bool_]
 ) -> Array:
@@ -138,7 +135,19 @@ def guess_start(
     angles = _solve_root_turns(tree, root, rotation[known])
     for coordinate, values in angles.items():
         q[known, coordinate] = values
-    q[known] = _translate(tree, root, q[known], position[known], p)
+    # The root's translations set so that its origin lies at `position`
+    moved = q[known]
+    target = position[known]
+    poses = trees.pose_links(tree, np.ascontiguousarray(moved.T), p)
+    shifts = [
+        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
+    ]
+    if len(shifts) == 3:
+        rates = poses.directions(shifts).transpose(2, 1, 0)
+        gap = target - poses.origins[root].T
+        own = [tree.factors[e.term.factor].coordinate for e in shifts]
+        moved[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
+    q[known] = moved
     # Frames that could not be placed take the nearest one that could.
     rows = np.flatnonzero(known)
     nearest = rows[np.rint(np.interp(np.arange(len(q)), rows, np.arange(len(rows)))).astype(np.intp)]
@@ -161,7 +170,23 @@ def _place_root(
     placed = trees.place_tree_markers(tree, poses)[:, :, 0]
     axes, origin = poses.axes[root][:, :, 0], poses.origins[root][:, 0]
     if tree.placed is not None:
-        return _turn_root(tree, measured, placed, axes, origin)
+        # As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle
+        # kept. `placed` (n_markers, 3), `axes` (3, 3): rows, and `origin` (3,): of the neutral body.
+        assert tree.placed is not None
+        seen = problem.find_seen(measured)
+        is_point = np.asarray(tree.placed > 0.0)
+        ahead, point = seen & ~is_point, seen & is_point
+        filled = np.where(seen[..., None], measured, 0.0)
+        turn = rigid.find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
+        turn[~ahead.any(axis=1)] = np.nan
+        count = np.maximum(point.sum(axis=1), 1)[:, None]
+        middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
+        before = point @ (placed - origin) / count
+        reached = middle - np.einsum("nij,nj->ni", turn, before)
+        known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
+        some = np.asarray(point.any(axis=1))
+        middles = np.where(some[:, None], reached, origin)
+        return turn @ axes.T, np.where(known[:, None], middles, np.nan)
     local = (placed - origin) @ axes.T
     own = tree.marker_rows[root]
     rotation, position = rigid.fit_rigid(local[own], measured[:, own])
@@ -169,30 +194,6 @@ def _place_root(
     if lost.any():
         rotation[lost], position[lost] = rigid.fit_rigid(local, measured[lost])
     return rotation, position
-
-
-def _turn_root(
-    tree: trees.Tree, measured: Array, placed: Array, axes: Array, origin: Array
-) -> tuple[Array, Array]:
-    """As :func:`_place_root` by directions: all of the neutral body turned as one, its points' middle kept.
-
-    ``placed`` (n_markers, 3), ``axes`` (3, 3): rows, and ``origin`` (3,): of the neutral body.
-    """
-    assert tree.placed is not None
-    seen = problem.find_seen(measured)
-    is_point = np.asarray(tree.placed > 0.0)
-    ahead, point = seen & ~is_point, seen & is_point
-    filled = np.where(seen[..., None], measured, 0.0)
-    turn = rigid.find_nearest_rotation(np.einsum("nm,nmi,mj->nij", ahead.astype(float), filled, placed))
-    turn[~ahead.any(axis=1)] = np.nan
-    count = np.maximum(point.sum(axis=1), 1)[:, None]
-    middle = np.einsum("nm,nmi->ni", point.astype(float), filled) / count
-    before = point @ (placed - origin) / count
-    reached = middle - np.einsum("nij,nj->ni", turn, before)
-    known = np.asarray(np.isfinite(turn).all(axis=(1, 2)))
-    some = np.asarray(point.any(axis=1))
-    position = np.where(some[:, None], reached, origin)
-    return turn @ axes.T, np.where(known[:, None], position, np.nan)
 
 
 def _solve_root_turns(tree: trees.Tree, root: int, rotation: Array) -> dict[int, Array]:
@@ -215,17 +216,3 @@ def _solve_root_turns(tree: trees.Tree, root: int, rotation: Array) -> dict[int,
     target = Rotation.from_matrix(rotation @ prefix.T)
     angles = target.as_davenport(np.array(axes), "intrinsic", suppress_warnings=True)
     return {c: (angles[:, k] - offsets[k]) / gains[k] for k, c in enumerate(coordinates)}
-
-
-def _translate(tree: trees.Tree, root: int, q: Array, position: Array, p: Array) -> Array:
-    """The root's translations set so that its origin lies at ``position``."""
-    poses = trees.pose_links(tree, np.ascontiguousarray(q.T), p)
-    shifts = [
-        e for e in tree.plan.entries if e.link == root and not e.is_turn and is_plain(e.term, tree.factors)
-    ]
-    if len(shifts) == 3:
-        rates = poses.directions(shifts).transpose(2, 1, 0)
-        gap = position - poses.origins[root].T
-        own = [tree.factors[e.term.factor].coordinate for e in shifts]
-        q[:, own] += np.linalg.solve(rates, gap[:, :, None])[:, :, 0]
-    return q

@@ -33,7 +33,6 @@ from scaling_service.files.osim.models import render_osim
 from scaling_service.model import builtin
 from scaling_service.model import subject as subjects
 from scaling_service.model.anatomy.lengths import measure_segment_lengths
-from scaling_service.model.body import BodyModel
 from scaling_service.model.freed import hold_markers
 from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
@@ -306,7 +305,14 @@ def _evaluate(
             continue
         tracked = runs.track(calibration.model, trial)
         motions[trial.name] = tracked.motion
-        angle_sds[trial.name] = _average_frames(calibration.model, tracked)
+        # Joint angle to its root mean square deviation over the frames that determine it, rad
+        found = {}
+        for name in geometry.list_joint_angles(calibration.model):
+            sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
+            known = sd[np.isfinite(sd) & (sd > 0.0)]
+            if len(known):
+                found[name] = float(np.sqrt(np.mean(known**2)))
+        angle_sds[trial.name] = found
         deviations[trial.name] = tracked.uncertainty.sd
     return result.Scaling(
         calibration=calibration,
@@ -319,17 +325,6 @@ def _evaluate(
     )
 
 
-def _average_frames(model: BodyModel, tracked: runs.TrackedTrial) -> dict[str, float]:
-    """Joint angle to its root mean square deviation over the frames that determine it, rad."""
-    found = {}
-    for name in geometry.list_joint_angles(model):
-        sd = tracked.uncertainty.sd[:, tracked.motion.coordinates.index(name)]
-        known = sd[np.isfinite(sd) & (sd > 0.0)]
-        if len(known):
-            found[name] = float(np.sqrt(np.mean(known**2)))
-    return found
-
-
 def with_mass(calibration: Calibration, session: subjects.Session) -> Calibration:
     """The calibration with the person's mass on its model; unchanged where that is not known.
 
@@ -337,21 +332,18 @@ def with_mass(calibration: Calibration, session: subjects.Session) -> Calibratio
     scale tool has it (and its set-up's mass, where the subject file gives none). A built-in model may be a
     part of a body: it takes the same share of the person's mass as of its generic person's.
     """
-    total = _find_total_mass(calibration.model, session)
+    subject, own = session.subject, sum(segment.mass for segment in calibration.model.segments)
+    if own <= 0.0:
+        total = None
+    elif subject.mass_kg is None:
+        total = None if session.scale_setup is None else session.scale_setup.mass_kg
+    elif subject.model in builtin.BUILTIN_NAMES:
+        total = subject.mass_kg * own / builtin.load_generic_person(subject.model).mass_kg
+    else:
+        total = subject.mass_kg
     if total is None:
         return calibration
     return replace(calibration, model=scale_model(calibration.model, {}, mass_kg=total))
-
-
-def _find_total_mass(model: BodyModel, session: subjects.Session) -> float | None:
-    subject, own = session.subject, sum(segment.mass for segment in model.segments)
-    if own <= 0.0:
-        return None
-    if subject.mass_kg is None:
-        return None if session.scale_setup is None else session.scale_setup.mass_kg
-    if subject.model in builtin.BUILTIN_NAMES:
-        return subject.mass_kg * own / builtin.load_generic_person(subject.model).mass_kg
-    return subject.mass_kg
 
 
 def run_demo(

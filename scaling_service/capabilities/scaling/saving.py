@@ -233,6 +233,17 @@ def make_method_document(
     calibration, shape = scaling.calibration, scaling.geometry
     fitted = evidence.average_errors(scaling.errors, [trial.name for trial in results.session.calibration])
     held_out = evidence.average_errors(scaling.errors, results.held_out)
+    # What sized each segment; the size of one that nothing was measured of is that of persons alike.
+    lengths = {p.target for p in calibration.parameters if p.group == "length"}
+    found: dict[str, documents.SegmentSource] = {}
+    for name in calibration.model.segment_names:
+        size = calibration.sizes.get(name)
+        if name in calibration.bone_sized:
+            found[name] = _BONES[calibration.bone_sized[name]]
+        elif name in lengths:
+            found[name] = "movement"
+        else:
+            found[name] = "markers" if size is None or size.own else "persons alike"
     return documents.MethodResult(
         method=calibration.method,
         kinematic_error_mm={
@@ -246,7 +257,7 @@ def make_method_document(
         else round(held_out.mean / fitted.mean, 4),
         segment_lengths_mm={name: _to_mm(length) for name, length in shape.lengths.items()},
         length_estimates=_list_length_estimates(calibration, shape.lengths),
-        segment_sources=_list_segment_sources(calibration),
+        segment_sources=found,
         joint_centres_mm={
             name: documents.JointCentre(
                 frame=frame,
@@ -282,21 +293,6 @@ def make_method_document(
         warnings=[*calibration.warnings, *warnings],
         files=list(files),
     )
-
-
-def _list_segment_sources(calibration: Calibration) -> dict[str, documents.SegmentSource]:
-    """What sized each segment; the size of one that nothing was measured of is that of persons alike."""
-    fitted = {p.target for p in calibration.parameters if p.group == "length"}
-    found: dict[str, documents.SegmentSource] = {}
-    for name in calibration.model.segment_names:
-        size = calibration.sizes.get(name)
-        if name in calibration.bone_sized:
-            found[name] = _BONES[calibration.bone_sized[name]]
-        elif name in fitted:
-            found[name] = "movement"
-        else:
-            found[name] = "markers" if size is None or size.own else "persons alike"
-    return found
 
 
 def _list_length_estimates(

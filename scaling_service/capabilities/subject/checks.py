@@ -149,7 +149,20 @@ def require_measurements(
     ``trial``: the one that lengths are measured on. ``file``: the set-up. Raises TrialUnusable: a
     measurement's marker is not in the model or never seen, or the time range holds no frame.
     """
-    rows = _select_rows(setup, trial, file)
+    if setup.time_range is None:
+        rows = slice(None)
+    else:
+        start, end = setup.time_range
+        if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
+            raise errors.TrialUnusable(
+                f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no "
+                f"frame between {start:g} and {end:g} s",
+                file=file,
+                field="ModelScaler.time_range",
+                remedy="Correct the time range in the scale set-up",
+            )
+        first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
+        rows = slice(int(first), max(int(last), int(first) + 1))
     for measurement in setup.measurements:
         for pair in measurement.pairs:
             _require_pair(pair, measurement, model, trial.frames(rows), file)
@@ -162,22 +175,6 @@ def require_measurements(
             "that was left out",
             remedy="Correct the scale set-up if it matters",
         )
-
-
-def _select_rows(setup: subjects.ScaleSetup, trial: Trial, file: Path) -> slice:
-    if setup.time_range is None:
-        return slice(None)
-    start, end = setup.time_range
-    if start > trial.times[-1] + _MARGIN_S or end < trial.times[0] - _MARGIN_S:
-        raise errors.TrialUnusable(
-            f"trial '{trial.name}' lasts from {trial.times[0]:g} to {trial.times[-1]:g} s and has no frame "
-            f"between {start:g} and {end:g} s",
-            file=file,
-            field="ModelScaler.time_range",
-            remedy="Correct the time range in the scale set-up",
-        )
-    first, last = np.searchsorted(trial.times, (start - _MARGIN_S, end + _MARGIN_S))
-    return slice(int(first), max(int(last), int(first) + 1))
 
 
 def _require_pair(

@@ -123,7 +123,8 @@ def _find_clusters(
         return {}
     if who is None:
         standing = trials[subject.static]
-        told = _list_roles(standing)
+        found = ((label, markers.find_canonical(label)) for label in standing.labels)
+        told = {label: role for label, role in found if role is not None}
         who = identifying.identify(
             orientation.apply(orientation.decide(standing, roles=told), standing),
             [trial for path, trial in trials.items() if path != subject.static],
@@ -137,11 +138,6 @@ def _find_clusters(
     }
 
 
-def _list_roles(trial: Trial) -> dict[str, str]:
-    found = ((label, markers.find_canonical(label)) for label in trial.labels)
-    return {label: role for label, role in found if role is not None}
-
-
 def list_wanted(model: BodyModel, subject: Subject) -> list[str]:
     """Markers to look for in the recordings: the model's, and those that the subject file names."""
     return list(dict.fromkeys([*model.marker_names, *subject.extra_markers, *subject.marker_map]))
@@ -153,21 +149,7 @@ def with_model_names(
     """A trial with the model's names in place of its labels, and which label was taken for which marker."""
     explicit = _list_explicit(subject, trial.labels)
     found = markers.match_labels(trial.labels, wanted, explicit)
-    _refuse_rivals(found, explicit)
-    # A label that happens to carry a marker's name, while the user mapped that marker to another one.
-    shadowed = [label for label in found.unused_labels if label in found.mapped]
-    kept = trial.select([label for label in trial.labels if label not in shadowed])
-    notes = [Repair(what="label", where=path.name, detail=note) for note in found.notes]
-    notes += [
-        Repair(what="label", where=label, detail=f"'{label}' was left out: the marker is another label")
-        for label in shadowed
-    ]
-    renamed = kept.relabel(found.renames)
-    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
-
-
-def _refuse_rivals(found: markers.LabelMap, explicit: abc.Mapping[str, str]) -> None:
-    """The same label with and without a prefix, or with two: they may be of two persons."""
+    # The same label with and without a prefix, or with two: they may be of two persons.
     for marker, label in found.mapped.items():
         rivals = [
             other
@@ -180,6 +162,16 @@ def _refuse_rivals(found: markers.LabelMap, explicit: abc.Mapping[str, str]) -> 
                 field=f"markers.{marker}",
                 remedy="Say under `markers:` in the subject file which label it is",
             )
+    # A label that happens to carry a marker's name, while the user mapped that marker to another one.
+    shadowed = [label for label in found.unused_labels if label in found.mapped]
+    kept = trial.select([label for label in trial.labels if label not in shadowed])
+    notes = [Repair(what="label", where=path.name, detail=note) for note in found.notes]
+    notes += [
+        Repair(what="label", where=label, detail=f"'{label}' was left out: the marker is another label")
+        for label in shadowed
+    ]
+    renamed = kept.relabel(found.renames)
+    return replace(renamed, repairs=(*renamed.repairs, *notes)), found.mapped
 
 
 def _list_explicit(subject: Subject, labels: abc.Iterable[str]) -> dict[str, str]:

@@ -186,7 +186,33 @@ def understand(
     model = labels.without_computed(key_points.add_key_points(read.model, every), read.subject)
     marked = {path: found for path, found in read.recordings.items() if found.labels}
     if not marked:
-        return _understand_rotations(read, model, settings)
+        # As :func:`understand`, where no recording has a marker
+        if read.vertical != 1:
+            raise TrialUnusable(
+                f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
+                field="model",
+                remedy="Turn the model so that its gravity points along -y",
+            )
+        turned = {
+            path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
+            for path, found in read.recordings.items()
+        }
+        first = next(iter(turned.values()))
+        return Understood(
+            subject=read.subject,
+            model=model,
+            trials={
+                path: orientations.turn_rotations(turned[path], found.trial)
+                for path, found in read.recordings.items()
+            },
+            labels={path: {} for path in turned},
+            clusters={},
+            axes=first,
+            plates={
+                path: found.plates for path, found in read.recordings.items() if found.plates is not None
+            },
+            notes=read.notes,
+        )
     labels.check_explicit(read.subject, model, list(marked.values()))
     subject, of_tracking = labels.with_tracking_markers(read.subject, model, marked, who)
     wanted = labels.list_wanted(model, subject)
@@ -218,34 +244,6 @@ def understand(
         axes=axes,
         plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
         notes=(*read.notes, *([_tell_lying(read.vertical)] if lies else []), *of_tracking),
-    )
-
-
-def _understand_rotations(read: Read, model: body.BodyModel, settings: Settings) -> Understood:
-    """As :func:`understand`, where no recording has a marker."""
-    if read.vertical != 1:
-        raise TrialUnusable(
-            f"the model stands along {'xyz'[read.vertical]}; rotations are followed by those along y",
-            field="model",
-            remedy="Turn the model so that its gravity points along -y",
-        )
-    axes = {
-        path: subject_rotations.decide_axes_of_rotations(found.trial, settings)
-        for path, found in read.recordings.items()
-    }
-    first = next(iter(axes.values()))
-    return Understood(
-        subject=read.subject,
-        model=model,
-        trials={
-            path: orientations.turn_rotations(axes[path], found.trial)
-            for path, found in read.recordings.items()
-        },
-        labels={path: {} for path in axes},
-        clusters={},
-        axes=first,
-        plates={path: found.plates for path, found in read.recordings.items() if found.plates is not None},
-        notes=read.notes,
     )
 
 

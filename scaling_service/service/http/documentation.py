@@ -108,7 +108,13 @@ def _make_document(
         tags=app.openapi_tags,
     )
     components = found.setdefault("components", {})
-    components["schemas"] = _merge(components.get("schemas", {}), more["$defs"])
+    # Schemas by name; what has one name must be one thing.
+    known = components.get("schemas", {})
+    added = more["$defs"]
+    for twice in known.keys() & added.keys():
+        if known[twice].get("properties", {}).keys() != added[twice].get("properties", {}).keys():
+            raise ValueError(f"two models are called {twice}")
+    components["schemas"] = known | added
     names = sorted(model.__name__ for model in results)
     components["schemas"]["JobResult"] = {"anyOf": [_make_reference(name) for name in names]} if names else {}
     components["securitySchemes"] = _SECURITY
@@ -119,14 +125,6 @@ def _make_document(
             for operation in operations.values():
                 operation["security"] = _ANYWHERE
     return found
-
-
-def _merge(known: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
-    """Schemas by name; what has one name must be one thing."""
-    for name in known.keys() & more.keys():
-        if known[name].get("properties", {}).keys() != more[name].get("properties", {}).keys():
-            raise ValueError(f"two models are called {name}")
-    return known | more
 
 
 @router.get("/docs", response_class=HTMLResponse)

@@ -56,7 +56,14 @@ def serve(settings: jobs_settings.ServiceSettings) -> None:
             runner = RunnerProcess(settings)
             runner.start()
             try:
-                _run_server(service, listener)
+                chosen = service.settings
+                app = create_app(service, loopback=jobs_settings.is_loopback(chosen.host))
+                config = configure_server(app, chosen)
+                log_as_json("uvicorn", logging.WARNING)
+                host, port = listener.getsockname()[:2]
+                shown = f"[{host}]" if ":" in host else host
+                scheme = "https" if chosen.tls_key is not None else "http"
+                Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])
             finally:
                 runner.stop()
 
@@ -197,14 +204,3 @@ def configure_server(app: FastAPI, settings: jobs_settings.ServiceSettings) -> u
         ssl_keyfile=settings.tls_key,
         ws="none",
     )
-
-
-def _run_server(service: Service, listener: socket.socket) -> None:
-    settings = service.settings
-    app = create_app(service, loopback=jobs_settings.is_loopback(settings.host))
-    config = configure_server(app, settings)
-    log_as_json("uvicorn", logging.WARNING)
-    host, port = listener.getsockname()[:2]
-    shown = f"[{host}]" if ":" in host else host
-    scheme = "https" if settings.tls_key is not None else "http"
-    Server(config, f"Listening on {scheme}://{shown}:{port}, documented at /docs").run([listener])

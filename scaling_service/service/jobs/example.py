@@ -43,7 +43,17 @@ class Examples:
         with self._alone:
             missing = [seed for seed, name in enumerate(names) if not self._is_there(owner, name)]
             for seed in missing:
-                self._make(owner, names[seed], seed)
+                name = names[seed]
+                with tempfile.TemporaryDirectory(prefix="example-") as scratch:
+                    folder = Path(scratch)
+                    _run(folder, name, seed)
+                    document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
+                    self._service.put_subject(owner, document)
+                    for file in sorted(folder.iterdir()):
+                        if file.name != DOCUMENT:
+                            with self._service.upload(owner, name, file.name) as upload:
+                                upload.write(file.read_bytes())
+                                upload.keep()
         return names, bool(missing)
 
     def _is_there(self, owner: str, name: str) -> bool:
@@ -59,18 +69,6 @@ class Examples:
             )
         wanted = set(list_named_files(check_document(document)).values())
         return wanted <= {file.name for file in self._service.subject_files(owner, name)}
-
-    def _make(self, owner: str, name: str, seed: int) -> None:
-        with tempfile.TemporaryDirectory(prefix="example-") as scratch:
-            folder = Path(scratch)
-            _run(folder, name, seed)
-            document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
-            self._service.put_subject(owner, document)
-            for file in sorted(folder.iterdir()):
-                if file.name != DOCUMENT:
-                    with self._service.upload(owner, name, file.name) as upload:
-                        upload.write(file.read_bytes())
-                        upload.keep()
 
 
 def _run(folder: Path, name: str, seed: int) -> None:

@@ -78,7 +78,11 @@ class Ledger:
                     remedy="Wait until some are done, or cancel some",
                 )
             for part in sorted(new.parts, key=lambda job: job.id):  # locked before the whole, in this order
-                self._ask_part(connection, part)
+                member = jobs.lock(connection, part.id)
+                if member is None:
+                    jobs.add(connection, part, State.QUEUED.value, part=True)
+                elif member.state in _AGAIN and not parts.is_counted_on(connection, part.id):
+                    self._move(connection, member, machine.Event.ASK, _FRESH)
             row = jobs.lock(connection, new.id)
             if row is None:
                 jobs.add(connection, new, State.QUEUED.value)
@@ -88,21 +92,12 @@ class Ledger:
                 return row, False
             if new.parts:
                 parts.link(connection, new.id, [part.id for part in new.parts])
-                self._await_parts(connection, _require_existing(connection, new.id))
+                # Let a job that is queued wait for its parts, unless they are over
+                stored = _require_existing(connection, new.id)
+                over, count = parts.count_ended(connection, stored.id)
+                if over < count:
+                    self._move(connection, stored, machine.Event.WAIT, _sum_progress(over, count))
             return _require_existing(connection, new.id), True
-
-    def _ask_part(self, connection: Connection, part: jobs.NewJob) -> None:
-        row = jobs.lock(connection, part.id)
-        if row is None:
-            jobs.add(connection, part, State.QUEUED.value, part=True)
-        elif row.state in _AGAIN and not parts.is_counted_on(connection, part.id):
-            self._move(connection, row, machine.Event.ASK, _FRESH)
-
-    def _await_parts(self, connection: Connection, row: tables.JobRow) -> None:
-        """Let a job that is queued wait for its parts, unless they are over."""
-        over, count = parts.count_ended(connection, row.id)
-        if over < count:
-            self._move(connection, row, machine.Event.WAIT, _sum_progress(over, count))
 
     def lease(
         self,

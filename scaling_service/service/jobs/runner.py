@@ -133,7 +133,13 @@ class Runner:
                     log.warning("the store is not available", extra={"reason": error.problem})
                 self._wake.wait(self._pause_s or TICK_S)
                 self._wake.clear()
-            self._give_back()
+            # Stop all work; jobs that are not finished are queued again as good as new.
+            for kept in self._held.values():
+                kept.future.cancel()
+                kept.folder.stop()
+            wait([kept.future for kept in self._held.values()], timeout=_ENDING_S)
+            with suppress(errors.StoreUnavailable):  # then the leases run out
+                self._end_finished()
         finally:
             self._lock.close()
             if self._executor is not None:
@@ -283,15 +289,6 @@ class Runner:
             ) from error
         self._held[row.id] = RunningAttempt(row=row, order=order, folder=folder, future=future, beside=beside)
         future.add_done_callback(lambda _future: self._wake.set())
-
-    def _give_back(self) -> None:
-        """Stop all work; jobs that are not finished are queued again as good as new."""
-        for held in self._held.values():
-            held.future.cancel()
-            held.folder.stop()
-        wait([held.future for held in self._held.values()], timeout=_ENDING_S)
-        with suppress(errors.StoreUnavailable):  # then the leases run out
-            self._end_finished()
 
     def _tidy(self) -> None:
         """Remove rubbish and what is older than it may get, now and then, apart from the work."""

@@ -119,7 +119,18 @@ def make_virtual_squatter(seed: int, *, faults: float = 1.0) -> VirtualSquatter:
     ``faults``: multiplies placement errors, artefact and noise: one as in the literature, zero for none.
     """
     height, mass = _build(seed)
-    model = _with_placement(seed, _draw_person(seed, height, mass), faults)
+    # Lengths and inertia
+    generic = load_builtin(inertia_planar.SQUAT)
+    rng = stream(seed, "squatter", "lengths")
+    factors = {}
+    for name, sd in LENGTH_SD.items():
+        usual = height / STATURE_M[0]
+        factors[name] = usual + sd * float(rng.normal()) / _measure_reach(generic, name)
+    factors["foot"] = height / STATURE_M[0]
+    scaled = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
+    table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
+    mean = inertia_planar.apply_to_squat(scaled, table, sex="M", height_m=height, mass_kg=mass).model
+    model = _with_placement(seed, _scatter_model(seed, mean, mass), faults)
     fitted, held_out = (_perform_squats(seed, name, model, faults) for name in ("squats_1", "squats_2"))
     return VirtualSquatter(
         name=f"squatter_{seed}", height_m=height, mass_kg=mass, model=model, fitted=fitted, held_out=held_out
@@ -133,21 +144,6 @@ def _build(seed: int) -> tuple[float, float]:
         height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
         if height > 0 and low < mass / height**2 < high:
             return height, mass
-
-
-def _draw_person(seed: int, height: float, mass: float) -> body.BodyModel:
-    """Lengths and inertia."""
-    generic = load_builtin(inertia_planar.SQUAT)
-    rng = stream(seed, "squatter", "lengths")
-    factors = {}
-    for name, sd in LENGTH_SD.items():
-        usual = height / STATURE_M[0]
-        factors[name] = usual + sd * float(rng.normal()) / _measure_reach(generic, name)
-    factors["foot"] = height / STATURE_M[0]
-    model = scale_model(generic, {name: (k, k, k) for name, k in factors.items()})
-    table = TABLES[int(stream(seed, "squatter", "table").integers(len(TABLES)))]
-    mean = inertia_planar.apply_to_squat(model, table, sex="M", height_m=height, mass_kg=mass).model
-    return _scatter_model(seed, mean, mass)
 
 
 def _measure_reach(generic: body.BodyModel, name: str) -> float:
@@ -206,6 +202,29 @@ def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) 
     wrench = compute_root_wrench(
         inertia.compile_mechanism(model), truth.rates, compiling.list_parameter_values(model)
     )[0].T
+    # Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise.
+    tree, p = compiling.compile_model(model), compiling.list_parameter_values(model)
+    poses = trees.pose_links(tree, np.ascontiguousarray(truth.q.T), p)
+    placed = np.moveaxis(trees.place_tree_markers(tree, poses), -1, 0)
+    n, count = placed.shape[:2]
+    local = np.zeros((n, count, 3))
+    expected = expect_artefacts(model)
+    bend = truth.q - truth.q[:50].mean(axis=0)
+    bend = bend / np.abs(bend).max(axis=0)
+    for k, marker in enumerate(model.markers):
+        drivers = _DRIVERS[marker.segment]
+        for driver in drivers:
+            mixed = draw_shared(seed, "artefact", marker.segment, driver, marker=marker.name, count=2)
+            size = expected[marker.name] / np.sqrt(len(drivers))
+            local[:, k, :2] += size * mixed * bend[:, [driver]]
+        skin = stream(seed, "artefact", name, marker.name)
+        if drivers:
+            local[:, k, :2] += np.column_stack(
+                [draw_wandering(skin, truth.times, RESIDUAL_M, 2.0) for _ in range(2)]
+            )
+    axes = poses.axes[tree.marker_link]
+    noise = CAMERA_M * stream(seed, "camera", name).normal(size=(n, count, 3)) * np.array([1.0, 1.0, 0.0])
+    moved: Array = placed + faults * (np.einsum("mjan,nmj->nma", axes, local) + noise)
     return Squats(
         name=name,
         truth=truth,
@@ -213,7 +232,7 @@ def _perform_squats(seed: int, name: str, model: body.BodyModel, faults: float) 
             name=name,
             times=times,
             labels=model.marker_names,
-            markers=_record_markers(seed, name, model, truth, faults),
+            markers=moved,
             rate_hz=RATE_HZ,
         ),
         loads=_record_plate(seed, name, times, wrench, faults),
@@ -236,33 +255,6 @@ def _in_balance(model: body.BodyModel, q: Array, over: Array) -> Array:
         here = ahead(turn)
         turn += (over - here) * step / (ahead(turn + step) - here)
     return np.asarray(q + turn[:, None] * np.array([1.0, 0.0, -1.0, 0.0]))
-
-
-def _record_markers(seed: int, name: str, model: body.BodyModel, truth: RatedMotion, faults: float) -> Array:
-    """Measured markers (n, n_markers, 3): skin glides with the joints, cameras add noise."""
-    tree, p = compiling.compile_model(model), compiling.list_parameter_values(model)
-    poses = trees.pose_links(tree, np.ascontiguousarray(truth.q.T), p)
-    placed = np.moveaxis(trees.place_tree_markers(tree, poses), -1, 0)
-    n, count = placed.shape[:2]
-    local = np.zeros((n, count, 3))
-    expected = expect_artefacts(model)
-    bend = truth.q - truth.q[:50].mean(axis=0)
-    bend = bend / np.abs(bend).max(axis=0)
-    for k, marker in enumerate(model.markers):
-        drivers = _DRIVERS[marker.segment]
-        for driver in drivers:
-            mixed = draw_shared(seed, "artefact", marker.segment, driver, marker=marker.name, count=2)
-            size = expected[marker.name] / np.sqrt(len(drivers))
-            local[:, k, :2] += size * mixed * bend[:, [driver]]
-        rng = stream(seed, "artefact", name, marker.name)
-        if drivers:
-            local[:, k, :2] += np.column_stack(
-                [draw_wandering(rng, truth.times, RESIDUAL_M, 2.0) for _ in range(2)]
-            )
-    axes = poses.axes[tree.marker_link]
-    noise = CAMERA_M * stream(seed, "camera", name).normal(size=(n, count, 3)) * np.array([1.0, 1.0, 0.0])
-    moved: Array = placed + faults * (np.einsum("mjan,nmj->nma", axes, local) + noise)
-    return moved
 
 
 def _record_plate(seed: int, name: str, times: Array, wrench: Array, faults: float) -> SegmentLoads:

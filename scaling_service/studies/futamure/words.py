@@ -42,17 +42,13 @@ def make_tables(document: documents.FutamureDocument) -> abc.Iterator[Table]:
         "played no part.",
     )
     if document.recordings:
-        yield _tabulate_real(document)
-
-
-def _tabulate_real(document: documents.FutamureDocument) -> Table:
-    rows = [
-        Row(f"{r.name}, {r.model}, {said}, {way}", _format_cells([getattr(getattr(r, part), way)]))
-        for r in document.recordings
-        for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
-        for way in WAYS
-    ]
-    return Table(caption="RMS errors of real squats", columns=_COLUMNS, rows=rows)
+        measured = [
+            Row(f"{r.name}, {r.model}, {said}, {way}", _format_cells([getattr(getattr(r, part), way)]))
+            for r in document.recordings
+            for part, said in (("fitted", "used to fit"), ("held_out", "held out"))
+            for way in WAYS
+        ]
+        yield Table(caption="RMS errors of real squats", columns=_COLUMNS, rows=measured)
 
 
 def _format_cells(found: abc.Sequence[documents.WayEntry]) -> list[str]:

@@ -230,15 +230,6 @@ def make_excited_person(
     """
     rng = stream(seed, "excited", "person")
     height, mass = float(rng.normal(*STATURE_M)), float(rng.normal(*MASS_KG))
-    truth = _draw_truth(seed, height, mass, settings.inertia)
-    model = _calibrate_model(seed, truth, height, mass, settings.calibration)
-    performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
-    return ExcitedPerson(
-        seed=seed, height_m=height, mass_kg=mass, truth=truth, model=model, performances=performances
-    )
-
-
-def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.BodyModel:
     generic = builtin.load_builtin(MODEL)
     stature = height / builtin.load_generic_person(MODEL).height_m
     factors = {}
@@ -246,23 +237,23 @@ def _draw_truth(seed: int, height: float, mass: float, size: float) -> body.Body
         both_sides = name.removesuffix("_r").removesuffix("_l")
         own = stature * (1.0 + PROPORTION_SD * stream(seed, "excited", "length", both_sides).normal())
         factors[name] = (own, own, own)
-    model = scale_model(generic, factors, mass_kg=mass)
-    table = inertias.apply_inertia_table(model, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
-    return model_inertia.with_inertias(
-        table, _miss_inertia(seed, model_inertia.gather_inertias(table), mass, size)
+    scaled = scale_model(generic, factors, mass_kg=mass)
+    table = inertias.apply_inertia_table(scaled, "dumas2007", sex="M", height_m=height, mass_kg=mass).model
+    # The inertia of a person for whom a table says something else
+    tabled = model_inertia.gather_inertias(table)
+    draws = stream(seed, "excited", "inertia")
+    n = len(tabled.mass)
+    masses = tabled.mass * np.exp(MASS_SD * settings.inertia * draws.normal(size=n))
+    masses *= mass / masses.sum()
+    com = tabled.com + COM_M * settings.inertia * draws.normal(size=(n, 3))
+    spread = np.exp(TENSOR_SD * settings.inertia * draws.normal(size=n)) * masses / tabled.mass
+    tensors = np.array([inertias.find_possible_tensor(t)[0] for t in tabled.tensor * spread[:, None, None]])
+    truth = model_inertia.with_inertias(table, Inertias(masses, com, tensors))
+    model = _calibrate_model(seed, truth, height, mass, settings.calibration)
+    performances = {name: _perform(seed, name, truth, model, height, settings) for name in names}
+    return ExcitedPerson(
+        seed=seed, height_m=height, mass_kg=mass, truth=truth, model=model, performances=performances
     )
-
-
-def _miss_inertia(seed: int, table: Inertias, mass: float, size: float) -> Inertias:
-    """The inertia of a person for whom a table says something else."""
-    rng = stream(seed, "excited", "inertia")
-    n = len(table.mass)
-    own = table.mass * np.exp(MASS_SD * size * rng.normal(size=n))
-    own *= mass / own.sum()
-    com = table.com + COM_M * size * rng.normal(size=(n, 3))
-    spread = np.exp(TENSOR_SD * size * rng.normal(size=n)) * own / table.mass
-    tensors = np.array([inertias.find_possible_tensor(t)[0] for t in table.tensor * spread[:, None, None]])
-    return Inertias(own, com, tensors)
 
 
 def _calibrate_model(
@@ -311,11 +302,19 @@ def _perform(
     moments = np.cross(centres, forces) + share * free[:, None]
     loads = SegmentLoads(times, ("calcn_r", "calcn_l"), forces, moments)
     labels = tuple(m.name for m in truth.markers if m.weight > 0.0)
+    # What the cameras see, shape (n, n_markers, 3), m
+    skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
+    seen = pose_markers(compiling.compile_model(skin, labels), q, compiling.list_parameter_values(skin))
+    for k, label in enumerate(labels):
+        glide = stream(seed, "excited", "markers", name, label)
+        for axis in range(3):
+            seen[:, k, axis] += motions.draw_wandering(glide, times, settings.skin * WANDER_M, WANDER_HZ)
+        seen[:, k] += settings.noise * CAMERA_M * glide.normal(size=(len(times), 3))
     trial = Trial(
         name=name,
         times=times,
         labels=labels,
-        markers=_record_markers(seed, name, truth, labels, times, q, settings),
+        markers=seen,
         rate_hz=settings.rate_hz,
     )
     motion = inverse_kinematics(model, trial)
@@ -346,26 +345,6 @@ def _measure_loads(seed: int, name: str, loads: SegmentLoads, settings: Excitati
         np.moveaxis(both, 1, 0), rate_hz=settings.rate_hz, cutoff_hz=_CUTOFF_HZ, order=_ORDER
     ).values
     return replace(loads, force=slow[:, 0], moment=slow[:, 1])
-
-
-def _record_markers(
-    seed: int,
-    name: str,
-    truth: body.BodyModel,
-    labels: tuple[str, ...],
-    times: Array,
-    q: Array,
-    settings: ExcitationSettings,
-) -> Array:
-    """What the cameras see, shape (n, n_markers, 3), m."""
-    skin = truth.with_markers(tuple(_make_gliding(seed, m, truth, settings.skin) for m in truth.markers))
-    seen = pose_markers(compiling.compile_model(skin, labels), q, compiling.list_parameter_values(skin))
-    for k, label in enumerate(labels):
-        rng = stream(seed, "excited", "markers", name, label)
-        for axis in range(3):
-            seen[:, k, axis] += motions.draw_wandering(rng, times, settings.skin * WANDER_M, WANDER_HZ)
-        seen[:, k] += settings.noise * CAMERA_M * rng.normal(size=(len(times), 3))
-    return seen
 
 
 def _make_gliding(seed: int, marker: body.Marker, model: body.BodyModel, size: float) -> body.Marker:

@@ -105,15 +105,8 @@ class PointBody:
         result[:3] = (
             references.difference_twice(first, step_s) - self.masses.sum() * wrenches.GRAVITY[:, None]
         )
-        result[3:] = self._angular_momentum_rate(y) / step_s**2
-        result[3:] -= trees.cross(first[:, inner], wrenches.GRAVITY[:, None]) + trees.cross(
-            root[:, inner], result[:3]
-        )
-        return result
-
-    def _angular_momentum_rate(self, y: Array) -> Array:
-        n = y.shape[-1]
-        total = np.zeros((3, n - 2 * references.HALO))
+        length = y.shape[-1]
+        total = np.zeros((3, length - 2 * references.HALO))
         signed = y if (self.signs > 0).all() else y * self.signs.ravel()[:, None, None]
         for lag, weight in enumerate(references.STENCIL, start=1):
             between = sum_lagged_products(signed, y, lag)
@@ -121,7 +114,11 @@ class PointBody:
             ahead = between[:, references.HALO : references.HALO + total.shape[1]]
             behind = between[:, references.HALO - lag : references.HALO - lag + total.shape[1]]
             total += weight * (ahead - behind)
-        return total
+        result[3:] = total / step_s**2
+        result[3:] -= trees.cross(first[:, inner], wrenches.GRAVITY[:, None]) + trees.cross(
+            root[:, inner], result[:3]
+        )
+        return result
 
 
 def sum_lagged_products(y: Array, other: Array, lag: int) -> Array:

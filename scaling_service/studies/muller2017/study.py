@@ -87,10 +87,14 @@ def study_person(
     linear = total.propagate(recording, levels=settings.levels, noise_on=settings.noise_on)
     markers = propagate_marker_errors(recording)
     choice = choose_frames(recording, markers)
-    error, inertial = _compute_true_errors(person, performance)
+    # Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m
+    table = inertia.with_inertias(person.truth, inertia.gather_inertias(person.model))
+    missed = _compute_true_residual(table, performance)
+    error, inertial = _measure_dynamics(person.model, performance).residual - missed, missed
     rows, scale = markers.frames, _scale(person)
     markers_sd = _compute_rms(markers.sd) / scale
     largest = np.argsort(-markers.shares.mean(axis=1))[:SHOWN].tolist()
+    usual = PriorSpread()
     return documents.PersonEntry.model_validate(
         {
             **describe_uncertainty(f"excited_{seed}", found),
@@ -122,7 +126,11 @@ def study_person(
                 person, identification.IdentificationSettings(despite_verdict=True)
             ),
             "identified_freely": _identify(
-                person, identification.IdentificationSettings(spread=_widen_prior(), despite_verdict=True)
+                person,
+                identification.IdentificationSettings(
+                    spread=PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length),
+                    despite_verdict=True,
+                ),
             ),
         }
     )
@@ -145,11 +153,6 @@ def describe_uncertainty(name: str, found: monte_carlo.SampledUncertainty) -> di
     }
 
 
-def _widen_prior() -> PriorSpread:
-    usual = PriorSpread()
-    return PriorSpread(FREE * usual.mass, FREE * usual.com, FREE * usual.length)
-
-
 def _scale(person: excitation.ExcitedPerson) -> Array:
     return np.asarray(
         1.0
@@ -161,15 +164,6 @@ def _scale(person: excitation.ExcitedPerson) -> Array:
 
 def _compute_rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
-
-
-def _compute_true_errors(
-    person: excitation.ExcitedPerson, performance: excitation.Performance
-) -> tuple[Array, Array]:
-    """Residuals that the measurement and that the table's inertia bring, each (n, 6), N and N m."""
-    table = inertia.with_inertias(person.truth, inertia.gather_inertias(person.model))
-    inertial = _compute_true_residual(table, performance)
-    return _measure_dynamics(person.model, performance).residual - inertial, inertial
 
 
 def _compute_true_residual(model: BodyModel, performance: excitation.Performance) -> Array:

@@ -252,7 +252,16 @@ def identify_inertia(
     True
     """
     components, of_components = _choose_components(supported, settings)
-    model, repaired = _make_possible(model)
+    # The model with every tensor that no body can have replaced by the nearest possible one
+    inertias = inertia.gather_inertias(model)
+    nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
+    wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
+    if not wrong:
+        model, repaired = model, []
+    else:
+        tensors = np.array([tensor for tensor, _ in nearest])
+        said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
+        model, repaired = inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
     if not fitted:
         raise errors.InputError(
             "there is no recording to identify inertia from",
@@ -305,18 +314,6 @@ def _choose_components(
             remedy="Keep the table's inertia, or record a livelier movement with smaller marker errors",
         )
     return np.ones(N_COMPONENTS, dtype=bool), [f"{said}; it was identified all the same"]
-
-
-def _make_possible(model: BodyModel) -> tuple[BodyModel, list[str]]:
-    """The model with every tensor that no body can have replaced by the nearest possible one."""
-    inertias = inertia.gather_inertias(model)
-    nearest = [find_possible_tensor(tensor) for tensor in inertias.tensor]
-    wrong = [name for name, (_, changed) in zip(model.segment_names, nearest, strict=True) if changed]
-    if not wrong:
-        return model, []
-    tensors = np.array([tensor for tensor, _ in nearest])
-    said = f"no body can have the inertia of {list_few(wrong)}: the nearest possible one was taken"
-    return inertia.with_inertias(model, replace(inertias, tensor=tensors)), [said]
 
 
 def _solve(

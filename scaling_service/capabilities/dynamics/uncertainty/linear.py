@@ -134,7 +134,16 @@ def propagate_motion_noise(
         factors = np.einsum("ls,lvcn->nsvc", spread, block.by_lag, optimize=True)
         joined = factors.reshape(len(factors), -1, 6)
         covariances.append(np.asarray(joined.transpose(0, 2, 1) @ joined))
-        away, wide = _compute_marker_spread(reference, block)
+        # Of all markers seen in all frames: distance from the model's, and spread for unit size of the
+        # noise. Both are flat, in m; the spread is the standard deviation per direction, mean over the
+        # three.
+        tree, poses = reference.tree, block.poses
+        placed = trees.place_tree_markers(tree, poses)
+        moved = trees.compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
+        gaps = placed[..., block.kept] - reference.measured[..., block.rows]
+        seen = reference.seen[:, block.rows] > 0
+        widths = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
+        away, wide = np.linalg.norm(gaps, axis=1)[seen], widths[seen]
         apart.append(away)
         spreads.append(wide)
     covariance = np.concatenate(covariances)
@@ -199,20 +208,6 @@ def factor_noise(autocovariance: Array) -> Array:
     """Weights S, (n_lags, n_factors), with ``S S^T`` the covariance of neighbouring frames."""
     values, vectors = np.linalg.eigh(toeplitz(autocovariance))
     return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
-
-
-def _compute_marker_spread(reference: references.Reference, block: WrenchJacobian) -> tuple[Array, Array]:
-    """Of all markers seen in all frames: distance from the model's, and spread for unit size of the noise.
-
-    Both are flat, in m; the spread is the standard deviation per direction, mean over the three.
-    """
-    tree, poses = reference.tree, block.poses
-    placed = trees.place_tree_markers(tree, poses)
-    moved = trees.compute_jacobian(tree, poses, placed, reference.varied)[..., block.kept]
-    away = placed[..., block.kept] - reference.measured[..., block.rows]
-    seen = reference.seen[:, block.rows] > 0
-    wide = np.sqrt(np.einsum("vman,vman->mn", moved, moved) / 3.0)
-    return np.linalg.norm(away, axis=1)[seen], wide[seen]
 
 
 def _expect_distance(away: Array, wide: Array) -> Array:

@@ -81,7 +81,18 @@ def propagate_marker_errors(
     reference = references.Reference.of(recording, "all")
     names = recording.motion.markers
     weights = np.array([recording.model.marker(name).weight for name in names])
-    left = _filter_residuals(reference)
+    # Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen.
+    low_pass = reference.low_pass
+    placed = np.moveaxis(trees.pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
+    known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
+    unfiltered = np.where(known[:, None], reference.measured - placed, np.nan)
+    filtered = filter_butterworth(
+        np.moveaxis(unfiltered, -1, 0),
+        rate_hz=low_pass.rate_hz,
+        cutoff_hz=low_pass.cutoff_hz,
+        order=low_pass.order,
+    )
+    left = np.asarray(np.moveaxis(filtered.values, 0, -1))
     # Of filtered residuals between neighbouring frames, all markers together, shape (len(LAGS),)
     n = reference.n_frames
     found = [np.nanmean(left[..., : n - lag] * left[..., lag:]) for lag in range(len(linear.LAGS))]
@@ -91,7 +102,13 @@ def propagate_marker_errors(
     together = _spread_common_errors(reference, sizes, shared)
     covariances, frames, variance = [], [], np.zeros((len(names), 6))
     for block in linear.compute_wrench_jacobians(reference):
-        effect = _compute_effect(block, _follow(reference, block, weights)[0], spread)
+        # What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers,
+        # 3)
+        gain = _follow(reference, block, weights)[0]
+        factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
+        length, count, _, varied = factors.shape
+        effect = factors.reshape(length, -1, varied) @ gain.reshape(length, varied, -1)
+        effect = np.asarray(effect.reshape(length, count, 6, gain.shape[2], 3))
         own, common = effect * sizes[:, None], np.einsum("nscma,gm->nscga", effect, together)
         covariances.append(_sum_outer_products(own) + _sum_outer_products(common))
         by_segment = (common**2).sum(axis=(0, 1, 4)).T
@@ -139,18 +156,6 @@ def _spread_common_errors(reference: references.Reference, sizes: Array, shared:
     return np.asarray(on * np.sqrt(shared / (1.0 - shared) * mean)[:, None])
 
 
-def _filter_residuals(reference: references.Reference) -> Array:
-    """Measured minus model after the filter, (n_markers, 3, n), m; NaN where not seen."""
-    low_pass = reference.low_pass
-    placed = np.moveaxis(trees.pose_markers(reference.tree, np.nan_to_num(reference.q.T), reference.p), 0, -1)
-    known = (reference.seen > 0) & np.isfinite(reference.q).all(axis=0)
-    left = np.where(known[:, None], reference.measured - placed, np.nan)
-    filtered = filter_butterworth(
-        np.moveaxis(left, -1, 0), rate_hz=low_pass.rate_hz, cutoff_hz=low_pass.cutoff_hz, order=low_pass.order
-    )
-    return np.asarray(np.moveaxis(filtered.values, 0, -1))
-
-
 def _follow(
     reference: references.Reference, block: linear.WrenchJacobian, weights: Array
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -172,14 +177,6 @@ def _follow(
     normal += steady[:, None, None] * np.eye(count)
     gain = np.linalg.solve(normal, weighted.reshape(n, count, -1))
     return np.asarray(gain).reshape(moved.shape), moved, seen
-
-
-def _compute_effect(block: linear.WrenchJacobian, gain: Array, spread: Array) -> Array:
-    """What unit errors of markers do by each factor of the noise in time, (n, n_factors, 6, n_markers, 3)."""
-    factors = np.einsum("ls,lvcn->nscv", spread, block.by_lag, optimize=True)
-    n, count, _, varied = factors.shape
-    effect = factors.reshape(n, -1, varied) @ gain.reshape(n, varied, -1)
-    return np.asarray(effect.reshape(n, count, 6, gain.shape[2], 3))
 
 
 def _sum_outer_products(effect: Array) -> Array:
@@ -239,28 +236,7 @@ def choose_frames(
     thin = max(1, round(reference.low_pass.rate_hz / (INDEPENDENT * recording.cutoff_hz)))
     picked = np.arange(0, len(uncertainty.frames), thin)
     place = uncertainty.frames[picked] // length
-    pieces = _gather_information(recording, reference, uncertainty, picked, place)
-    order, gains = _choose_greedily(list(pieces.values()), min(count, len(pieces)))
-    numbers = np.array(list(pieces))[order]
-    weight = reference.scale[0]
-    windows, frames = [], np.zeros(reference.n_frames, dtype=bool)
-    for number, gain in zip(numbers.tolist(), gains, strict=True):
-        start, stop = number * length, min((number + 1) * length, reference.n_frames)
-        frames[start:stop] = reference.used[start:stop]
-        inside = (uncertainty.frames >= start) & (uncertainty.frames < stop)
-        windows.append(Window(start, stop, gain, float(uncertainty.sd[inside, :3].mean() / weight)))
-    whole = np.eye(len(next(iter(pieces.values())))) + sum(pieces.values())
-    return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
-
-
-def _gather_information(
-    recording: references.LoadedMotion,
-    reference: references.Reference,
-    uncertainty: MarkerUncertainty,
-    picked: NDArray[np.intp],
-    place: NDArray[np.intp],
-) -> dict[int, Array]:
-    """Window number to its information in units of what a table leaves open."""
+    # Window number to its information in units of what a table leaves open
     rows, q = uncertainty.frames[picked], reference.q.T
     first, second = differentiate_spline(recording.motion.times, q)
     rates = Rates.of_frames(q[rows], first[rows], second[rows])
@@ -277,10 +253,20 @@ def _gather_information(
     root = np.linalg.inv(np.linalg.cholesky(uncertainty.covariance[picked]))
     whitened = root @ (regressor * scale)
     pieces = {}
-    for number in np.unique(place).tolist():
-        own = whitened[place == number].reshape(-1, len(scale))
-        pieces[number] = own.T @ own
-    return pieces
+    for part in np.unique(place).tolist():
+        own = whitened[place == part].reshape(-1, len(scale))
+        pieces[part] = own.T @ own
+    order, gains = _choose_greedily(list(pieces.values()), min(count, len(pieces)))
+    numbers = np.array(list(pieces))[order]
+    weight = reference.scale[0]
+    windows, frames = [], np.zeros(reference.n_frames, dtype=bool)
+    for number, gain in zip(numbers.tolist(), gains, strict=True):
+        start, stop = number * length, min((number + 1) * length, reference.n_frames)
+        frames[start:stop] = reference.used[start:stop]
+        inside = (uncertainty.frames >= start) & (uncertainty.frames < stop)
+        windows.append(Window(start, stop, gain, float(uncertainty.sd[inside, :3].mean() / weight)))
+    whole = np.eye(len(next(iter(pieces.values())))) + sum(pieces.values())
+    return FrameChoice(tuple(windows), float(np.linalg.slogdet(whole)[1]), frames)
 
 
 def _choose_greedily(pieces: list[Array], count: int) -> tuple[list[int], list[float]]:

@@ -137,7 +137,12 @@ class Reference:
             used &= recording.frames
         if not used.any():
             raise inverse_dynamics.report_no_frame(motion.trial)
-        measured, seen = _list_measured(model, motion, raw)
+        # Markers first, frames last; zero where not seen.
+        tree = compiling.compile_model(model, motion.markers)
+        placed = trees.pose_markers(tree, np.nan_to_num(raw), compiling.list_parameter_values(model))
+        measured = np.moveaxis(placed + motion.residuals, 0, -1)
+        shown = np.asarray(np.isfinite(measured).all(axis=1) & np.isfinite(motion.q).all(axis=1))
+        measured = np.where(shown[:, None], measured, 0.0)
         step = float(np.median(np.diff(motion.times)))
         names = set(motion.estimated)
         chosen = [
@@ -148,7 +153,7 @@ class Reference:
         return cls(
             trial=motion.trial,
             mechanism=inertia.compile_mechanism(model),
-            tree=compiling.compile_model(model, motion.markers),
+            tree=tree,
             p=compiling.list_parameter_values(model),
             low_pass=LowPass(1.0 / step, recording.cutoff_hz, recording.order),
             step_s=step,
@@ -156,7 +161,7 @@ class Reference:
             varied=np.array(chosen, dtype=np.intp),
             spans=spans,
             measured=measured,
-            seen=seen,
+            seen=np.ascontiguousarray(shown.astype(float)),
             loads=recording.loads,
             external=np.where(np.isfinite(external), external, 0.0),
             used=used,
@@ -203,15 +208,6 @@ class Reference:
         used = residual[:, self.used]
         rms: Array = np.sqrt(np.einsum("cn,cn->c", used, used) / used.shape[1]) / self.scale
         return rms
-
-
-def _list_measured(model: body.BodyModel, motion: Motion, q: Array) -> tuple[Array, Array]:
-    """Measured markers, zero where not seen, and where they were seen; markers first, frames last."""
-    tree = compiling.compile_model(model, motion.markers)
-    placed = trees.pose_markers(tree, np.nan_to_num(q), compiling.list_parameter_values(model))
-    measured = np.moveaxis(placed + motion.residuals, 0, -1)
-    seen = np.asarray(np.isfinite(measured).all(axis=1)) & np.asarray(np.isfinite(motion.q).all(axis=1))
-    return np.where(seen[:, None], measured, 0.0), np.ascontiguousarray(seen.astype(float))
 
 
 @dataclass(frozen=True, slots=True)

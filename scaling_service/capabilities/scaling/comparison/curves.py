@@ -168,14 +168,14 @@ def _make_cycle_curves(angle: str, values: Array, reference: str, results: Resul
     )
 
 
-def _list_angles(results: Results) -> tuple[str, ...]:
-    return list_joint_angles(next(iter(results.scalings.values())).calibration.model)
-
-
 def _list_moving(results: Results, trials: abc.Sequence[Trial]) -> list[str]:
     """The joint angles that some recording determines."""
     motions = [s.motions[t.name] for s in results.scalings.values() for t in trials]
-    return [name for name in _list_angles(results) if any(name in motion.estimated for motion in motions)]
+    return [
+        name
+        for name in list_joint_angles(next(iter(results.scalings.values())).calibration.model)
+        if any(name in motion.estimated for motion in motions)
+    ]
 
 
 def make_stride_curves(trials: abc.Sequence[Trial], motions: Motions, model: BodyModel) -> StrideCurves:

@@ -63,13 +63,9 @@ def choose_calibration_frames(
     recording = Trial(
         name="calibration", times=clock, labels=tuple(markers), markers=measured[chosen], rate_hz=1.0
     )
-    return CalibrationFrames(recording, _number_blocks(trials)[chosen])
-
-
-def _number_blocks(trials: abc.Sequence[Trial]) -> NDArray[np.intp]:
     parts = -(-_FEWEST_BLOCKS // len(trials))
     labels = [k * parts + (np.arange(t.n_frames) * parts) // t.n_frames for k, t in enumerate(trials)]
-    return np.concatenate(labels).astype(np.intp)
+    return CalibrationFrames(recording, np.concatenate(labels).astype(np.intp)[chosen])
 
 
 Progress = abc.Callable[[int, float], None]

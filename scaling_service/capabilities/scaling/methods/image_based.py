@@ -54,30 +54,19 @@ def _measure_leg(evidence: trial.ImageEvidence, side: str) -> _Leg:
     axis = evidence.axes.get(f"knee_{side}")
     lateral, medial = image_points.find_epicondyles(evidence, side, knee)
     femur = build_femur_frame(hip, lateral, medial, "r" if side == "r" else "l")
-    femur = _turn_through(femur, hip, knee)
+    # The frame turned as little as needed for its y to run from the knee to the hip centre. The midpoint
+    # of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
+    y = (hip - knee) / np.linalg.norm(hip - knee)
+    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
+    z /= np.linalg.norm(z)
+    femur = Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
     direction = femur.rotation[0].T @ np.array(axis) if axis is not None else np.array([0.0, 0.0, 1.0])
     tilt = parameters.tilt_of(direction if direction[2] > 0.0 else -direction)
     below = _to_vector(femur.to_local(knee)[0])
     if f"ankle_{side}" not in evidence.centres:
         return _Leg(femur=femur, tibia=None, knee=below, ankle=None, tilt=tilt)
     ankle = np.array(evidence.centres[f"ankle_{side}"])
-    tibia = _carry_shank(femur, knee, ankle, tilt)
-    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
-
-
-def _turn_through(femur: Frames, hip: Array, knee: Array) -> Frames:
-    """The frame turned as little as needed for its y to run from the knee to the hip centre.
-
-    The midpoint of the epicondyles, from which the ISB takes y, is not the knee centre of the image.
-    """
-    y = (hip - knee) / np.linalg.norm(hip - knee)
-    z = femur.rotation[0, :, 2] - (femur.rotation[0, :, 2] @ y) * y
-    z /= np.linalg.norm(z)
-    return Frames(np.stack([np.cross(y, z), y, z], axis=1)[None], hip[None])
-
-
-def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt) -> Frames:
-    """The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle."""
+    # The shank's frame: the thigh's, turned about the knee axis until its -y points nearest to the ankle.
     turned = parameters.tilt_rotation(tilt)
     shank = turned.T @ femur.rotation[0].T @ (ankle - knee)  # in the hinge's frame, about its z
     straight = turned.T @ np.array([0.0, -1.0, 0.0])
@@ -90,7 +79,8 @@ def _carry_shank(femur: Frames, knee: Array, ankle: Array, tilt: parameters.Tilt
             remedy="Check that femur and tibia are of one side and in one image frame",
         )
     hinge = turned @ rotate_about((0.0, 0.0, 1.0), angle) @ turned.T
-    return Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    tibia = Frames((femur.rotation[0] @ hinge)[None], knee[None])
+    return _Leg(femur=femur, tibia=tibia, knee=below, ankle=_to_vector(tibia.to_local(ankle)[0]), tilt=tilt)
 
 
 def _with_leg(model: body.BodyModel, leg: _Leg, side: str) -> body.BodyModel:
@@ -129,7 +119,13 @@ def _bring_onto_bones(
     if parts.pelvis is not None:
         osim_image_based.register_pelvis(found, evidence, parts.pelvis)
     for side in sides:
-        osim_image_based.register_leg(found, evidence, side, _find_rightward(evidence, side))
+        # From the left to the right epicondyle of a femur, or along its flexion axis, in the image
+        lateral, medial = image_points.find_epicondyles(
+            evidence, side, np.array(evidence.centres[f"knee_{side}"])
+        )
+        osim_image_based.register_leg(
+            found, evidence, side, lateral - medial if side == "r" else medial - lateral
+        )
     others = [s for s in "rl" if sides and s not in sides and None not in names[s]]
     for side in others:
         osim_image_based.mirror_knee(found, str(names[sides[0]][1]), str(names[side][1]))
@@ -172,14 +168,6 @@ def _bring_onto_bones(
     )
 
 
-def _find_rightward(evidence: trial.ImageEvidence, side: str) -> Array:
-    """From the left to the right epicondyle of a femur, or along its flexion axis, in the image."""
-    lateral, medial = image_points.find_epicondyles(
-        evidence, side, np.array(evidence.centres[f"knee_{side}"])
-    )
-    return lateral - medial if side == "r" else medial - lateral
-
-
 def _list_osim_notes(
     found: osim_image_based.Registration,
     parts: image_points.ImagedParts,
@@ -220,17 +208,6 @@ def _list_osim_notes(
             f"segment's size: {list_few([m.name for m in carried])}"
         )
     return notes
-
-
-def _list_factors(start: results.Calibration, model: body.BodyModel) -> dict[str, body.Vector]:
-    """Size of each segment against the generic model, from the lengths that images changed."""
-    generic, now = lengths.measure_segment_lengths(start.generic), lengths.measure_segment_lengths(model)
-    factors = dict(start.scale_factors)
-    for side in "rl":
-        for segment, length in ((f"femur_{side}", f"femur_{side}"), (f"tibia_{side}", f"shank_{side}")):
-            if segment in factors and length in now:
-                factors[segment] = (now[length] / generic[length],) * 3
-    return factors
 
 
 def _list_notes(
@@ -301,11 +278,21 @@ def _scale(
     if standing is not None:
         model = placement.place_on(model, standing, frozenset(model.segment_names) - seen)
     notes += [*_list_notes(model, parts, placed), *image_points.doubt_sizes(start.model, model, frames)]
+    # Size of each segment against the generic model, from the lengths that images changed
+    generic, now = lengths.measure_segment_lengths(base.generic), lengths.measure_segment_lengths(model)
+    factors = dict(base.scale_factors)
+    for letter in "rl":
+        for segment, length in (
+            (f"femur_{letter}", f"femur_{letter}"),
+            (f"tibia_{letter}", f"shank_{letter}"),
+        ):
+            if segment in factors and length in now:
+                factors[segment] = (now[length] / generic[length],) * 3
     return results.Calibration(
         method="EB",
         model=model,
         generic=base.generic,
-        scale_factors=_list_factors(base, model),
+        scale_factors=factors,
         axis_tilts=tilts,
         warnings=tuple(notes),
         image_poses={
@@ -318,26 +305,6 @@ def _scale(
             if name in frames or name.startswith(("femur", "tibia"))
         },
     )
-
-
-def _state_deviations(found: results.Calibration, evidence: trial.ImageEvidence) -> results.Calibration:
-    """With what bone surfaces leave open of lengths and hips (``reference_models/people.yaml``)."""
-    people, imaged = read_people(), people_prior.find_imaged(found, evidence)
-    sds = people_prior.measure_imaged(imaged, people)
-    sizes = dict(found.sizes)
-    for segment in found.bone_sized:
-        dimension = find_dimension(found.model.bone_of(segment))
-        if dimension in sds:
-            length, sd = sds[dimension]
-            factor = found.scale_factors.get(segment, (1.0, 1.0, 1.0))[1]
-            sizes[segment] = results.SegmentSize(
-                dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
-            )
-    hips = [f"hip_{side}" for side in sorted(imaged.hips)]
-    centres = {
-        hip: results.EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips
-    }
-    return replace(found, sizes=sizes, centres={**found.centres, **centres})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -376,7 +343,24 @@ class ImageBased:
             )
         clock = time.perf_counter()
         doubts = doubt_landmarks(evidence, session.static)
-        found = _state_deviations(_scale(session, settings, start, evidence), evidence)
+        # With what bone surfaces leave open of lengths and hips (`reference_models/people.yaml`)
+        scaled = _scale(session, settings, start, evidence)
+        people, imaged = read_people(), people_prior.find_imaged(scaled, evidence)
+        sds = people_prior.measure_imaged(imaged, people)
+        sizes = dict(scaled.sizes)
+        for segment in scaled.bone_sized:
+            dimension = find_dimension(scaled.model.bone_of(segment))
+            if dimension in sds:
+                length, sd = sds[dimension]
+                factor = scaled.scale_factors.get(segment, (1.0, 1.0, 1.0))[1]
+                sizes[segment] = results.SegmentSize(
+                    dimension=dimension, factor=factor, sd=sd / length, measured=1.0, others=0.0
+                )
+        hips = [f"hip_{side}" for side in sorted(imaged.hips)]
+        centres = {
+            hip: results.EstimatedCentre("image", (imaged.deviate_centre(hip, people),) * 3) for hip in hips
+        }
+        found = replace(scaled, sizes=sizes, centres={**scaled.centres, **centres})
         warnings = (*found.warnings, *doubts)
         return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
 

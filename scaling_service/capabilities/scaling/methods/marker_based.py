@@ -48,9 +48,34 @@ def scale_linearly(
     """
     clock = time.perf_counter()
     if without_markers.has_no_markers(session):
-        return _scale_without_markers(session, clock)
-    standing = _require_standing(session)
-    session = _with_knee(session, settings)
+        # The model of a person of whom there are rotations alone
+        alone = without_markers.size_without_markers(session)
+        return results.Calibration(
+            method="MB",
+            model=scale_model(session.model, alone.factors),
+            generic=session.model,
+            scale_factors=dict(alone.factors),
+            axis_tilts={},
+            wall_s=time.perf_counter() - clock,
+            warnings=alone.notes,
+            sizes=alone.sizes,
+            centres={},
+        )
+    standing = next((trial for trial in (session.static, *session.calibration) if trial is not None), None)
+    if standing is None:
+        raise errors.TrialUnusable(
+            "there is no trial to measure lengths on",
+            field="trials.static",
+            remedy="Give a static trial or at least one calibration trial",
+        )
+    if settings.knee != "hinge":
+        if session.subject.model.lower().endswith(".osim"):
+            raise errors.SubjectInvalid(
+                "an .osim model keeps its own knee",
+                field="knee",
+                remedy="Leave the knee as it is, or choose a built-in leg model",
+            )
+        session = replace(session, model=parameters.with_knee(session.model, settings.knee))
     notes: list[str] = []
     if session.static is None:
         notes.append(f"no static trial: lengths were measured on '{standing.name}'")
@@ -88,22 +113,6 @@ def scale_linearly(
         warnings=tuple(notes),
         sizes={} if sizing is None else _widen_pelvis(model, sizing.sizes),
         centres={} if sizing is None else _state_hips(model, sizing),
-    )
-
-
-def _scale_without_markers(session: subject.Session, clock: float) -> results.Calibration:
-    """The model of a person of whom there are rotations alone."""
-    sizing = without_markers.size_without_markers(session)
-    return results.Calibration(
-        method="MB",
-        model=scale_model(session.model, sizing.factors),
-        generic=session.model,
-        scale_factors=dict(sizing.factors),
-        axis_tilts={},
-        wall_s=time.perf_counter() - clock,
-        warnings=sizing.notes,
-        sizes=sizing.sizes,
-        centres={},
     )
 
 
@@ -179,29 +188,6 @@ def _apply_functional(
     ).points
     model, tilts, doubts = functional.with_functional(model, joints, points, settings)
     return model, tilts, (*joints.notes, *doubts)
-
-
-def _with_knee(session: subject.Session, settings: CalibrationSettings) -> subject.Session:
-    if settings.knee == "hinge":
-        return session
-    if session.subject.model.lower().endswith(".osim"):
-        raise errors.SubjectInvalid(
-            "an .osim model keeps its own knee",
-            field="knee",
-            remedy="Leave the knee as it is, or choose a built-in leg model",
-        )
-    return replace(session, model=parameters.with_knee(session.model, settings.knee))
-
-
-def _require_standing(session: subject.Session) -> Trial:
-    standing = next((trial for trial in (session.static, *session.calibration) if trial is not None), None)
-    if standing is None:
-        raise errors.TrialUnusable(
-            "there is no trial to measure lengths on",
-            field="trials.static",
-            remedy="Give a static trial or at least one calibration trial",
-        )
-    return standing
 
 
 def compute_setup_factors(

@@ -16,7 +16,6 @@ from types import MappingProxyType
 from scaling_service.capabilities.scaling.methods import fitting
 from scaling_service.capabilities.scaling.sizes import measurements
 from scaling_service.capabilities.shared.settings import CalibrationSettings
-from scaling_service.core.arrays import Array
 from scaling_service.core.text import list_few
 from scaling_service.model import body, parameters, results
 from scaling_service.model.anatomy.markers import find_canonical
@@ -138,42 +137,6 @@ def _list_turning_coordinates(segment: body.Segment) -> set[str]:
     }
 
 
-def _list_parameters(
-    freed: body.BodyModel, p: Array, doubt: estimator.Uncertainty
-) -> tuple[results.EstimatedParameter, ...]:
-    found = []
-    for k, parameter in enumerate(freed.parameters):
-        at_bound = bool(doubt.at_bound[k])
-        spread = parameter.prior_sd or (parameter.upper - parameter.lower) / _UNIFORM
-        telling = at_bound or doubt.sd[k] ** 2 < _HALF * spread**2
-        known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
-        found.append(
-            results.EstimatedParameter(
-                name=parameter.name,
-                value=float(p[k]),
-                unit=parameter.unit,
-                sd=float(doubt.sd[k]),
-                at_bound=at_bound,
-                identifiable=known,
-                group=parameter.group,
-                target=parameter.target,
-            )
-        )
-    return tuple(found)
-
-
-def _list_tilts(start: results.Calibration, values: dict[str, float]) -> dict[str, tuple[float, float]]:
-    fitted = {
-        joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
-        for joint in find_tiltable_knees(start.model)
-    }
-    turned = {
-        joint: parameters.compose_tilts(start.axis_tilts.get(joint, (0.0, 0.0)), tilt)
-        for joint, tilt in fitted.items()
-    }
-    return {**start.axis_tilts, **turned}
-
-
 def _list_warnings(
     method: str,
     estimated: abc.Sequence[results.EstimatedParameter],
@@ -255,7 +218,25 @@ class Optimised:
         )
         fit, solution = fitted.fit, fitted.solution
         doubt = estimator.estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
-        estimated = _list_parameters(freed, solution.p, doubt)
+        found = []
+        for k, parameter in enumerate(freed.parameters):
+            at_bound = bool(doubt.at_bound[k])
+            spread = parameter.prior_sd or (parameter.upper - parameter.lower) / _UNIFORM
+            telling = at_bound or doubt.sd[k] ** 2 < _HALF * spread**2
+            known = bool(telling and doubt.undetermined[k] <= _DETERMINED)
+            found.append(
+                results.EstimatedParameter(
+                    name=parameter.name,
+                    value=float(solution.p[k]),
+                    unit=parameter.unit,
+                    sd=float(doubt.sd[k]),
+                    at_bound=at_bound,
+                    identifiable=known,
+                    group=parameter.group,
+                    target=parameter.target,
+                )
+            )
+        estimated = tuple(found)
         values = {p.name: p.value for p in estimated}
         warnings = [*start.warnings, *self._note_kept_knees(start.model)]
         warnings += _list_warnings(self.name, estimated, solution, doubt, sds)
@@ -264,12 +245,20 @@ class Optimised:
             x, y, z = start.scale_factors.get(segment, (1.0, 1.0, 1.0))
             kx, ky, kz = measurements.read_fitted_factor(values, segment)
             factors[segment] = (kx * x, ky * y, kz * z)
+        tilts = {
+            joint: (values.get(f"axis.{joint}.x", 0.0), values.get(f"axis.{joint}.y", 0.0))
+            for joint in find_tiltable_knees(start.model)
+        }
+        turned = {
+            joint: parameters.compose_tilts(start.axis_tilts.get(joint, (0.0, 0.0)), tilt)
+            for joint, tilt in tilts.items()
+        }
         return results.Calibration(
             method=self.name,
             model=parameters.fold(freed, values),
             generic=start.generic,
             scale_factors=factors,
-            axis_tilts=_list_tilts(start, values),
+            axis_tilts={**start.axis_tilts, **turned},
             parameters=estimated,
             cost=fit.error(solution),
             iterations=solution.steps,

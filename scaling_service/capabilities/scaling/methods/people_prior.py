@@ -148,7 +148,12 @@ def expect_sizes(
     lengths = dict(anatomy_lengths.measure_segment_lengths(start.model))
     spines = find_spines(start.model, told)
     if spines is not None:
-        lengths["pelvis_width"], lengths["pelvis_depth"] = _measure_spines(spines)
+        # Pelvic width and depth, m
+        front, back = (spines["RASIS"] + spines["LASIS"]) / 2.0, (spines["RPSIS"] + spines["LPSIS"]) / 2.0
+        lengths["pelvis_width"], lengths["pelvis_depth"] = (
+            float(np.linalg.norm(spines["RASIS"] - spines["LASIS"])),
+            float(np.linalg.norm(front - back)),
+        )
     wanted: dict[str, str | None] = {}
     for segment in carrying:
         if segment == pelvis and imaged.pelvis:
@@ -189,12 +194,6 @@ def find_spines(model: body.BodyModel, told: abc.Mapping[str, str]) -> Spines | 
     return found if len(found) == 4 else None
 
 
-def _measure_spines(spines: Spines) -> tuple[float, float]:
-    """Pelvic width and depth, m."""
-    front, back = (spines["RASIS"] + spines["LASIS"]) / 2.0, (spines["RPSIS"] + spines["LPSIS"]) / 2.0
-    return float(np.linalg.norm(spines["RASIS"] - spines["LASIS"])), float(np.linalg.norm(front - back))
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _HipRelation:
     """How far regressions put the hips from the model's, as sizes and skin vary."""
@@ -222,7 +221,16 @@ class _HipRelation:
         ]
         found = []
         for side in self.sides:
-            leg = self._measure_leg(side, sizes)
+            # From ASIS to ankle of a straight leg, m
+            if f"shank_{side}" not in self.lengths:
+                leg = self.expected.value(f"leg_length_{side}")
+            else:
+                total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
+                for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
+                    total += self.lengths[name] * sizes.get(
+                        f"scale.{anatomy_lengths.find_segment(self.model, role, side)}", 1.0
+                    )
+                leg = total
             both = [
                 predict_hip_centres(*bony, regression=name, leg_length_r=leg, leg_length_l=leg)
                 for name in self.people.hip_regressions
@@ -230,17 +238,6 @@ class _HipRelation:
             places = [(hips.right_ground if side == "r" else hips.left_ground)[0] for hips in both]
             found.append(np.mean(places, axis=0) - along * self.hips[side])
         return np.concatenate(found)
-
-    def _measure_leg(self, side: str, sizes: abc.Mapping[str, float]) -> float:
-        """From ASIS to ankle of a straight leg, m."""
-        if f"shank_{side}" not in self.lengths:
-            return self.expected.value(f"leg_length_{side}")
-        total = abs(float(self.spines[f"{side.upper()}ASIS"][1] - self.hips[side][1]))
-        for role, name in (("femur", f"femur_{side}"), ("tibia", f"shank_{side}")):
-            total += self.lengths[name] * sizes.get(
-                f"scale.{anatomy_lengths.find_segment(self.model, role, side)}", 1.0
-            )
-        return total
 
 
 def expect_hips(
@@ -333,7 +330,8 @@ def expect_places(
             if ends:
                 _expect_opposite(prior, row, ends, f"{row.width}_{side.lower()}", people, expected)
                 done |= {m.name for m in ends.values()}
-    places = {m.name: people.place_sd(_drop_side(name)) for name, m in landmarks.items()}
+    # A landmark's name without its side, as the tables have it; SACR and C7 have none.
+    places = {m.name: people.place_sd(name[1:] if name[0] in "RL" else name) for name, m in landmarks.items()}
     places |= dict.fromkeys(imaged.markers, (people.image_marker,) * 3)
     for marker in shown:
         if marker.name not in done:
@@ -365,8 +363,3 @@ def _expect_opposite(
 
 def _list_shifts(marker: body.Marker) -> abc.Iterator[str]:
     return (f"marker.{marker.name}.{letter}" for letter in LETTERS)
-
-
-def _drop_side(landmark: str) -> str:
-    """A landmark's name without its side, as the tables have it; SACR and C7 have none."""
-    return landmark[1:] if landmark[0] in "RL" else landmark

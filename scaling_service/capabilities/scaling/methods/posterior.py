@@ -109,14 +109,38 @@ class JointPosterior:
             more = np.sqrt((_LEVEL_FREEDOM + found.misfit) / (_LEVEL_FREEDOM + max(found.freedom, 0.0)))
             if left:
                 level *= float(more)
-                frames = replace(frames, unlike=_weigh_unlike(found.squares, frames.trial))
+                # Weights of frames by Student's t: one that fits unlike the others, as labels exchanged
+                # do, says less. `squares` (n_frames,): of residuals by their variances, over their
+                # number.
+                numbers = 3.0 * find_seen(frames.trial.markers).sum(axis=1)
+                usual = float(np.median(found.squares[numbers > 0.0]))
+                strange = found.squares / max(usual, np.finfo(float).tiny)
+                frames = replace(
+                    frames,
+                    unlike=np.asarray(np.minimum(1.0, (_TAIL + numbers) / (_TAIL + numbers * strange))),
+                )
         values = dict(zip(prior.names, found.p.tolist(), strict=True))
         sds = dict(zip(prior.names, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
         estimated = tuple(_list_parameters(freed, prior, found, imaged))
         gaps = problem.measured - pose_markers(task.tree, found.q, found.p)
+        # The covariance as the model keeps it: sizes as shares of what they became.
+        unit = np.array(
+            [v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)]
+        )
+        spread = np.sqrt(np.diag(found.covariance))
+        alike = found.covariance / np.outer(spread, spread)
+        # Of segments with one free factor; the shares of evidence are the start's no more.
         return results.Calibration(
             method="MAP",
-            model=replace(parameters.fold(freed, values), posterior=_keep_posterior(prior, found, level)),
+            model=replace(
+                parameters.fold(freed, values),
+                posterior=body.ParameterPosterior(
+                    names=prior.names,
+                    sds=tuple((spread / unit).tolist()),
+                    correlations=tuple(alike[np.tril_indices(len(spread), -1)].round(_DIGITS).tolist()),
+                    skin=level,
+                ),
+            ),
             generic=start.generic,
             scale_factors=_list_factors(start, values),
             axis_tilts=_list_tilts(start, values),
@@ -127,7 +151,14 @@ class JointPosterior:
             wall_s=time.perf_counter() - clock,
             warnings=(*start.warnings, *unused, *_list_warnings(found, estimated)),
             image_poses=start.image_poses,
-            sizes=_list_sizes(start, values, sds) | _list_pelvis(start, prior, found),
+            sizes=(
+                {
+                    segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
+                    for segment, size in start.sizes.items()
+                    if (name := f"scale.{segment}") in values
+                }
+            )
+            | _list_pelvis(start, prior, found),
             bone_sized=start.bone_sized,
             centres=_list_centres(freed, sds),
         )
@@ -178,17 +209,6 @@ def _choose_frames(
     clock = np.arange(len(together), dtype=float)  # several trials: their order is all they share
     chosen_trial = Trial(name="MAP", times=clock, labels=tuple(names), markers=together, rate_hz=1.0)
     return _Frames(chosen_trial, np.array(shares), np.ones(len(together)))
-
-
-def _weigh_unlike(squares: Array, trial: Trial) -> Array:
-    """Weights of frames by Student's t: one that fits unlike the others, as labels exchanged do, says less.
-
-    ``squares`` (n_frames,): of residuals by their variances, over their number.
-    """
-    numbers = 3.0 * find_seen(trial.markers).sum(axis=1)
-    usual = float(np.median(squares[numbers > 0.0]))
-    strange = squares / max(usual, np.finfo(float).tiny)
-    return np.asarray(np.minimum(1.0, (_TAIL + numbers) / (_TAIL + numbers * strange)))
 
 
 def _free(
@@ -275,19 +295,6 @@ def _list_drivers(model: body.BodyModel, segment: str, people: population.People
     return flexion if flexion and people.skin(model.bone_of(segment)).flexion_alone else found
 
 
-def _keep_posterior(prior: GaussianPrior, found: posterior.Posterior, skin: float) -> body.ParameterPosterior:
-    """The covariance as the model keeps it: sizes as shares of what they became."""
-    unit = np.array([v if n.startswith("scale.") else 1.0 for n, v in zip(prior.names, found.p, strict=True)])
-    sds = np.sqrt(np.diag(found.covariance))
-    alike = found.covariance / np.outer(sds, sds)
-    return body.ParameterPosterior(
-        names=prior.names,
-        sds=tuple((sds / unit).tolist()),
-        correlations=tuple(alike[np.tril_indices(len(sds), -1)].round(_DIGITS).tolist()),
-        skin=skin,
-    )
-
-
 def _list_parameters(
     freed: body.BodyModel, prior: GaussianPrior, found: posterior.Posterior, imaged: people_prior.Imaged
 ) -> abc.Iterator[results.EstimatedParameter]:
@@ -346,17 +353,6 @@ def _list_moves(start: results.Calibration, values: abc.Mapping[str, float]) -> 
             along = np.array([grown[0], (grown[0] + grown[1]) / 2.0, grown[1]])
             moved[joint] = replace(before, shift=body.to_vector(along * before.shift + shift))
     return moved
-
-
-def _list_sizes(
-    start: results.Calibration, values: abc.Mapping[str, float], sds: abc.Mapping[str, float]
-) -> dict[str, results.SegmentSize]:
-    """Of segments with one free factor; the shares of evidence are the start's no more."""
-    return {
-        segment: replace(size, factor=values[name] * size.factor, sd=sds[name] / values[name])
-        for segment, size in start.sizes.items()
-        if (name := f"scale.{segment}") in values
-    }
 
 
 def _list_pelvis(

@@ -233,14 +233,11 @@ def write_courses(folder: Path, courses: abc.Mapping[str, MuscleCourses]) -> Non
         for what, columns in tables.items():
             if columns:
                 sto.write_sto(
-                    folder / f"{trial}_{what}.sto", _tabulate_muscles(f"{trial} {what}", own.times, columns)
+                    folder / f"{trial}_{what}.sto",
+                    sto.Table(
+                        name=(f"{trial} {what}"),
+                        columns=("time", *columns),
+                        data=np.column_stack([own.times, *columns.values()]),
+                        in_degrees=False,
+                    ),
                 )
-
-
-def _tabulate_muscles(name: str, times: Array, columns: abc.Mapping[str, Array]) -> sto.Table:
-    return sto.Table(
-        name=name,
-        columns=("time", *columns),
-        data=np.column_stack([times, *columns.values()]),
-        in_degrees=False,
-    )

@@ -87,20 +87,18 @@ def follow_surfaces(
             f"{calibration.method}: {list_few(astray)} would run along another side of what they slide over: "
             "their attachments are scaled"
         )
-    return FollowedSurfaces(text, _without(moved, astray), tuple(notes))
-
-
-def _without(
-    moved: abc.Mapping[str, MovedAttachments], muscles: abc.Collection[str]
-) -> dict[str, MovedAttachments]:
-    """Moved attachments but for those of some muscles."""
-    return {
-        segment: MovedAttachments(
-            tuple(found.points[k] for k in rows), found.before[rows], found.distances[rows]
-        )
-        for segment, found in moved.items()
-        if (rows := [k for k, point in enumerate(found.points) if point.muscle not in muscles])
-    }
+    # Moved attachments but for those of some muscles
+    return FollowedSurfaces(
+        text,
+        {
+            segment: MovedAttachments(
+                tuple(found.points[k] for k in rows), found.before[rows], found.distances[rows]
+            )
+            for segment, found in moved.items()
+            if (rows := [k for k, point in enumerate(found.points) if point.muscle not in astray])
+        },
+        tuple(notes),
+    )
 
 
 def _find_centres(calibration: results.Calibration, segment: str) -> tuple[Array, Array]:

@@ -270,7 +270,13 @@ def with_virtual_landmarks(trial: Trial, centres: abc.Mapping[str, anatomy_centr
     ``centres``: ``knee_r`` … in the frames of this trial.
     """
     at = without_raised_shoulders(read_landmarks(trial))
-    trial = _show_landmarks(trial, {name: at[name] for name in ("RSHO", "LSHO") if name in at})
+    # The trial with some landmarks where these points are
+    points: dict[str, Array] = {name: at[name] for name in ("RSHO", "LSHO") if name in at}
+    markers = trial.markers.copy()
+    for k, label in enumerate(trial.labels):
+        if _name(label) in points:
+            markers[:, k] = points[_name(label)]
+    trial = replace(trial, markers=markers)
     seen_once = {_name(label) for label in trial.shown_labels}
     at = {name: position for name, position in at.items() if name in seen_once}
     added: dict[str, Array] = {}
@@ -288,12 +294,3 @@ def with_virtual_landmarks(trial: Trial, centres: abc.Mapping[str, anatomy_centr
         labels=(*(trial.labels[k] for k in kept), *added),
         markers=np.concatenate([trial.markers[:, kept], np.stack([*added.values()], axis=1)], axis=1),
     )
-
-
-def _show_landmarks(trial: Trial, points: anatomy_centres.Points) -> Trial:
-    """The trial with some landmarks where these points are."""
-    markers = trial.markers.copy()
-    for k, label in enumerate(trial.labels):
-        if _name(label) in points:
-            markers[:, k] = points[_name(label)]
-    return replace(trial, markers=markers)

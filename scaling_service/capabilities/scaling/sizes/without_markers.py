@@ -61,26 +61,7 @@ def size_without_markers(session: Session) -> sizing.Sizing:
     And by how far apart a markerless system has the joint centres, where the recordings are such a system's.
     """
     subject, model = session.subject, session.model
-    lengths = _measure_between_centres(session)
-    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
-    prior = sizing.expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
-    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
-    sizes = sizing.estimate_sizes(model, nothing, prior)
-    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
-    for segment, (factor, *_) in factors.items():
-        sizing.check_factor(factor, segment)
-    known = [
-        f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
-    ]
-    like = " and ".join(known) or "nothing known"
-    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
-    deviations = sizing.format_percent([size.sd for size in sizes.values()])
-    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
-    return sizing.Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))
-
-
-def _measure_between_centres(session: Session) -> dict[str, float]:
-    """A person's dimensions by joint centres that a system without markers tells, m, as far as it does."""
+    # A person's dimensions by joint centres that a system without markers tells, m, as far as it does
     found: dict[str, list[float]] = {}
     for trial in (session.static, *session.dynamic, *session.rotations):
         if trial is None:
@@ -97,4 +78,19 @@ def _measure_between_centres(session: Session) -> dict[str, float]:
                         sizing.measure_distance(places[one], places[other])
                     )
     means = {name: float(np.mean(np.array(values)[np.isfinite(values)])) for name, values in found.items()}
-    return {name: value for name, value in means.items() if value > _LEAST_M}
+    lengths = {name: value for name, value in means.items() if value > _LEAST_M}
+    sd = float(np.sqrt(2.0) * read_rotation_table().centre)
+    prior = sizing.expect_dimensions(subject).condition({name: (at, sd) for name, at in lengths.items()})
+    nothing = Ratios((), np.zeros(0), np.zeros((0, 0)))
+    sizes = sizing.estimate_sizes(model, nothing, prior)
+    factors: dict[str, Vector] = {name: (size.factor,) * 3 for name, size in sizes.items()}
+    for segment, (factor, *_) in factors.items():
+        sizing.check_factor(factor, segment)
+    known = [
+        f"{name} {value}" for name, value in (("sex", subject.sex), ("stature", subject.height_m)) if value
+    ]
+    like = " and ".join(known) or "nothing known"
+    beside = f", and by joint centres without markers ({list_few(list(lengths))})" if lengths else ""
+    deviations = sizing.format_percent([size.sd for size in sizes.values()])
+    note = f"MB: no markers: sized as persons of {like} are{beside} (standard deviation {deviations})"
+    return sizing.Sizing(factors=factors, sizes=sizes, centres={}, people=(), notes=(note,))

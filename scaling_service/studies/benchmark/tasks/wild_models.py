@@ -85,7 +85,20 @@ def _holds(check: abc.Mapping[str, Any], box: Path, answer: Path, scaled: bool) 
         return all(_is_apart(found, pair, check["within_mm"]) for pair in check["pairs"])
     found = parts.trace_model(model, answer / "motion.mot")
     if check["check"] == "motion_follows":
-        return _follows(found, box / check["recording"], check)
+        # Whether the motion brings the model's markers to the recorded ones
+        recording = box / check["recording"]
+        seen = read_trc(recording)
+        times = parts.match_times(found.times, seen.times)
+        both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
+        if not both:
+            raise parts.NoAnswer("the model has none of the recording's markers")
+        gaps = parts.MM * np.array(
+            [
+                np.linalg.norm(found.markers[n][times] - seen.markers[:, seen.labels.index(n)], axis=1)
+                for n in both
+            ]
+        )
+        return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
     if check["check"] == "motion_is_steady":
         turns = [v for n, v in found.coordinates.items() if n not in found.slides | set(check.get("not", ()))]
         return bool(np.degrees(max(np.abs(np.diff(v)).max() for v in turns)) <= check["at_most_deg"])
@@ -107,19 +120,6 @@ def _holds(check: abc.Mapping[str, Any], box: Path, answer: Path, scaled: bool) 
 def _is_apart(found: parts.Traced, pair: abc.Mapping[str, Any], within_mm: float) -> bool:
     distance = parts.MM * float(np.linalg.norm(found.joint(pair["from"])[0] - found.joint(pair["to"])[0]))
     return bool(abs(distance - pair["mm"]) <= within_mm)
-
-
-def _follows(found: parts.Traced, recording: Path, check: abc.Mapping[str, Any]) -> bool:
-    """Whether the motion brings the model's markers to the recorded ones."""
-    seen = read_trc(recording)
-    rows = parts.match_times(found.times, seen.times)
-    both = [n for n in seen.labels if n in found.markers and n not in check.get("not", ())]
-    if not both:
-        raise parts.NoAnswer("the model has none of the recording's markers")
-    gaps = parts.MM * np.array(
-        [np.linalg.norm(found.markers[n][rows] - seen.markers[:, seen.labels.index(n)], axis=1) for n in both]
-    )
-    return bool(np.nanmean(gaps) <= check["mean_mm"] and np.nanmax(gaps) <= check.get("max_mm", np.inf))
 
 
 def describe_task() -> parts.Task:

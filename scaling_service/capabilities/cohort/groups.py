@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections import abc
 from itertools import combinations
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,21 +132,6 @@ def _shift(method: summary.MethodSummary) -> dict[str, float]:
     return {"mean_over_markers": float(np.mean(shifts))} if shifts else {}
 
 
-KINDS: abc.Mapping[str, tuple[float, abc.Callable[[summary.MethodSummary], abc.Mapping[str, float]]]] = (
-    MappingProxyType(
-        {
-            "segment_lengths_mm": (_MM, lambda method: method.lengths),
-            "kinematic_error_mm": (_MM, _average_errors),
-            "knee_axis_deg": (_DEG, _average_axes),
-            "marker_shift_mm": (_MM, _shift),
-            "from_truth_mm": (_MM, lambda method: method.from_truth_m),
-            "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
-        }
-    )
-)
-"""Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it."""
-
-
 def compare_quantities(
     subjects: abc.Sequence[summary.SubjectSummary], methods: abc.Sequence[str], alpha: float
 ) -> dict[str, list[document.QuantityEntry]]:
@@ -157,17 +141,26 @@ def compare_quantities(
     """
     import pandas  # only here and after all work: it takes half a second
 
+    # Kind of quantity, as the document's lists are called, to its factor and where a method's summary has it.
+    kinds: abc.Mapping[str, tuple[float, abc.Callable[[summary.MethodSummary], abc.Mapping[str, float]]]] = {
+        "segment_lengths_mm": (_MM, lambda method: method.lengths),
+        "kinematic_error_mm": (_MM, _average_errors),
+        "knee_axis_deg": (_DEG, _average_axes),
+        "marker_shift_mm": (_MM, _shift),
+        "from_truth_mm": (_MM, lambda method: method.from_truth_m),
+        "from_truth_deg": (_DEG, lambda method: method.from_truth_rad),
+    }
     long = pandas.DataFrame(
         (
             (kind, quantity, s.subject, name, factor * value)
-            for kind, (factor, read) in KINDS.items()
+            for kind, (factor, read) in kinds.items()
             for s in subjects
             for name, method in s.methods.items()
             for quantity, value in read(method).items()
         ),
         columns=["kind", "quantity", "subject", "method", "value"],
     )
-    entries: dict[str, list[document.QuantityEntry]] = {kind: [] for kind in KINDS}
+    entries: dict[str, list[document.QuantityEntry]] = {kind: [] for kind in kinds}
     for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])

@@ -188,13 +188,15 @@ def _read_outcome(name: str, end: Mapping[str, Any], groups: Mapping[str, str], 
     )
 
 
-KINDS = {
-    "batch": job.Kind(
-        request=BatchRequest,
-        work=summarise,
-        route="batches",
-        result=document.CohortDocument,
-        parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=document.RECORD),
-    ),
-    "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "batch": job.Kind(
+            request=BatchRequest,
+            work=summarise,
+            route="batches",
+            result=document.CohortDocument,
+            parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=document.RECORD),
+        ),
+        "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
+    }

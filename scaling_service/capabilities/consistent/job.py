@@ -34,8 +34,10 @@ def work(request: ConsistentRequest, inputs: Path, outputs: Path, progress: Prog
     return document.model_dump(mode="json")
 
 
-KINDS = {
-    "consistent": job.Kind(
-        request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "consistent": job.Kind(
+            request=ConsistentRequest, work=work, route="consistent-motions", result=ConsistentDocument
+        ),
+    }

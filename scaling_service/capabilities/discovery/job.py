@@ -48,6 +48,8 @@ def work(request: DiscoverRequest, inputs: Path, outputs: Path, progress: Progre
     return document.model_dump(mode="json")
 
 
-KINDS = {
-    "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
-}
+def list_kinds() -> dict[str, Kind]:
+    """What the service offers of this capability."""
+    return {
+        "discovery": Kind(request=DiscoverRequest, work=work, route="discoveries", result=DiscoveryDocument),
+    }

@@ -31,6 +31,8 @@ def work(request: DynamicsRequest, inputs: Path, outputs: Path, progress: Progre
     return document.model_dump(mode="json")
 
 
-KINDS = {
-    "dynamics": job.Kind(request=DynamicsRequest, work=work, route="dynamics", result=DynamicsDocument),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "dynamics": job.Kind(request=DynamicsRequest, work=work, route="dynamics", result=DynamicsDocument),
+    }

@@ -6,7 +6,6 @@ import re
 from collections import abc
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -196,10 +195,18 @@ def look_into(file: Path, up: str | None, forward: str | None) -> InputFile:
     for other in file.parent.iterdir():
         if file.name in segmentation.list_tables(other.name):
             return InputFile(name=file.name, kind="other", why=f"the names of the labels in {other.name}")
-    reader = _READERS.get(suffix)
-    if reader is None:
-        return InputFile(name=file.name, kind="other", why="of no kind that is used here")
-    return reader(file)
+    match suffix:
+        case ".mot" | ".sto":
+            return _read_table(file)
+        case ".xml":
+            return _read_xml(file)
+        case ".osim":
+            return _read_osim(file)
+        case ".yaml" | ".yml" | ".json":
+            return _read_subject(file)
+    if suffix in _MESHES:
+        return _read_mesh(file)
+    return InputFile(name=file.name, kind="other", why="of no kind that is used here")
 
 
 def _read_markers(file: Path, up: str | None, forward: str | None) -> InputFile:
@@ -332,14 +339,6 @@ def map_files(document: abc.Mapping[str, Any], change: abc.Callable[[str, str], 
 def _read_beginning(file: Path) -> str:
     with file.open("rb") as stream:
         return stream.read(_SNIFFED_BYTES).decode("utf-8", errors="replace")
-
-
-_READERS: abc.Mapping[str, abc.Callable[[Path], InputFile]] = MappingProxyType(
-    {".mot": _read_table, ".sto": _read_table, ".xml": _read_xml, ".osim": _read_osim}
-    | dict.fromkeys(_MESHES, _read_mesh)
-    | dict.fromkeys((".yaml", ".yml", ".json"), _read_subject)
-)
-"""Suffix to what tells more."""
 
 
 def merge_known(found: abc.Sequence[InputFile], document: abc.Mapping[str, Any]) -> dict[str, Any]:

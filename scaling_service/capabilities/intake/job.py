@@ -59,6 +59,8 @@ def work(request: ProofRequest, inputs: Path, outputs: Path, progress: Progress)
     return found.model_dump(mode="json")
 
 
-KINDS = {
-    "proof": job.Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "proof": job.Kind(request=ProofRequest, work=work, route="proofs", result=ProofDocument, brief=True),
+    }

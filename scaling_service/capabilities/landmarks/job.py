@@ -78,8 +78,10 @@ def work(request: LandmarksRequest, inputs: Path, outputs: Path, progress: Progr
     return json.loads(found.read_text(encoding="utf-8"))
 
 
-KINDS = {
-    "landmarks": job.Kind(
-        request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "landmarks": job.Kind(
+            request=LandmarksRequest, work=work, route="scalings/mesh-landmarks", result=LandmarksDocument
+        ),
+    }

@@ -92,7 +92,14 @@ def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
     for name, tube in bone.cylinders.items():
         fits[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
-    fields |= _ADDED[bone.bone](bone)
+    if bone.bone == "femur":
+        fields |= _describe_femur(bone)
+    elif bone.bone == "tibia":
+        fields |= _describe_tibia(bone)
+    else:
+        fields |= {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
+    if bone.bone == "pelvis":
+        fields["pose_odds_log10"] = None if bone.pose_odds is None else round(bone.pose_odds, 1)
     return fields | {
         "side": bone.side,
         "side_from": bone.side_from,
@@ -145,17 +152,6 @@ def _describe_tibia(bone: results.BoneLandmarks) -> dict[str, Any]:
         "ankle_centre_from": source,
         "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
     }
-
-
-_ADDED: abc.Mapping[str, abc.Callable[[results.BoneLandmarks], dict[str, Any]]] = {
-    "femur": _describe_femur,
-    "tibia": _describe_tibia,
-    "talus": lambda bone: {f"{joint}_axis": _to_unit(axis) for joint, axis in bone.axes.items()},
-    "pelvis": lambda bone: (
-        {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
-        | {"pose_odds_log10": None if bone.pose_odds is None else round(bone.pose_odds, 1)}
-    ),
-}
 
 
 def _to_mm(point: results.Array) -> documents.Vector:

@@ -132,4 +132,6 @@ def work(request: MotionRequest, inputs: Path, outputs: Path, progress: Progress
     return save_motions(tracked, outputs).model_dump(mode="json")
 
 
-KINDS = {"motion": job.Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {"motion": job.Kind(request=MotionRequest, work=work, route="motions", result=MotionDocument)}

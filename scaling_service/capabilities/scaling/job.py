@@ -130,35 +130,43 @@ def _scale(
     return results, document
 
 
-KINDS = {
-    "linear-scaling": job.Kind(
-        request=LinearRequest, work=scale_by_one, route="scalings/linear", result=documents.ScalingDocument
-    ),
-    "optimised-scaling": job.Kind(
-        request=OptimisedRequest,
-        work=scale_by_one,
-        route="scalings/optimised",
-        result=documents.ScalingDocument,
-    ),
-    "scaling": job.Kind(
-        request=ScalingRequest, work=compare_methods, route="comparisons", result=documents.ComparisonDocument
-    ),
-    "kinematic-error": job.Kind(
-        request=KinematicErrorRequest,
-        work=view_comparison,
-        route="comparisons/kinematic-error",
-        result=comparison_views.KinematicErrorComparison,
-    ),
-    "segment-lengths": job.Kind(
-        request=SegmentLengthsRequest,
-        work=view_comparison,
-        route="comparisons/segment-lengths",
-        result=comparison_views.SegmentLengthComparison,
-    ),
-    "joint-angles": job.Kind(
-        request=JointAnglesRequest,
-        work=view_comparison,
-        route="comparisons/joint-angles",
-        result=comparison_views.JointAngleComparison,
-    ),
-}
+def list_kinds() -> dict[str, job.Kind]:
+    """What the service offers of this capability."""
+    return {
+        "linear-scaling": job.Kind(
+            request=LinearRequest,
+            work=scale_by_one,
+            route="scalings/linear",
+            result=documents.ScalingDocument,
+        ),
+        "optimised-scaling": job.Kind(
+            request=OptimisedRequest,
+            work=scale_by_one,
+            route="scalings/optimised",
+            result=documents.ScalingDocument,
+        ),
+        "scaling": job.Kind(
+            request=ScalingRequest,
+            work=compare_methods,
+            route="comparisons",
+            result=documents.ComparisonDocument,
+        ),
+        "kinematic-error": job.Kind(
+            request=KinematicErrorRequest,
+            work=view_comparison,
+            route="comparisons/kinematic-error",
+            result=comparison_views.KinematicErrorComparison,
+        ),
+        "segment-lengths": job.Kind(
+            request=SegmentLengthsRequest,
+            work=view_comparison,
+            route="comparisons/segment-lengths",
+            result=comparison_views.SegmentLengthComparison,
+        ),
+        "joint-angles": job.Kind(
+            request=JointAnglesRequest,
+            work=view_comparison,
+            route="comparisons/joint-angles",
+            result=comparison_views.JointAngleComparison,
+        ),
+    }

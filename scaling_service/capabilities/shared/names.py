@@ -54,7 +54,7 @@ def check_methods(methods: list[str] | None) -> list[str] | None:
 
 def check_start(start: str | None) -> str | None:
     """Refuse a start that there is not (ValueError)."""
-    if start is not None and start not in STARTS:
+    if start is not None and start not in (*list_method_names(), AS_IT_IS):
         raise ValueError(
             f"there is no method '{start}'; methods are {', '.join(list_method_names())}, and '{AS_IT_IS}' "
             f"takes the model as it is"
@@ -76,9 +76,11 @@ def _make_choice_schema(*names: str) -> WithJsonSchema:
     return WithJsonSchema({"anyOf": [{"enum": list(names), "type": "string"}, {"type": "null"}]})
 
 
-STARTS = (*list_method_names(), AS_IT_IS)
 Start = Annotated[
-    str | None, AfterValidator(check_start), Flag(metavar="|".join(STARTS)), _make_choice_schema(*STARTS)
+    str | None,
+    AfterValidator(check_start),
+    Flag(metavar="|".join((*list_method_names(), AS_IT_IS))),
+    _make_choice_schema(*list_method_names(), AS_IT_IS),
 ]
 Inertia = Annotated[
     str | None,

@@ -45,14 +45,12 @@ _ANYWHERE: list[dict[str, list[str]]] = [{"key": []}, {}]
 
 
 _REFERENCE = "#/components/schemas/{model}"
+RESULT = {"$ref": _REFERENCE.format(model="JobResult")}
+"""The schema of what a job finds: one of the kinds' results."""
 
 
 def _make_reference(name: str) -> dict[str, str]:
     return {"$ref": _REFERENCE.format(model=name)}
-
-
-RESULT = _make_reference("JobResult")
-"""The schema of what a job finds: one of the kinds' results."""
 
 
 def describe_json_body(example: dict[str, Any], *models: type[BaseModel]) -> dict[str, Any]:

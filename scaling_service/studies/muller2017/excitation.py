@@ -184,7 +184,10 @@ def _simulate_standing(model: body.BodyModel, q: Array, right: Array, stature_m:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationSettings:
-    """What is recorded, and how large its faults are (one: as in the literature, zero: none)."""
+    """What is recorded, and how large its faults are (one: as in the literature, zero: none).
+
+    The study takes the minute with all faults.
+    """
 
     seconds: float = 60.0
     rate_hz: float = 100.0
@@ -192,10 +195,6 @@ class ExcitationSettings:
     noise: float = 1.0
     inertia: float = 1.0
     calibration: float = 1.0
-
-
-WHOLE = ExcitationSettings()
-"""The minute that the study takes, with all faults."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -222,7 +221,9 @@ class ExcitedPerson:
 
 
 def make_excited_person(
-    seed: int, settings: ExcitationSettings = WHOLE, names: tuple[str, ...] = ("in_order", "shuffled")
+    seed: int,
+    settings: ExcitationSettings = ExcitationSettings(),
+    names: tuple[str, ...] = ("in_order", "shuffled"),
 ) -> ExcitedPerson:
     """Draw a person and record them.
 

@@ -74,7 +74,7 @@ _SAME = (
 def study_person(
     seed: int,
     settings: monte_carlo.UncertaintySettings,
-    recorded: excitation.ExcitationSettings = excitation.WHOLE,
+    recorded: excitation.ExcitationSettings = excitation.ExcitationSettings(),
 ) -> documents.PersonEntry:
     """The whole study of one person, in this thread.
 
@@ -199,7 +199,7 @@ def reproduce_muller2017(
     settings: monte_carlo.UncertaintySettings,
     *,
     subjects: int | None = None,
-    recorded: excitation.ExcitationSettings = excitation.WHOLE,
+    recorded: excitation.ExcitationSettings = excitation.ExcitationSettings(),
     recordings: Sequence[str | Path] = (),
     worker_count: int | None = None,
     finished: claims.PersonDone | None = None,

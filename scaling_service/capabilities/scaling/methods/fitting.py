@@ -175,6 +175,3 @@ def fit_in_turn(fit: Fit, settings: CalibrationSettings, progress: Progress | No
         if abs(before - cost) < settings.loop_tolerance * before:
             outcome = estimator.Outcome.CONVERGED
     return Fitted(fit, estimator.Solution(q=q, p=p, cost=cost, steps=loop, outcome=outcome), fit.noise(q, p))
-
-
-STRATEGIES = {"joint": fit_together, "alternating": fit_in_turn}

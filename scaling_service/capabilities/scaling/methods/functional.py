@@ -152,7 +152,11 @@ def _find_both_sides(
     joint: str, posture: Posture, trials: abc.Sequence[Trial]
 ) -> tuple[abc.Mapping[str, Array], list[str]]:
     """What is found by side, and how; refused where neither side gives anything."""
-    find, what, instead = _SOUGHT[joint]
+    find, what, instead = (
+        (_find_hip, "functional centre", "the regression")
+        if joint == "hip"
+        else (_find_knee, "functional axis", "the epicondyles")
+    )
     found: dict[str, Array] = {}
     notes, reasons = list[str](), list[str]()
     for side in "rl":
@@ -233,15 +237,6 @@ def _require_enough(cluster: Cluster, trials: abc.Sequence[Trial]) -> Cluster:
 
 def _describe_angles(values_deg: abc.Sequence[float] | Array) -> str:
     return f"{' and '.join(f'{v:.0f}' for v in values_deg)} deg"
-
-
-_SOUGHT: abc.Mapping[
-    str, tuple[abc.Callable[[Posture, abc.Sequence[Trial], str], tuple[Array, str]], str, str]
-] = {
-    "hip": (_find_hip, "functional centre", "the regression"),
-    "knee": (_find_knee, "functional axis", "the epicondyles"),
-}
-"""How a joint is sought, what is sought, and what stands in where it is not found."""
 
 
 def find_functional_joints(session: Session, settings: CalibrationSettings) -> FunctionalJoints | None:

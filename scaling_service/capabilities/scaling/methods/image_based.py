@@ -363,6 +363,3 @@ class ImageBased:
         found = replace(scaled, sizes=sizes, centres={**scaled.centres, **centres})
         warnings = (*found.warnings, *doubts)
         return replace(found, warnings=warnings, wall_s=time.perf_counter() - clock)
-
-
-EB = ImageBased()

@@ -265,6 +265,3 @@ class MarkerBased:
     ) -> results.Calibration:
         """Scale the session's model from its standing trial."""
         return scale_linearly(session, settings)
-
-
-MB = MarkerBased()

@@ -213,9 +213,8 @@ class Optimised:
         weighted = settings.sizes == "weighted"
         sds = {name: size.sd for name, size in start.sizes.items()} if weighted else {}
         freed = self.freedom.apply(start.model, shown, settings, sds)
-        fitted = fitting.STRATEGIES[settings.strategy](
-            fitting.Fit.of(start.model, freed, frames, settings), settings, progress
-        )
+        fit_movement = fitting.fit_in_turn if settings.strategy == "alternating" else fitting.fit_together
+        fitted = fit_movement(fitting.Fit.of(start.model, freed, frames, settings), settings, progress)
         fit, solution = fitted.fit, fitted.solution
         doubt = estimator.estimate_uncertainty(fit.problem, solution, fit.p0, fitted.variance)
         found = []
@@ -269,24 +268,3 @@ class Optimised:
             bone_sized=start.bone_sized,
             joint_moves=start.joint_moves,
         )
-
-
-MB_LAM = Optimised(
-    name="MB_lam",
-    title="lengths, knee axes and selected marker coordinates fitted to movement",
-    needs="MB",
-    freedom=Freedom(lengths=True, all_markers=False),
-)
-MB_AM = Optimised(
-    name="MB_am",
-    title="knee axes and all marker coordinates fitted to movement",
-    needs="MB",
-    freedom=Freedom(lengths=False, all_markers=True),
-)
-EB_AM = Optimised(
-    name="EB_am",
-    title="knee axes and all marker coordinates of the image-based model fitted to movement",
-    needs="EB",
-    freedom=Freedom(lengths=False, all_markers=True),
-    needs_images=True,
-)

@@ -77,13 +77,10 @@ class Imaged:
         return target in (self.knees if group == "axis" else self.markers)
 
 
-NOTHING_IMAGED = Imaged()
-
-
 def find_imaged(start: Calibration, evidence: ImageEvidence | None) -> Imaged:
     """What images gave a model; ``start`` is its image-based scaling where there is ``evidence``."""
     if evidence is None:
-        return NOTHING_IMAGED
+        return Imaged()
     model, lying = start.model, frozenset(start.image_poses)
     parts = {
         side: tuple(anatomy_lengths.find_segment(model, role, side) for role in ("femur", "tibia"))

@@ -19,7 +19,7 @@ from scaling_service.capabilities.motion.inverse_kinematics import solve_task
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.scaling.methods import people_prior
 from scaling_service.capabilities.scaling.methods.fitting import Progress
-from scaling_service.capabilities.scaling.methods.image_based import EB
+from scaling_service.capabilities.scaling.methods.image_based import ImageBased
 from scaling_service.capabilities.scaling.methods.image_points import shows_sizes
 from scaling_service.capabilities.scaling.methods.optimised import find_tiltable_knees
 from scaling_service.capabilities.scaling.sizes.sizing import expect_dimensions
@@ -84,7 +84,7 @@ class JointPosterior:
         images = session.images
         unused: tuple[str, ...] = ()
         if images is not None and shows_sizes(images, start.model):
-            start = EB.calibrate(session, start, settings, None)
+            start = ImageBased().calibrate(session, start, settings, None)
         elif images is not None:
             unused, images = ("MAP: the images show no length and no part of this model: not used",), None
         imaged = people_prior.find_imaged(start, images)
@@ -167,9 +167,6 @@ class JointPosterior:
 def _count_on(progress: Progress, before: int, number: int, cost: float) -> None:
     """Steps of several looks as one count."""
     progress(before + number, cost)
-
-
-MAP = JointPosterior()
 
 
 def _choose_frames(

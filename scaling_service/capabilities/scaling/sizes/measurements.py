@@ -117,42 +117,31 @@ def _list_side(side: str) -> tuple[SegmentMeasurement, ...]:
     )
 
 
-_PELVIS = SegmentMeasurement(
-    segments=("pelvis",),
-    pairs=(
-        (("RASIS",), ("LASIS",)),
-        (("RPSIS",), ("LPSIS",)),
-        (("RASIS",), ("RPSIS",)),
-        (("LASIS",), ("LPSIS",)),
-    ),
-    source=_PUCHAUD,
-    shape_m=_PELVIS_SHAPE,
-    instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
-)
-_LIMBS = (*_list_side("r"), *_list_side("l"))
-
-
-_RIGID_TRUNK = SegmentMeasurement(
-    segments=_TRUNK,
-    pairs=(_BREADTH, _HEIGHT),
-    source=_CHOSEN,
-    shape_m=_TRUNK_SHAPE,
-    instead=(_BREADTH, _HEIGHT_FROM_SACRUM),
-)
-_JOINTED_TRUNK = SegmentMeasurement(
-    segments=_TRUNK,
-    pairs=(_HEIGHT,),
-    source=_CHOSEN,
-    shape_m=_TRUNK_HEIGHT_SHAPE,
-    instead=(_HEIGHT_FROM_SACRUM,),
-)
-"""With a joint in its middle, where a trunk that is too long folds."""
-
-
 def list_measurements(segments: abc.Sequence[str]) -> tuple[SegmentMeasurement, ...]:
     """What can be measured of a model with these segments."""
-    trunk = _JOINTED_TRUNK if "abdomen" in segments else _RIGID_TRUNK
-    return tuple(m for m in (_PELVIS, trunk, *_LIMBS) if set(m.segments) & set(segments))
+    pelvis = SegmentMeasurement(
+        segments=("pelvis",),
+        pairs=(
+            (("RASIS",), ("LASIS",)),
+            (("RPSIS",), ("LPSIS",)),
+            (("RASIS",), ("RPSIS",)),
+            (("LASIS",), ("LPSIS",)),
+        ),
+        source=_PUCHAUD,
+        shape_m=_PELVIS_SHAPE,
+        instead=((("RASIS",), ("LASIS",)), (("RASIS", "LASIS"), ("SACR",))),
+    )
+    # With a joint in its middle, where a trunk that is too long folds, its breadth is not taken.
+    jointed = "abdomen" in segments
+    trunk = SegmentMeasurement(
+        segments=_TRUNK,
+        pairs=(_HEIGHT,) if jointed else (_BREADTH, _HEIGHT),
+        source=_CHOSEN,
+        shape_m=_TRUNK_HEIGHT_SHAPE if jointed else _TRUNK_SHAPE,
+        instead=(_HEIGHT_FROM_SACRUM,) if jointed else (_BREADTH, _HEIGHT_FROM_SACRUM),
+    )
+    every = (pelvis, trunk, *_list_side("r"), *_list_side("l"))
+    return tuple(m for m in every if set(m.segments) & set(segments))
 
 
 def list_available(
@@ -191,16 +180,6 @@ def _has(pair: Pair, points: Points) -> bool:
     return known and bool(np.isfinite(measure_distances(pair, points)).any())
 
 
-_WIDTH = SegmentMeasurement(
-    segments=("pelvis",),
-    pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
-    source="side to side, as Puchaud 2019, 2.2.2",
-)
-_DEPTH = SegmentMeasurement(
-    segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
-)
-
-
 def open_axes(
     factors: abc.Mapping[str, Vector], people: abc.Sequence[Points], ours: Points
 ) -> tuple[dict[str, Vector], tuple[str, ...]]:
@@ -218,9 +197,17 @@ def open_axes(
         return next((value for p in people if (value := measure(p, ours)) is not None), None)
 
     if "pelvis" in factors:
+        across = SegmentMeasurement(
+            segments=("pelvis",),
+            pairs=(((_ASIS[0],), (_ASIS[1],)), ((_PSIS[0],), (_PSIS[1],))),
+            source="side to side, as Puchaud 2019, 2.2.2",
+        )
+        ahead = SegmentMeasurement(
+            segments=("pelvis",), pairs=((_ASIS, _PSIS),), source="chosen: Harrington 2007's pelvic depth"
+        )
         found = {
-            "depth": measure_first(partial(compute_ratio, _DEPTH)),
-            "width": measure_first(partial(compute_ratio, _WIDTH)),
+            "depth": measure_first(partial(compute_ratio, ahead)),
+            "width": measure_first(partial(compute_ratio, across)),
             "height": measure_first(_compute_hip_depth_ratio),
         }
         missing = [name for name, value in found.items() if value is None]

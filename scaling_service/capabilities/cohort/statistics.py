@@ -76,7 +76,12 @@ def compute_cohort_statistics(
 
 
 def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> document.GateEntry:
-    passed = [_list_passed(s.methods[method]) for s in subjects if method in s.methods]
+    passed = []
+    for s in subjects:
+        if method in s.methods:
+            of = s.methods[method]
+            seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
+            passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
     return document.GateEntry(
         method=method,
         subjects=len(passed),
@@ -84,11 +89,6 @@ def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) ->
         trials=sum(len(trials) for trials in passed),
         trials_passed=sum(sum(trials) for trials in passed),
     )
-
-
-def _list_passed(method: summaries.MethodSummary) -> list[bool]:
-    seen = [t for t in method.trials.values() if math.isfinite(t.mean)]
-    return [t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen]
 
 
 def _describe_references(curves: abc.Sequence[document.CurveEntry]) -> list[str]:

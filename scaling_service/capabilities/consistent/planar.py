@@ -125,7 +125,12 @@ def scale_squat(generic: body.BodyModel, trial: Trial) -> body.BodyModel:
     angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
     flat = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     turn, hip = flat, there.mean(axis=0) - flat @ local.mean(axis=0)
-    reach = {s.name: _find_joint_place(generic, s.name) for s in generic.segments}
+    reach = {}
+    for s in generic.segments:
+        # Where a segment's joint sits in its parent, (2,), m
+        shifts = [j for j in generic.segment(s.name).joints if j.kind == "translation"]
+        total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
+        reach[s.name] = total[:2]
     size["thigh"] = _measure_length(hip - seen["KNE"]) / _measure_length(reach["torso"])
     shoulder = hip + size["torso"] * turn @ reach["arm"]
     frames = {
@@ -163,13 +168,6 @@ def _find_pelvis_middle(points: Mapping[str, Array]) -> Array:
 
 def _measure_length(vector: Array) -> float:
     return float(np.hypot(vector[0], vector[1]))
-
-
-def _find_joint_place(model: body.BodyModel, segment: str) -> Array:
-    """Where a segment's joint sits in its parent, (2,), m."""
-    shifts = [j for j in model.segment(segment).joints if j.kind == "translation"]
-    total: Array = sum((np.array(j.axis) * j.law.constant_part for j in shifts), np.zeros(3))
-    return total[:2]
 
 
 def _turn_onto(axis: Array) -> Array:

@@ -242,7 +242,14 @@ def compute_clinical_angles(model: body.BodyModel, motion: Motion) -> ClinicalAn
     pelvis = (points.get("RHJC", unknown) + points.get("LHJC", unknown)) / 2.0
     way = pelvis[np.isfinite(pelvis).all(axis=1)]
     heading = _find_heading(way, _find_axis_faced(sides["r"].get("pelvis_internal_rotation")))
-    free = {side: _drop_locked(angles) for side, angles in sides.items()}
+    free = {}
+    for side, angles in sides.items():
+        # Without turns that the model's knee cannot make: they say nothing of the person.
+        bends = "knee_flexion" in angles and _measure_range(angles["knee_flexion"]) > 100.0 * _LOCKED
+        locked = [
+            name for name in anatomy_frames.KNEE[1:] if bends and _measure_range(angles[name]) < _LOCKED
+        ]
+        free[side] = {name: value for name, value in angles.items() if name not in locked}
     values = {side: _measure_against(angles, side, heading) for side, angles in free.items()}
     left_out = tuple(_list_left_out(sides, values))
     doubtful = () if tilt_is_seen(model, motion) else (_TILT_UNSEEN,)
@@ -366,13 +373,6 @@ def _find_axis_faced(rotation: Array | None) -> float:
     if not len(known):
         return 0.0
     return float(np.round(np.angle(np.exp(1j * known).mean()) / (np.pi / 2.0)) * (np.pi / 2.0))
-
-
-def _drop_locked(angles: abc.Mapping[str, Array]) -> dict[str, Array]:
-    """Without turns that the model's knee cannot make: they say nothing of the person."""
-    bends = "knee_flexion" in angles and _measure_range(angles["knee_flexion"]) > 100.0 * _LOCKED
-    locked = [name for name in anatomy_frames.KNEE[1:] if bends and _measure_range(angles[name]) < _LOCKED]
-    return {name: value for name, value in angles.items() if name not in locked}
 
 
 def _measure_range(angle: Array) -> float:

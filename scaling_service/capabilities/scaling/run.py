@@ -38,7 +38,6 @@ from scaling_service.model.results import Calibration, Motion
 from scaling_service.model.scaling import scale_model
 from scaling_service.numerics.multibody.laws import Array
 from scaling_service.virtual.example import make_demo_session
-from scaling_service.virtual.subject import VirtualSubject
 
 _LOADING = 0.1  # chosen: about the share of reading and processing in a comparison of short trials
 _MUSCLES = 0.2  # chosen: about the share of the muscles, where they are compared
@@ -367,19 +366,17 @@ def run_demo(
         progress=progressing.report_part(report, _BONES, 1 - _BONES),
     )
     lengths = {name: round(1e3 * value, 4) for name, value in measure_segment_lengths(person.model).items()}
-    errors = {method: _list_errors(scaling, results, person) for method, scaling in results.scalings.items()}
+    errors = {}
+    for method, scaling in results.scalings.items():
+        model = scaling.calibration.model
+        held_out = [scaling.motions[trial.name] for trial in results.session.evaluation]
+        off = geometry.compute_length_errors(model, person.model).values()
+        found = {"lengths_mm": 1e3 * sum(map(abs, off)) / len(off)}
+        for name, gap in geometry.compute_centre_errors(
+            model, held_out, person.model, person.motions
+        ).items():
+            found[f"{name}_centre_mm"] = 1e3 * gap
+        for name, gap in geometry.compute_angle_errors(held_out, person.model, person.motions).items():
+            found[f"{name}_deg"] = math.degrees(gap)
+        errors[method] = {name: round(value, 4) for name, value in found.items()}
     return results, TruthDocument(segment_lengths_mm=lengths, errors=errors)
-
-
-def _list_errors(
-    scaling: result.Scaling, results: result.Results, person: VirtualSubject
-) -> dict[str, float]:
-    model = scaling.calibration.model
-    held_out = [scaling.motions[trial.name] for trial in results.session.evaluation]
-    lengths = geometry.compute_length_errors(model, person.model).values()
-    found = {"lengths_mm": 1e3 * sum(map(abs, lengths)) / len(lengths)}
-    for name, gap in geometry.compute_centre_errors(model, held_out, person.model, person.motions).items():
-        found[f"{name}_centre_mm"] = 1e3 * gap
-    for name, gap in geometry.compute_angle_errors(held_out, person.model, person.motions).items():
-        found[f"{name}_deg"] = math.degrees(gap)
-    return {name: round(value, 4) for name, value in found.items()}

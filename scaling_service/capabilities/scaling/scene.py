@@ -31,7 +31,20 @@ def write_results_scene(
     ]
     if results.muscles is not None:
         write_muscle_scene(results.muscles, outputs, brief=detail.most_frames is not None)
-    recorded = [_record(results, trial) for trial in session.dynamic]
+    recorded = []
+    for trial in session.dynamic:
+        forces, corners = _prepare_ground(results, trial)
+        recorded.append(
+            scene.Recorded(
+                trial=trial,
+                role="evaluation" if trial.name in results.held_out else "calibration",
+                played=tuple(
+                    _play_recording(name, scaling, trial) for name, scaling in results.scalings.items()
+                ),
+                forces=forces,
+                corners=corners,
+            )
+        )
     return scene.write_scene(
         session.subject.id, bodies, recorded, _make_gait(results), outputs, detail.most_frames
     )
@@ -46,17 +59,6 @@ def _play_recording(name: str, scaling: result.Scaling, trial: Trial) -> scene.P
         markers=motion.markers,
         distances=motion.distances,
         estimated=frozenset(motion.estimated),
-    )
-
-
-def _record(results: result.Results, trial: Trial) -> scene.Recorded:
-    forces, corners = _prepare_ground(results, trial)
-    return scene.Recorded(
-        trial=trial,
-        role="evaluation" if trial.name in results.held_out else "calibration",
-        played=tuple(_play_recording(name, scaling, trial) for name, scaling in results.scalings.items()),
-        forces=forces,
-        corners=corners,
     )
 
 

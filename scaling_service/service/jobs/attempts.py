@@ -75,7 +75,15 @@ def make_order(
         inputs, ends = jobs.list_inputs(store.database, row.id), None
     else:
         inputs = parts.list_files(store.database, row.id, kind.parts.file)
-        ended = [_end_of_part(end) for end in parts.list_ends(store.database, row.id)]
+        ended = [
+            {
+                "request": json.loads(end.specification)["request"],
+                "state": end.state.value,
+                "result": end.result and json.loads(end.result),
+                "failure": end.failure and json.loads(end.failure),
+            }
+            for end in parts.list_ends(store.database, row.id)
+        ]
         ends = json.dumps(ended, ensure_ascii=False)
     return Order(
         kind=kind,
@@ -88,15 +96,6 @@ def make_order(
         patience_s=settings.lease_s,
         parts=ends,
     )
-
-
-def _end_of_part(end: parts.PartRow) -> dict[str, Any]:
-    return {
-        "request": json.loads(end.specification)["request"],
-        "state": end.state.value,
-        "result": end.result and json.loads(end.result),
-        "failure": end.failure and json.loads(end.failure),
-    }
 
 
 def run_attempt(order: Order) -> outcomes.Outcome:

@@ -100,7 +100,16 @@ def minimise_within_cone(
     # In units of 1 / sqrt(curvature) all unknowns are alike; the solver may fail where gains differ by 1e4.
     unit = 1.0 / np.sqrt(curvature)
     moves = (directions * unit).reshape(len(mean), motion.N_PARAMETERS, -1)
-    boxes = [_bound_box(mean[b.row], moves[b.row], b) for b in bodies]
+    boxes = []
+    for b in bodies:
+        # Rows `a y + b >= 0` that keep the centre of mass in its box: linear in mass and first moment.
+        own = mean[b.row]
+        moving = moves[b.row]
+        size = own[0] * np.maximum(b.high - b.low, 1e-6)[:, None]
+        lower = (moving[1:4] - b.low[:, None] * moving[0]) / size
+        upper = (b.high[:, None] * moving[0] - moving[1:4]) / size
+        at = np.concatenate([own[1:4] - b.low * own[0], b.high * own[0] - own[1:4]])
+        boxes.append((np.concatenate([lower, upper]), at / np.concatenate([size[:, 0], size[:, 0]])))
     cones = [_bound_cone(mean[b.row], moves[b.row]) for b in bodies]
     parts = [*boxes, *cones]
     free = slope * unit
@@ -122,15 +131,6 @@ def minimise_within_cone(
         settings,
     ).solve()
     return np.array(solution.x) * unit if str(solution.status) in _SOLVED else None
-
-
-def _bound_box(mean: Array, moves: Array, body: Body) -> tuple[Array, Array]:
-    """Rows ``a y + b >= 0`` that keep the centre of mass in its box: linear in mass and first moment."""
-    size = mean[0] * np.maximum(body.high - body.low, 1e-6)[:, None]
-    lower = (moves[1:4] - body.low[:, None] * moves[0]) / size
-    upper = (body.high[:, None] * moves[0] - moves[1:4]) / size
-    at = np.concatenate([mean[1:4] - body.low * mean[0], body.high * mean[0] - mean[1:4]])
-    return np.concatenate([lower, upper]), at / np.concatenate([size[:, 0], size[:, 0]])
 
 
 def _bound_cone(mean: Array, moves: Array) -> tuple[Array, Array]:

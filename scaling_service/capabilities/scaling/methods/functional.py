@@ -202,7 +202,17 @@ def _select_moving(
     posture: Posture, trials: abc.Sequence[Trial], proximal: str, distal: str, limits_deg: abc.Sequence[float]
 ) -> tuple[functional.Poses, functional.Poses, str]:
     """Poses of both segments in the trials in which the joint moves enough, and which these are."""
-    clusters = [_require_enough(posture.cluster(segment), trials) for segment in (proximal, distal)]
+    clusters = []
+    for segment in (proximal, distal):
+        cluster = posture.cluster(segment)
+        shown = cluster.list_shown(trials)
+        if len(shown) < rigid.MIN_POINTS:
+            said = f" ({', '.join(shown)})" if shown else ""
+            raise _NotFound(
+                f"{cluster.segment} carries {len(shown)} markers that the static trial (or its stand-in) and "
+                f"the movements both show{said}, and its pose needs {rigid.MIN_POINTS}"
+            )
+        clusters.append(cluster)
     names, kept, best = [], [], np.zeros(len(limits_deg))
     for trial in trials:
         poses = clusters[0].poses(trial), clusters[1].poses(trial)
@@ -222,17 +232,6 @@ def _select_moving(
         functional.join_poses([d for _, d in kept]),
         list_few(names),
     )
-
-
-def _require_enough(cluster: Cluster, trials: abc.Sequence[Trial]) -> Cluster:
-    shown = cluster.list_shown(trials)
-    if len(shown) < rigid.MIN_POINTS:
-        names = f" ({', '.join(shown)})" if shown else ""
-        raise _NotFound(
-            f"{cluster.segment} carries {len(shown)} markers that the static trial (or its stand-in) and the "
-            f"movements both show{names}, and its pose needs {rigid.MIN_POINTS}"
-        )
-    return cluster
 
 
 def _describe_angles(values_deg: abc.Sequence[float] | Array) -> str:

@@ -80,7 +80,11 @@ def measure_ratios(
     inputs = sorted({key for found in errors.values() for key in found.inputs})
     column = {key: k for k, key in enumerate(inputs)}
     logs, spread = np.empty(len(taken)), np.zeros((len(taken), len(inputs) + len(doubtful)))
-    moved = [_raise_joint(model, joint, sd) for joint, sd in doubtful.items()]
+    moved = []
+    for joint, sd in doubtful.items():
+        # The model's points with a joint higher up the leg, however it is found
+        up = np.array([0.0, sd, 0.0])
+        moved.append({name: at + up if name.startswith(joint) else at for name, at in model.items()})
     own = np.empty(len(taken))
     for row, (measurement, pair, person) in enumerate(taken):
         seen = sizes_measurements.measure_distances(pair, person.points)
@@ -98,12 +102,6 @@ def measure_ratios(
         else:
             own[row] += _UNKNOWN_SD**2
     return Ratios(tuple(m for m, _, _ in taken), logs, spread @ spread.T + np.diag(own))
-
-
-def _raise_joint(model: anatomy_centres.Points, joint: str, by: float) -> anatomy_centres.Points:
-    """The model's points with a joint higher up the leg, however it is found."""
-    up = np.array([0.0, by, 0.0])
-    return {name: at + up if name.startswith(joint) else at for name, at in model.items()}
 
 
 def estimate_centre_sds(person: PersonPoints) -> dict[str, Array]:

@@ -30,12 +30,6 @@ TIGHT_MM, LOOSE_MM = 0.5, 5.0
 MUST_REFUSE = "must refuse"
 
 
-def _read(file: Path) -> trimesh.Trimesh:
-    mesh = trimesh.load_mesh(file)
-    assert isinstance(mesh, trimesh.Trimesh)
-    return mesh
-
-
 def _turn(bones: Bones, _up: parts.Array) -> tuple[Bones, Place]:
     turn = Rotation.random(random_state=1)
     shift = np.array([300.0, -900.0, 1500.0])
@@ -108,7 +102,12 @@ def make_cases(data: Path, folder: Path, _seed: int) -> abc.Sequence[parts.Case]
     """Every variant of the right femur and tibia of three persons."""
     cases = []
     for person, (where, expert) in images.list_imaged(data).items():
-        bones = {s: _read(images.find_bone(where, s)) for s in ("femur_r", "tibia_r")}
+        bones = {}
+        for s in ("femur_r", "tibia_r"):
+            file = images.find_bone(where, s)
+            surface = trimesh.load_mesh(file)
+            assert isinstance(surface, trimesh.Trimesh)
+            bones[s] = surface
         up = expert["hip_r"][0] - expert["knee_r"][0]
         for variant, (change, within, must) in VARIANTS.items():
             changed, place = change(bones, up / np.linalg.norm(up))

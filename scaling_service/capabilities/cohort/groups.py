@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections import abc
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -21,9 +20,6 @@ from numpy.typing import ArrayLike
 from scaling_service.capabilities.cohort import document, summary
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics import complete
-
-if TYPE_CHECKING:
-    import pandas
 
 SAME = 1e-9
 """Relative to the largest value: chosen. Two methods that must give one length (marker-based scaling,
@@ -167,26 +163,22 @@ def compare_quantities(
         has = {subject: list(row.dropna().index) for subject, row in table.iterrows()}
         for panel in complete.list_panels(has, methods):
             part = table.loc[list(panel.subjects), list(panel.methods)]
-            entries[kind].append(_compare_panel(part, panel, quantity, alpha))
+            note = explain_too_few(panel)
+            tested = None
+            if not note:
+                tested = compare_groups(part, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
+            entries[kind].append(
+                document.QuantityEntry(
+                    quantity=quantity,
+                    compared=document.Compared.model_validate(panel),
+                    mean=part.mean().to_dict(),
+                    sd=part.std().to_dict() if len(part) > 1 else {},
+                    values=part.to_dict("index"),
+                    friedman=tested,
+                    note=note,
+                )
+            )
     return entries
-
-
-def _compare_panel(
-    table: pandas.DataFrame, panel: complete.Panel, quantity: str, alpha: float
-) -> document.QuantityEntry:
-    note = explain_too_few(panel)
-    tested = None
-    if not note:
-        tested = compare_groups(table, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
-    return document.QuantityEntry(
-        quantity=quantity,
-        compared=document.Compared.model_validate(panel),
-        mean=table.mean().to_dict(),
-        sd=table.std().to_dict() if len(table) > 1 else {},
-        values=table.to_dict("index"),
-        friedman=tested,
-        note=note,
-    )
 
 
 def explain_too_few(panel: complete.Panel) -> str:

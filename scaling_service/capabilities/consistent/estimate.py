@@ -105,7 +105,25 @@ def estimate_consistent(
         ]
         rated[: len(fitted)] = [m.rated for m in moved]
         say(f"{loop}: geometry")
-        found = _refit_geometry(model, fitted, moved, settings)
+        # From the start each time, so that bounds and prior stay about it; the artefact found is taken
+        # off.
+        names = fitted[0].motion.markers
+        recorded = [
+            geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
+            for r, m in zip(fitted, moved, strict=True)
+        ]
+        found = geometric.identify_geometry(
+            model,
+            names,
+            recorded,
+            consistent_recording.expect_artefacts(model),
+            bound=settings.geometry_bound,
+            axes="xyz" if fitted[0].components == consistent_recording.SPATIAL else "xy",
+            prior=settings.geometry_prior,
+            independent=sum(
+                len(r.trial.times) / consistent_recording.count_repeats(r, settings) for r in fitted
+            ),
+        )
         factors = dict(found.factors)
         say(f"{loop}: inertia")
         prior = inertia.with_inertias(found.model, inertia.gather_inertias(model))
@@ -161,30 +179,6 @@ def _balance(
         start,
         consistent_recording.gather_limits(model, problem),
         1.0 if before is None else before.weight,
-    )
-
-
-def _refit_geometry(
-    start: BodyModel,
-    fitted: abc.Sequence[consistent_recording.ConsistentRecording],
-    moved: abc.Sequence[motion.ConsistentMotion],
-    settings: problems.ConsistentSettings,
-) -> geometric.GeometricIdentification:
-    """From the start each time, so that bounds and prior stay about it; the artefact found is taken off."""
-    names = fitted[0].motion.markers
-    known = [
-        geometric.KnownMotion(r.name, r.trial.select(names).markers - m.glide, m.rated.q)
-        for r, m in zip(fitted, moved, strict=True)
-    ]
-    return geometric.identify_geometry(
-        start,
-        names,
-        known,
-        consistent_recording.expect_artefacts(start),
-        bound=settings.geometry_bound,
-        axes="xyz" if fitted[0].components == consistent_recording.SPATIAL else "xy",
-        prior=settings.geometry_prior,
-        independent=sum(len(r.trial.times) / consistent_recording.count_repeats(r, settings) for r in fitted),
     )
 
 

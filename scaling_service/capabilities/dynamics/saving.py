@@ -80,7 +80,37 @@ def save_dynamics(
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        document = _make_document(results, sorted(path.name for path in scratch.iterdir()), notes)
+        # `dynamics.json`, with the files and notes that writing them added
+        written = sorted(path.name for path in scratch.iterdir())
+        prepared = results.prepared
+        known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
+        for trial_name, checked in results.trials.items():
+            known["repairs"][trial_name] += provenance.repair_notes(checked.forces.repairs)
+        trials = {trial_name: _make_trial(checked, results) for trial_name, checked in results.trials.items()}
+        supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
+        headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
+        document = documents.DynamicsDocument(
+            **known,
+            headline=headline,
+            tone=tone,
+            mass_kg=sum_mass(prepared.model),
+            weight=documents.WeightDocument(
+                declared_kg=results.weight.declared_kg,
+                plates_kg=results.weight.plates_kg,
+                sd_kg=results.weight.sd_kg,
+                differs=results.weight.differs,
+                by_trial_kg=dict(results.weight.by_trial),
+            ),
+            height_m=prepared.height_m,
+            trials=trials,
+            verdict=results.verdict,
+            inertial=None
+            if results.inertial is None
+            else _make_identification(results.inertial, prepared.model),
+            warnings=[*results.warnings, *notes],
+            files=list(written),
+            wall_s=round(results.wall_s, 3),
+        )
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the check's views with the residuals over time.
@@ -161,39 +191,6 @@ def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen:
     trials = prepared.loaded.session.dynamic
     origin = provenance.record_provenance(prepared.loaded, trials, resolved, settings.seed)
     return origin | {"start": prepared.start, "inertia": prepared.inertia}
-
-
-def _make_document(
-    results: run.DynamicsResults, files: abc.Sequence[str], notes: abc.Sequence[str]
-) -> documents.DynamicsDocument:
-    """``dynamics.json``, with the files and notes that writing them added."""
-    prepared = results.prepared
-    known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
-    for name, found in results.trials.items():
-        known["repairs"][name] += provenance.repair_notes(found.forces.repairs)
-    trials = {name: _make_trial(found, results) for name, found in results.trials.items()}
-    supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
-    headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
-    return documents.DynamicsDocument(
-        **known,
-        headline=headline,
-        tone=tone,
-        mass_kg=sum_mass(prepared.model),
-        weight=documents.WeightDocument(
-            declared_kg=results.weight.declared_kg,
-            plates_kg=results.weight.plates_kg,
-            sd_kg=results.weight.sd_kg,
-            differs=results.weight.differs,
-            by_trial_kg=dict(results.weight.by_trial),
-        ),
-        height_m=prepared.height_m,
-        trials=trials,
-        verdict=results.verdict,
-        inertial=None if results.inertial is None else _make_identification(results.inertial, prepared.model),
-        warnings=[*results.warnings, *notes],
-        files=list(files),
-        wall_s=round(results.wall_s, 3),
-    )
 
 
 def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> documents.TrialDynamicsDocument:

@@ -93,9 +93,28 @@ def _describe(bone: results.BoneLandmarks) -> dict[str, Any]:
         fits[name] = _fit("cylinder", tube, tube.point, _to_unit(tube.axis))
     fields: dict[str, Any] = {f"{name}_mm": _to_mm(point) for name, point in bone.points.items()}
     if bone.bone == "femur":
-        fields |= _describe_femur(bone)
+        knee, condyles, head = (
+            bone.axes.get("knee"),
+            bone.cylinders.get("condyles"),
+            bone.spheres.get("head"),
+        )
+        apart = None
+        if knee is not None and condyles is not None:
+            apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ condyles.axis, -1.0, 1.0)))), 3)
+        fields |= {
+            "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
+            "knee_axis": None if knee is None else _to_unit(knee),
+            "knee_axis_cylinder": None if condyles is None else _to_unit(condyles.axis),
+            "knee_axes_apart_deg": apart,
+        }
     elif bone.bone == "tibia":
-        fields |= _describe_tibia(bone)
+        talus = "ankle" in bone.axes
+        source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
+        fields |= {
+            "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
+            "ankle_centre_from": source,
+            "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
+        }
     else:
         fields |= {f"{name}_axis": _to_unit(axis) for name, axis in bone.axes.items()}
     if bone.bone == "pelvis":
@@ -129,29 +148,6 @@ def _fit(
         rms_mm=round(found.quality.rms * _MM, 4),
         covered=round(found.quality.covered, 4),
     )
-
-
-def _describe_femur(bone: results.BoneLandmarks) -> dict[str, Any]:
-    knee, tube, head = bone.axes.get("knee"), bone.cylinders.get("condyles"), bone.spheres.get("head")
-    apart = None
-    if knee is not None and tube is not None:
-        apart = round(float(np.rad2deg(np.arccos(np.clip(knee @ tube.axis, -1.0, 1.0)))), 3)
-    return {
-        "head_radius_mm": None if head is None else round(head.radius * _MM, 4),
-        "knee_axis": None if knee is None else _to_unit(knee),
-        "knee_axis_cylinder": None if tube is None else _to_unit(tube.axis),
-        "knee_axes_apart_deg": apart,
-    }
-
-
-def _describe_tibia(bone: results.BoneLandmarks) -> dict[str, Any]:
-    talus = "ankle" in bone.axes
-    source = ("talus" if talus else "malleoli") if "ankle_centre" in bone.points else None
-    return {
-        "plateau_axis": _to_unit(bone.axes["plateau"]) if "plateau" in bone.axes else None,
-        "ankle_centre_from": source,
-        "ankle_axis": _to_unit(bone.axes["ankle"]) if talus else None,
-    }
 
 
 def _to_mm(point: results.Array) -> documents.Vector:

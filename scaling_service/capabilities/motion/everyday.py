@@ -136,20 +136,6 @@ def pack_posterior(model: body.BodyModel, names: abc.Sequence[str], covariance: 
     return replace(model, posterior=told)
 
 
-def _free_again(
-    model: body.BodyModel, trial: Trial
-) -> tuple[whitening.PosteriorProblem, Task, tuple[str, ...]]:
-    known = _take_posterior(model)
-    freed = free_named(model, known.names)
-    names = tuple(p.name for p in freed.parameters)
-    ones = np.ones(trial.n_frames)
-    people = population.read_people().with_skin(known.skin)
-    prior = whitening.GaussianPrior(names)
-    lawful = holds_skin(model)
-    problem, task = pose_problem(freed, trial, people, prior=prior, shares=ones, lawful=lawful)
-    return problem, task, names
-
-
 def knows_people(model: body.BodyModel) -> bool:
     """Whether a model holds more of its person than plain inverse kinematics uses."""
     return bool(model.posterior or model.expectations or any(m.noise is not None for m in model.markers))
@@ -192,7 +178,14 @@ def estimate_everyday_sd(
     markers determine a coordinate. ``rates``: see
     :func:`scaling_service.capabilities.motion.uncertainty.estimate_coordinate_sd`.
     """
-    problem, freed, names = _free_again(model, trial)
+    posterior = _take_posterior(model)
+    open_model = free_named(model, posterior.names)
+    names = tuple(p.name for p in open_model.parameters)
+    ones = np.ones(trial.n_frames)
+    people = population.read_people().with_skin(posterior.skin)
+    prior = whitening.GaussianPrior(names)
+    lawful = holds_skin(model)
+    problem, freed = pose_problem(open_model, trial, people, prior=prior, shares=ones, lawful=lawful)
     problem = _expect(problem, freed, q)
     free = problem.coordinates
     # Skin is seen anew after twice its time of correlation

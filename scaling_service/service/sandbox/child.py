@@ -82,27 +82,24 @@ class Child:
             text = json.dumps(result, ensure_ascii=False, allow_nan=False)
             (self.folder / RESULT).write_text(text, encoding="utf-8")
         except BaseException as error:  # noqa: BLE001 (whatever it is, it is the answer)
-            return self._explain(error)
+            for cause in _list_causes(error):
+                number = cause.errno if isinstance(cause, OSError) else None
+                if number in _HINDRANCES:
+                    return {"hindered": os.strerror(number or 0)}
+                if number == errno.EFBIG:
+                    return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
+                out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
+                if number == errno.ENOMEM or out_of_memory:
+                    return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
+            if isinstance(error, InputError):
+                return self._failure_message(error)
+            unexpected = Failure(
+                kind="ProgramError",
+                problem=f"the program failed on this job ({type(error).__name__})",
+                remedy="Report it with the number of the job; the service's log says where it happened",
+            )
+            return {"failure": unexpected.model_dump(), "trace": code_places(error)}
         return {"finished": True}
-
-    def _explain(self, error: BaseException) -> dict[str, Any]:
-        for cause in _list_causes(error):
-            number = cause.errno if isinstance(cause, OSError) else None
-            if number in _HINDRANCES:
-                return {"hindered": os.strerror(number or 0)}
-            if number == errno.EFBIG:
-                return self._failure_message(self.limits.report_exceeded("limit_file_mb"))
-            out_of_memory = isinstance(cause, MemoryError) and not isinstance(error, InputError)
-            if number == errno.ENOMEM or out_of_memory:
-                return self._failure_message(self.limits.report_exceeded("limit_memory_mb"))
-        if isinstance(error, InputError):
-            return self._failure_message(error)
-        unexpected = Failure(
-            kind="ProgramError",
-            problem=f"the program failed on this job ({type(error).__name__})",
-            remedy="Report it with the number of the job; the service's log says where it happened",
-        )
-        return {"failure": unexpected.model_dump(), "trace": code_places(error)}
 
     def _failure_message(self, error: InputError) -> dict[str, Any]:
         """The failure without the places on this machine, which mean nothing to a client."""

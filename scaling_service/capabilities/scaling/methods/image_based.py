@@ -210,25 +210,6 @@ def _list_osim_notes(
     return notes
 
 
-def _list_notes(
-    model: body.BodyModel, parts: image_points.ImagedParts, placed: Mapping[str, body.Vector]
-) -> list[str]:
-    """What is not from images."""
-    notes = []
-    other = [s for s in "rl" if s not in parts.thighs and f"femur_{s}" in model.segment_names]
-    if other and parts.thighs:
-        names = " and ".join("right" if s == "r" else "left" for s in other)
-        notes.append(
-            f"EB: the {names} leg was not imaged whole: its lengths are those of persons with such another "
-            "leg, as far as markers allow, its knee axis the other one mirrored, its markers are from the "
-            "standing trial"
-        )
-    skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
-    if skin:
-        notes.append(f"EB: {len(skin)} markers are not in the image: {list_few(skin)}")
-    return notes
-
-
 def _to_vector(values: Array) -> body.Vector:
     x, y, z = (float(v) for v in values)
     return (x, y, z)
@@ -277,7 +258,19 @@ def _scale(
     seen = {segment for segment, _ in imaged.values()}
     if standing is not None:
         model = placement.place_on(model, standing, frozenset(model.segment_names) - seen)
-    notes += [*_list_notes(model, parts, placed), *image_points.doubt_sizes(start.model, model, frames)]
+    # What is not from images
+    other = [s for s in "rl" if s not in parts.thighs and f"femur_{s}" in model.segment_names]
+    if other and parts.thighs:
+        names = " and ".join("right" if s == "r" else "left" for s in other)
+        notes.append(
+            f"EB: the {names} leg was not imaged whole: its lengths are those of persons with such another "
+            "leg, as far as markers allow, its knee axis the other one mirrored, its markers are from the "
+            "standing trial"
+        )
+    skin = [m.name for m in model.markers if m.weight > 0.0 and m.name not in placed]
+    if skin:
+        notes.append(f"EB: {len(skin)} markers are not in the image: {list_few(skin)}")
+    notes += image_points.doubt_sizes(start.model, model, frames)
     # Size of each segment against the generic model, from the lengths that images changed
     generic, now = lengths.measure_segment_lengths(base.generic), lengths.measure_segment_lengths(model)
     factors = dict(base.scale_factors)

@@ -97,7 +97,25 @@ def compare_muscles(
         found[method] = {}
         for trial in trials:
             progress(f"{method}: muscles in {trial}", k / len(models))
-            found[method][trial] = _follow(model, text, motions[method][trial], forces.get(trial))
+            motion = motions[method][trial]
+            ground = forces.get(trial)
+            stride = -(-len(motion.times) // MOST_FRAMES)
+            rows = slice(None, None, stride)
+            order = [motion.coordinates.index(name) for name in model.coordinate_names]
+            moments: dict[str, Array] = {}
+            if ground is not None:
+                dynamics = inverse_dynamics.solve_inverse_dynamics(model, motion, ground.loads)
+                judged = inverse_dynamics.find_judged_frames(dynamics, ground.contacts, DYNAMICS_CUTOFF_HZ)
+                values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
+                moments = {
+                    name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)
+                }
+            found[method][trial] = MuscleCourses(
+                motion.times[rows],
+                {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
+                muscles.measure_muscles(text, model, motion.q[rows][:, order]),
+                moments,
+            )
     first = next(iter(next(iter(found.values())).values()))
     if not first.geometry.muscles:
         raise _report_no_muscles("has no muscles")
@@ -134,26 +152,6 @@ def _gather_forces(
     without = [trial for trial in trials if trial not in found]
     said = f"joint moments are not compared in {', '.join(without)}: there are no forces"
     return found, (*unusable, said) if without else unusable
-
-
-def _follow(
-    model: BodyModel, text: str, motion: Motion, forces: kinetics_forces.TrialForces | None
-) -> MuscleCourses:
-    stride = -(-len(motion.times) // MOST_FRAMES)
-    rows = slice(None, None, stride)
-    order = [motion.coordinates.index(name) for name in model.coordinate_names]
-    moments: dict[str, Array] = {}
-    if forces is not None:
-        dynamics = inverse_dynamics.solve_inverse_dynamics(model, motion, forces.loads)
-        judged = inverse_dynamics.find_judged_frames(dynamics, forces.contacts, DYNAMICS_CUTOFF_HZ)
-        values = np.where(judged[:, None], dynamics.forces, np.nan)[rows]
-        moments = {name: values[:, dynamics.coordinates.index(name)] for name in _list_joint_angles(model)}
-    return MuscleCourses(
-        motion.times[rows],
-        {c.name: motion.column(c.name)[rows] for c in model.coordinates if c.kind == "rotation"},
-        muscles.measure_muscles(text, model, motion.q[rows][:, order]),
-        moments,
-    )
 
 
 def _list_joint_angles(model: BodyModel) -> list[str]:

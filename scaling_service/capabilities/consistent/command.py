@@ -12,7 +12,7 @@ from scaling_service.capabilities.shared import settings as shared_settings
 COMMANDS = ("consistent",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.consistent.document import ConsistentDocument
+    from scaling_service.capabilities.consistent.result import ConsistentDocument
 
 
 @flags.with_flags

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.consistent.document import ConsistentDocument
+from scaling_service.capabilities.consistent.result import ConsistentDocument
 from scaling_service.capabilities.dynamics.settings import ForceSettings
 from scaling_service.capabilities.shared import job
 from scaling_service.core.progress import Progress

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import planar
-from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
+from scaling_service.capabilities.consistent import planar, result, words
+from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.estimate import estimate_consistent as identify
 from scaling_service.capabilities.consistent.problem import ConsistentSettings
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
@@ -21,9 +21,12 @@ from scaling_service.capabilities.kinetics import inverse_dynamics
 from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject import loading
 from scaling_service.core import progress as progressing
+from scaling_service.core.arrays import Array
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.model import inertia
 from scaling_service.model.anatomy.inertia_planar import SQUAT
+from scaling_service.model.anatomy.lengths import measure_segment_lengths
+from scaling_service.model.body import BodyModel
 from scaling_service.model.compile import list_parameter_values
 from scaling_service.model.scaling import scale_model
 from scaling_service.model.subject import Subject
@@ -38,33 +41,13 @@ PLACED_M = 0.007
 (Della Croce et al. 1999, 2005: 6 to 21 mm within examiners)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ConsistentResults:
-    """What the loop made of a subject."""
-
-    prepared: start.Prepared  # its model has the mass that the plates bear
-    chosen: ForceSettings
-    settings: shared_settings.Settings
-    recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
-    fitted: int  # how many were fitted
-    result: ConsistentResult
-    warnings: tuple[str, ...]
-    wall_s: float = 0.0
-
-    @property
-    def tracked(self) -> Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
-        """Every recording, and how it is explained in each of the three ways."""
-        for k, recording in enumerate(self.recordings):
-            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}
-
-
 def consistent(
     subject: Subject | str | Path,
     chosen: ForceSettings = ForceSettings(),
     settings: shared_settings.Settings = shared_settings.UNSMOOTHED,
     *,
     progress: progressing.Progress | None = None,
-) -> ConsistentResults:
+) -> result.ConsistentResults:
     """Find the motion, geometry and inertia that a subject's markers and ground forces agree on.
 
     ``subject`` Subject or path of a subject file: calibration trials with forces are fitted, evaluation
@@ -77,7 +60,7 @@ def consistent(
     loaded = loading.open_subject(subject, settings, facing=True)
     with loaded.blame_files():
         ready = read(loaded, chosen, settings, progress=progressing.report_part(report, 0.0, _PREPARING))
-        result = identify(
+        found = identify(
             ready.prepared.model,
             ready.fitted,
             ready.held_out,
@@ -85,16 +68,89 @@ def consistent(
             progress=lambda what: report(what, _FINDING),
         )
     report("done", 1.0)
-    return ConsistentResults(
-        prepared=ready.prepared,
+    prepared, recordings = ready.prepared, (*ready.fitted, *ready.held_out)
+    warnings = tuple(dict.fromkeys((*prepared.warnings, *ready.notes, *found.inertial.warnings)))
+    wall_s = time.perf_counter() - clock
+    trials = {
+        one.name: _make_trial(
+            prepared,
+            one,
+            {way: tracked[k] for way, tracked in found.ways.items()},
+            held_out=k >= len(ready.fitted),
+        )
+        for k, one in enumerate(recordings)
+    }
+    headline, tone = words.write_headline(trials.values())
+    document = result.ConsistentDocument(
+        headline=headline,
+        tone=tone,
+        **start.record_dynamics_provenance(prepared, settings, consistent=chosen),
+        mass_kg=round(inertia.sum_mass(prepared.model), 3),
+        trials=trials,
+        inertial=[
+            result.InertialEntry.model_validate(p, from_attributes=True) for p in found.inertial.parameters
+        ],
+        lengths_mm=_measure_lengths(found.model),
+        lengths_before_mm=_measure_lengths(found.start),
+        length_factors={name: round(f, 5) for name, f in found.factors.items()},
+        outer_iterations=found.outer_iterations,
+        converged=found.converged,
+        history=[
+            result.LoopEntry(
+                marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(wrench, recordings[0])
+            )
+            for markers, wrench in found.history
+        ],
+        warnings=list(warnings),
+        files=[],
+        wall_s=round(wall_s, 3),
+    )
+    return result.ConsistentResults(
+        prepared=prepared,
         chosen=chosen,
         settings=settings,
-        recordings=(*ready.fitted, *ready.held_out),
+        recordings=recordings,
         fitted=len(ready.fitted),
-        result=result,
-        warnings=tuple(dict.fromkeys((*ready.prepared.warnings, *ready.notes, *result.inertial.warnings))),
-        wall_s=time.perf_counter() - clock,
+        result=found,
+        document=document,
+        warnings=warnings,
+        wall_s=wall_s,
     )
+
+
+def _make_trial(
+    prepared: start.Prepared,
+    recording: ConsistentRecording,
+    ways: Mapping[str, TrackedRecording],
+    *,
+    held_out: bool,
+) -> result.ConsistentTrial:
+    forces = prepared.forces.get(recording.name)
+    return result.ConsistentTrial(
+        held_out=held_out,
+        forces_from=forces.source.name if forces is not None else recording.name,
+        frames=int(recording.known.sum()),
+        ground_wrench_rmse=result.WrenchErrors(
+            **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
+        ),
+        marker_rms_mm=result.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
+        weight=ways["consistent"].weight,
+    )
+
+
+def _make_wrench(values: Array, recording: ConsistentRecording) -> result.GroundWrench:
+    named = zip(
+        ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
+    )
+    return result.GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
+
+
+def _measure_lengths(model: BodyModel) -> dict[str, float]:
+    return {name: round(1e3 * length, 2) for name, length in measure_segment_lengths(model).items()}
+
+
+def _to_mm(metres: float) -> float:
+    return round(1e3 * metres, 3)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -160,12 +216,12 @@ def _build_recording(prepared: start.Prepared, name: str, cutoff_hz: float) -> C
         tree, np.ascontiguousarray(dynamics.motion.q[known].T), list_parameter_values(prepared.model)
     )
     middle = poses.origins[rows].mean(axis=0).T
-    result = np.tile(middle.mean(axis=0), (len(dynamics.motion.q), 1))
-    result[known] = middle
+    about = np.tile(middle.mean(axis=0), (len(dynamics.motion.q), 1))
+    about[known] = middle
     return ConsistentRecording(
         trial=trial,
         motion=motion,
         loads=forces.loads,
         supported=inverse_dynamics.find_judged_frames(dynamics, forces.contacts, cutoff_hz),
-        about=result,
+        about=about,
     )

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from collections import abc
 from pathlib import Path
 
 import numpy as np
 
-from scaling_service.capabilities.consistent import document as documents
+from scaling_service.capabilities.consistent import result as documents
 from scaling_service.capabilities.consistent import words
 from scaling_service.capabilities.consistent.estimate import TrackedRecording
 from scaling_service.capabilities.consistent.recording import ConsistentRecording
-from scaling_service.capabilities.consistent.run import ConsistentResults
+from scaling_service.capabilities.consistent.result import ConsistentResults
 from scaling_service.capabilities.dynamics import saving
 from scaling_service.capabilities.motion.saving import write_motion
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.core.arrays import Array
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.files.table_files import ArrayFiles
-from scaling_service.model.anatomy.lengths import measure_segment_lengths
 from scaling_service.model.body import BodyModel
-from scaling_service.model.inertia import sum_mass
 from scaling_service.model.results import Motion
 from scaling_service.report import onefile
 
@@ -47,39 +43,9 @@ def save_consistent(
             x, y, z = factors.get(name, (1.0, 1.0, 1.0))
             factors[name] = (factor * x, factor * y, factor * z)
         notes = saving.write_massive_model(scratch, result.model, results.prepared, factors)
-        # `consistent.json`, with the files and notes that writing them added
         written = sorted(path.name for path in scratch.iterdir())
-        prepared, estimate = results.prepared, results.result
-        trials = {
-            recording.name: _make_trial(results, recording, ways, held_out=k >= results.fitted)
-            for k, (recording, ways) in enumerate(results.tracked)
-        }
-        headline, tone = words.write_headline(trials.values())
-        document = documents.ConsistentDocument(
-            headline=headline,
-            tone=tone,
-            **saving.record_dynamics_provenance(prepared, results.settings, consistent=results.chosen),
-            mass_kg=round(sum_mass(prepared.model), 3),
-            trials=trials,
-            inertial=[
-                documents.InertialEntry.model_validate(p, from_attributes=True)
-                for p in estimate.inertial.parameters
-            ],
-            lengths_mm=_measure_lengths(estimate.model),
-            lengths_before_mm=_measure_lengths(estimate.start),
-            length_factors={name: round(f, 5) for name, f in estimate.factors.items()},
-            outer_iterations=estimate.outer_iterations,
-            converged=estimate.converged,
-            history=[
-                documents.LoopEntry(
-                    marker_rms_mm=_to_mm(markers), ground_wrench_rmse=_make_wrench(w, results.recordings[0])
-                )
-                for markers, w in estimate.history
-            ],
-            warnings=[*results.warnings, *notes],
-            files=list(written),
-            wall_s=round(results.wall_s, 3),
-        )
+        warnings = [*results.document.warnings, *notes]
+        document = results.document.model_copy(update={"files": written, "warnings": warnings})
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the result's views with the ground wrench over time.
@@ -159,38 +125,3 @@ def _write_motion_part(recording: ConsistentRecording, tracked: TrackedRecording
         residuals=tracked.gaps.marker_gaps,
         estimated=motion.estimated,
     )
-
-
-def _make_trial(
-    results: ConsistentResults,
-    recording: ConsistentRecording,
-    ways: abc.Mapping[str, TrackedRecording],
-    *,
-    held_out: bool,
-) -> documents.ConsistentTrial:
-    forces = results.prepared.forces.get(recording.name)
-    return documents.ConsistentTrial(
-        held_out=held_out,
-        forces_from=forces.source.name if forces is not None else recording.name,
-        frames=int(recording.known.sum()),
-        ground_wrench_rmse=documents.WrenchErrors(
-            **{n: _make_wrench(w.wrench_rmse, recording) for n, w in ways.items()}
-        ),
-        marker_rms_mm=documents.MarkerErrors(**{n: _to_mm(w.marker_rms_m) for n, w in ways.items()}),
-        weight=ways["consistent"].weight,
-    )
-
-
-def _make_wrench(values: Array, recording: ConsistentRecording) -> documents.GroundWrench:
-    named = zip(
-        ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"), values, recording.components, strict=True
-    )
-    return documents.GroundWrench(**{name: round(float(value), 4) for name, value, counts in named if counts})
-
-
-def _measure_lengths(model: BodyModel) -> dict[str, float]:
-    return {name: round(1e3 * length, 2) for name, length in measure_segment_lengths(model).items()}
-
-
-def _to_mm(metres: float) -> float:
-    return round(1e3 * metres, 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from scaling_service.capabilities.consistent import document as documents
+from scaling_service.capabilities.consistent import result as documents
 from scaling_service.documents.base import Tone
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary

@@ -12,7 +12,7 @@ from scaling_service.capabilities.shared import settings as shared_settings
 COMMANDS = ("dynamics",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.dynamics.document import DynamicsDocument
+    from scaling_service.capabilities.dynamics.result import DynamicsDocument
 
 _SHOWN = 10  # numbers of identified inertia on the screen (chosen); all are in dynamics.json
 

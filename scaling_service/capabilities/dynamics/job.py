@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scaling_service.capabilities.dynamics.document import DynamicsDocument
+from scaling_service.capabilities.dynamics.result import DynamicsDocument
 from scaling_service.capabilities.dynamics.settings import DynamicsSettings
 from scaling_service.capabilities.shared import job
 from scaling_service.core.progress import Progress

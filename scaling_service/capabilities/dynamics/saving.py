@@ -5,21 +5,15 @@ from __future__ import annotations
 import json
 from collections import abc
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from scaling_service.capabilities.dynamics import document as documents
-from scaling_service.capabilities.dynamics import run, words
-from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
+from scaling_service.capabilities.dynamics import result, words
 from scaling_service.capabilities.dynamics.start import Prepared
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.playback import document as playing
 from scaling_service.capabilities.playback.scene import FOLDER
-from scaling_service.capabilities.shared.settings import Settings
-from scaling_service.capabilities.subject import provenance
 from scaling_service.core.errors import DependencyMissing
-from scaling_service.core.options import Options
 from scaling_service.core.tables import ResultTable
 from scaling_service.documents import writing
 from scaling_service.files import sto as sto_files
@@ -28,7 +22,6 @@ from scaling_service.files.table_files import ArrayFiles
 from scaling_service.model import freed
 from scaling_service.model.body import BodyModel
 from scaling_service.model.document import to_document
-from scaling_service.model.inertia import sum_mass
 from scaling_service.report import onefile
 
 FILE_NAME = "dynamics.json"
@@ -37,8 +30,8 @@ RESIDUALS_FILE = f"{FOLDER}/residuals.json"
 
 
 def save_dynamics(
-    results: run.DynamicsResults, folder: str | Path, *, report: bool = True
-) -> documents.DynamicsDocument:
+    results: result.DynamicsResults, folder: str | Path, *, report: bool = True
+) -> result.DynamicsDocument:
     """Write ``<trial>_id.sto`` of every trial, ``dynamics.json`` and ``report.html`` into a folder.
 
     Where inertia was identified, ``model.json`` and ``model.osim`` are the model with it.
@@ -80,37 +73,9 @@ def save_dynamics(
             scaling = results.prepared.calibration
             factors = {} if scaling is None else scaling.scale_factors
             notes = write_massive_model(scratch, results.inertial.model, results.prepared, factors)
-        # `dynamics.json`, with the files and notes that writing them added
         written = sorted(path.name for path in scratch.iterdir())
-        prepared = results.prepared
-        known = record_dynamics_provenance(prepared, results.settings, dynamics=results.chosen)
-        for trial_name, checked in results.trials.items():
-            known["repairs"][trial_name] += provenance.repair_notes(checked.forces.repairs)
-        trials = {trial_name: _make_trial(checked, results) for trial_name, checked in results.trials.items()}
-        supported = [yes for trial in trials.values() for yes in trial.calibration_supported]
-        headline, tone = words.write_headline(supported, wrong_mass=results.weight.differs)
-        document = documents.DynamicsDocument(
-            **known,
-            headline=headline,
-            tone=tone,
-            mass_kg=sum_mass(prepared.model),
-            weight=documents.WeightDocument(
-                declared_kg=results.weight.declared_kg,
-                plates_kg=results.weight.plates_kg,
-                sd_kg=results.weight.sd_kg,
-                differs=results.weight.differs,
-                by_trial_kg=dict(results.weight.by_trial),
-            ),
-            height_m=prepared.height_m,
-            trials=trials,
-            verdict=results.verdict,
-            inertial=None
-            if results.inertial is None
-            else _make_identification(results.inertial, prepared.model),
-            warnings=[*results.warnings, *notes],
-            files=list(written),
-            wall_s=round(results.wall_s, 3),
-        )
+        warnings = [*results.document.warnings, *notes]
+        document = results.document.model_copy(update={"files": written, "warnings": warnings})
         writing.write_json(scratch / FILE_NAME, document)
         if report:
             # `report.html`: the check's views with the residuals over time.
@@ -129,7 +94,7 @@ def save_dynamics(
     return document
 
 
-def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> sto_files.Table:
+def _tabulate_forces(name: str, found: result.TrialDynamics, model: BodyModel) -> sto_files.Table:
     """Generalised forces under the names of OpenSim's inverse dynamics tool, and the residual in ground axes.
 
     ``hip_flexion_r_moment`` is in N m, ``pelvis_tx_force`` in N; ``residual_fx`` … ``residual_mz`` in N and
@@ -146,7 +111,7 @@ def _tabulate_forces(name: str, found: run.TrialDynamics, model: BodyModel) -> s
     )
 
 
-def tabulate_loads(results: run.DynamicsResults) -> dict[str, ResultTable]:
+def tabulate_loads(results: result.DynamicsResults) -> dict[str, ResultTable]:
     """Joint loads and the residual of every recording over time, N and N m; see ``<trial>_id.sto``."""
     tables = {}
     for name, found in results.trials.items():
@@ -185,72 +150,8 @@ def write_massive_model(
     return () if held == model else (freed.MARKERS_HELD,)
 
 
-def record_dynamics_provenance(prepared: Prepared, settings: Settings, **chosen: Options) -> dict[str, Any]:
-    """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
-    resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
-    trials = prepared.loaded.session.dynamic
-    origin = provenance.record_provenance(prepared.loaded, trials, resolved, settings.seed)
-    return origin | {"start": prepared.start, "inertia": prepared.inertia}
-
-
-def _make_trial(found: run.TrialDynamics, results: run.DynamicsResults) -> documents.TrialDynamicsDocument:
-    residuals, uncertainty = found.residuals, found.uncertainty
-    fitted = {trial.name for trial in results.prepared.loaded.session.calibration}
-    kinds = {c.name: c.kind for c in results.prepared.model.coordinates}
-    forces = found.dynamics.forces[found.frames]
-    return documents.TrialDynamicsDocument.model_validate(
-        {
-            "role": "calibration" if residuals.trial in fitted else "evaluation",
-            "forces_from": found.forces.source.name,
-            "frames": residuals.frames,
-            "left_out": residuals.left_out,
-            "residual_rms": residuals.rms,
-            "dr": residuals.dr,
-            "gates": residuals.gates,
-            "joint_loads": {
-                name: {
-                    "unit": "N m" if kinds[name] == "rotation" else "N",
-                    "peak": np.abs(forces[:, k]).max(),
-                    "rms": np.sqrt((forces[:, k] ** 2).mean()),
-                }
-                for k, name in enumerate(found.dynamics.coordinates)
-            },
-            "reconstruction_error_mm": 1e3 * uncertainty.reconstruction_error_m,
-            "uncertainty": uncertainty,
-            "slopes_per_cm": uncertainty.slopes_per_cm,
-            "r2": uncertainty.r2,
-            "calibration_supported": found.calibration_supported.tolist(),
-            "unmeasured": [one.sentence for one in found.unmeasured],
-            "warnings": found.warnings,
-        },
-        from_attributes=True,
-    )
-
-
-def _make_identification(
-    found: InertialIdentification, before: BodyModel
-) -> documents.IdentificationDocument:
-    ratio = found.relative_error(held_out=True)
-    known = None if np.isnan(ratio) else ratio
-    headline, tone = words.write_inertial_headline(len(found.combinations), known, found.components)
-    return documents.IdentificationDocument.model_validate(
-        {
-            "headline": headline,
-            "tone": tone,
-            "components": found.components,
-            "total_mass_kg": (sum_mass(before), sum_mass(found.model)),
-            "trials": {fit.trial: fit for fit in found.fits},
-            "held_out_ratio": known,
-            "combinations": found.combinations,
-            "parameters": found.parameters,
-            "warnings": found.warnings,
-        },
-        from_attributes=True,
-    )
-
-
 def write_residuals(
-    results: run.DynamicsResults, outputs: Path, *, brief: bool = False
+    results: result.DynamicsResults, outputs: Path, *, brief: bool = False
 ) -> playing.ResidualScene:
     """Write ``scene/residuals.json`` with its tables.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from scaling_service.capabilities.dynamics.settings import DEFAULT_TABLE, ForceSettings
 from scaling_service.capabilities.kinetics import forces as kinetics_forces
@@ -12,7 +13,9 @@ from scaling_service.capabilities.scaling import run as scaling
 from scaling_service.capabilities.shared import names
 from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.capabilities.subject.loading import Loaded
+from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.errors import SubjectInvalid
+from scaling_service.core.options import Options
 from scaling_service.core.progress import Progress
 from scaling_service.core.text import list_few
 from scaling_service.model import subject as subjects
@@ -160,3 +163,13 @@ def with_inertia(
     apply = inertia_planar.apply_to_squat if subject.model == inertia_planar.SQUAT else apply_inertia_table
     result = apply(model, chosen, sex=subject.sex, height_m=subject.height_m, mass_kg=subject.mass_kg)
     return Massive(result.model, chosen, result.notes)
+
+
+def record_dynamics_provenance(
+    prepared: Prepared, settings: shared_settings.Settings, **chosen: Options
+) -> dict[str, Any]:
+    """What is needed to get results again, and what they started from; ``chosen`` stand by their names."""
+    resolved = settings.resolved() | {name: options.resolved() for name, options in chosen.items()}
+    trials = prepared.loaded.session.dynamic
+    origin = record_provenance(prepared.loaded, trials, resolved, settings.seed)
+    return origin | {"start": prepared.start, "inertia": prepared.inertia}

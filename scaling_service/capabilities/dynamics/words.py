@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import abc
 
-from scaling_service.capabilities.dynamics import document as documents
+from scaling_service.capabilities.dynamics import result as documents
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.capabilities.shared import names
 from scaling_service.documents.base import Tone

@@ -16,7 +16,7 @@ from scaling_service.report.tables import Row, Table
 COMMANDS = ("ik",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.motion.document import MotionDocument
+    from scaling_service.capabilities.motion.result import MotionDocument
 
 
 @flags.with_flags

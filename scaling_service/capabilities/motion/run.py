@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import abc
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from scaling_service.capabilities.motion import uncertainty as uncertainties
 from scaling_service.capabilities.motion.beside_markers import join_recordings
 from scaling_service.capabilities.motion.mounting import mount
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.tables import tabulate_coordinates
+from scaling_service.capabilities.motion.result import Tracked, TrackedTrial
 from scaling_service.capabilities.motion.task import Task
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.capabilities.subject import loading
@@ -26,7 +26,6 @@ from scaling_service.core.arrays import Array
 from scaling_service.core.errors import InputError
 from scaling_service.core.notes import Note
 from scaling_service.core.progress import Progress, show_nothing
-from scaling_service.core.tables import MotionTable, ResultTable
 from scaling_service.documents.subject import MODEL_SUFFIXES
 from scaling_service.files.osim.setups import read_body_frames
 from scaling_service.files.recording import READERS
@@ -40,82 +39,6 @@ from scaling_service.recording.orientation import check_axes
 from scaling_service.recording.settings import ProcessingSettings
 
 _READING = 0.2  # chosen: about the share of reading and processing
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackedTrial:
-    """One trial as a model tracks it."""
-
-    motion: Motion
-    uncertainty: uncertainties.CoordinateSd
-    error: kinematic_errors.KinematicError
-    angles: clinical_angles.ClinicalAngles | None = (
-        None  # conventional ones with their standard deviations, if asked for
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Tracked:
-    """How a model tracks recordings, trial by trial, and where both came from.
-
-    Attributes
-    ----------
-    loaded : Loaded
-        The model and the recordings, and how their labels and axes were understood.
-    trials : mapping of str to TrackedTrial
-        By the recording's name: motion (rad, m), standard deviations (rad, m) and kinematic error (m).
-    options : MotionOptions
-        What was chosen.
-    wall_s : float
-        Wall time, s.
-
-    Examples
-    --------
-    >>> import scaling_service as ss
-    >>> tracked = ss.ik("compared/MB/model.json", ["lab/gait_1.trc"])
-    >>> isinstance(tracked, ss.Tracked)
-    True
-    >>> knee = tracked.coordinates("gait_1").to_frame()["knee_angle_r_deg"]
-    >>> round(float(knee.max() - knee.min()), -1)  # degrees
-    50.0
-    """
-
-    loaded: loading.Loaded
-    trials: abc.Mapping[str, TrackedTrial]
-    options: MotionOptions = field(default_factory=MotionOptions)
-    wall_s: float = 0.0
-
-    def coordinates(self, trial: str) -> MotionTable:
-        """Coordinates of a trial over time with their standard deviations, degrees and m.
-
-        What markers do not show is NaN, its deviation infinite.
-
-        Raises KeyError: no recording is called so.
-        """
-        tracked = self.trials[trial]
-        return tabulate_coordinates(
-            trial, tracked.motion, self.loaded.session.model, tracked.uncertainty.sd, system="markers"
-        )
-
-    @property
-    def errors(self) -> ResultTable:
-        """Kinematic error of every trial, mm."""
-        rows = tuple(
-            (name, *(1e3 * value for value in (t.error.mean, t.error.rms, t.error.max)))
-            for name, t in self.trials.items()
-        )
-        return ResultTable("Kinematic error", ("trial", "mean_mm", "rms_mm", "max_mm"), rows)
-
-    @property
-    def tables(self) -> dict[str, ResultTable]:
-        """The errors, and the coordinates of every trial by its name."""
-        return {"errors": self.errors, **{f"motion_{name}": self.coordinates(name) for name in self.trials}}
-
-    def __repr__(self) -> str:
-        return f"Tracked by model '{self.loaded.session.model.name}'\n{self.errors!r}"
-
-    def _repr_html_(self) -> str:
-        return self.errors._repr_html_()
 
 
 def ik(

@@ -10,11 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from scaling_service.capabilities.motion import document as documents
-from scaling_service.capabilities.motion import run, unshown
+from scaling_service.capabilities.motion import result, unshown
 from scaling_service.capabilities.motion.clinical_angles import ClinicalAngles
-from scaling_service.capabilities.motion.uncertainty import CoordinateSd
-from scaling_service.capabilities.subject.provenance import record_provenance
 from scaling_service.core.arrays import Array
 from scaling_service.documents import writing
 from scaling_service.files import sto
@@ -24,7 +21,6 @@ from scaling_service.model import compile as compiling
 from scaling_service.model.anatomy import frames
 from scaling_service.model.poses import pose_segments
 from scaling_service.model.results import Motion
-from scaling_service.recording.settings import ProcessingSettings
 
 CLINICAL = "_clinical.csv"
 HELD = "_opensim.mot"
@@ -141,7 +137,7 @@ def write_numbers(path: Path, heads: abc.Sequence[str], rows: abc.Iterable[abc.S
         writer.writerows(rows)
 
 
-def save_motions(tracked: run.Tracked, folder: str | Path) -> documents.MotionDocument:
+def save_motions(tracked: result.Tracked, folder: str | Path) -> result.MotionDocument:
     """Write every trial's motion and standard deviations, ``ik.json``, and what else is asked for.
 
     Parameters
@@ -178,84 +174,6 @@ def save_motions(tracked: run.Tracked, folder: str | Path) -> documents.MotionDo
             if tracked.options.poses:
                 sto.write_sto(scratch / f"{name}_poses.sto", tabulate_poses(trial.motion, model))
         files = sorted(path.name for path in scratch.iterdir())
-        loaded, session, options = tracked.loaded, tracked.loaded.session, tracked.options
-        processing = ProcessingSettings.smoothed(options.smooth_hz).resolved()
-        settings = options.resolved() | {"processing": processing}
-        document = documents.MotionDocument(
-            **record_provenance(loaded, session.evaluation, settings),
-            model=Path(session.subject.model).name,
-            axes=loaded.axes,
-            units={c.name: "deg" if c.kind == "rotation" else "m" for c in session.model.coordinates},
-            locked=[c.name for c in session.model.coordinates if c.locked],
-            trials={
-                name: make_trial_document(trial, session.model) for name, trial in tracked.trials.items()
-            },
-            warnings=list(session.warnings),
-            files=files,
-            wall_s=round(tracked.wall_s, 3),
-        )
+        document = tracked.make_document(files)
         writing.write_json(scratch / FILE_NAME, document)
     return document
-
-
-def make_trial_document(tracked: run.TrackedTrial, model: body.BodyModel) -> documents.TrackedTrialDocument:
-    """One trial's part of ``ik.json``."""
-    motion, spread = tracked.motion, tracked.uncertainty
-    error = tracked.error
-    return documents.TrackedTrialDocument(
-        kinematic_error_mm=documents.KinematicErrorDocument(
-            mean=_to_mm_or_none(error.mean),
-            rms=_to_mm_or_none(error.rms),
-            max=_to_mm_or_none(error.max),
-            per_marker={name: _to_mm(value) for name, value in error.per_marker.items()},
-        ),
-        not_determined=[n for n in motion.coordinates if n in unshown.list_unshown_names(motion, model)],
-        frames_not_determined=_count_undetermined(
-            motion.coordinates, np.isnan(motion.q).sum(axis=0).tolist()
-        ),
-        frames_at_range_end=_count_undetermined(motion.coordinates, spread.at_range_end.sum(axis=0).tolist()),
-        marker_noise_mm={
-            name: _to_mm(sd)
-            for name, sd in zip(motion.markers, spread.noise.tolist(), strict=True)
-            if np.isfinite(sd)
-        },
-        rotation_error_deg={
-            label: round(float(np.degrees(np.sqrt(np.nanmean(np.square(angles))))), 4)
-            for label, angles in motion.turns.items()
-            if np.isfinite(angles).any()
-        },
-        frames=len(motion.times),
-        summary=dict(_summarise(motion, spread, model)),
-    )
-
-
-def _summarise(
-    motion: Motion, spread: CoordinateSd, model: body.BodyModel
-) -> abc.Iterator[tuple[str, documents.CoordinateSummary]]:
-    kinds = {c.name: c.kind for c in model.coordinates if not c.locked}
-    for k, name in enumerate(motion.coordinates):
-        known = motion.q[:, k][np.isfinite(motion.q[:, k])]
-        if name not in kinds or name not in motion.estimated or not len(known):
-            continue
-        unit = 180.0 / np.pi if kinds[name] == "rotation" else 1.0
-        sd = float("nan") if spread.mean is None else float(unit * spread.mean[k])
-        yield (
-            name,
-            documents.CoordinateSummary(
-                mean=round(float(unit * known.mean()), 4),
-                mean_sd=round(sd, 4) if np.isfinite(sd) else None,
-                range=round(float(unit * np.ptp(known)), 4),
-            ),
-        )
-
-
-def _count_undetermined(names: abc.Sequence[str], counts: abc.Sequence[int]) -> dict[str, int]:
-    return {name: count for name, count in zip(names, counts, strict=True) if count}
-
-
-def _to_mm(metres: float) -> float:
-    return round(1e3 * metres, 4)
-
-
-def _to_mm_or_none(metres: float) -> float | None:
-    return _to_mm(metres) if np.isfinite(metres) else None

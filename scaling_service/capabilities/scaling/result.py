@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scaling_service.capabilities.motion.kinematic_error import KinematicError
-from scaling_service.capabilities.motion.run import TrackedTrial
+from scaling_service.capabilities.motion.result import TrackedTrial
 from scaling_service.capabilities.motion.tables import tabulate_coordinates
 from scaling_service.capabilities.scaling import clinical_gait
 from scaling_service.capabilities.scaling.comparison import evidence

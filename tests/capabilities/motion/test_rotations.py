@@ -15,7 +15,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from scaling_service.capabilities.motion.options import MotionOptions
-from scaling_service.capabilities.motion.run import Tracked, ik
+from scaling_service.capabilities.motion.result import Tracked
+from scaling_service.capabilities.motion.run import ik
 from scaling_service.capabilities.motion.saving import save_motions
 from scaling_service.core.errors import TrialUnusable
 from scaling_service.files.sto import read_sto

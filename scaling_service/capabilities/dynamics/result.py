@@ -1,15 +1,30 @@
-"""``dynamics.json``: residual wrenches of recordings, their uncertainty, and what they say of the inertia."""
+"""What `dynamics` finds: residual wrenches, their uncertainty and what they say of the inertia."""
 
 from __future__ import annotations
 
+from collections import abc
+from dataclasses import dataclass
+from html import escape
 from typing import Annotated, Any, Literal
 
 import numpy as np
 import pydantic
+from numpy.typing import NDArray
 
+from scaling_service.capabilities.dynamics import start
+from scaling_service.capabilities.dynamics import weight as weights
+from scaling_service.capabilities.dynamics.inertia.parameters import InertialIdentification
+from scaling_service.capabilities.dynamics.settings import DynamicsSettings
+from scaling_service.capabilities.dynamics.uncertainty import total
+from scaling_service.capabilities.dynamics.unmeasured import Unmeasured
+from scaling_service.capabilities.kinetics import inverse_dynamics
+from scaling_service.capabilities.kinetics.forces import TrialForces
+from scaling_service.capabilities.shared import settings as shared_settings
+from scaling_service.core.tables import ResultTable
 from scaling_service.core.text import list_few
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
+from scaling_service.model.results import Motion
 
 
 def _round_figures(value: float) -> float:
@@ -187,6 +202,61 @@ class DynamicsDocument(Provenance):
     warnings: list[str]
     files: list[str] = pydantic.Field(description="What was written beside this document.")
     wall_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TrialDynamics:
+    """One recording's dynamics."""
+
+    motion: Motion  # as the markers have it, not filtered
+    forces: TrialForces
+    dynamics: inverse_dynamics.InverseDynamics
+    frames: NDArray[np.bool_]  # (n,): those that count; see ``judged_frames``
+    residuals: inverse_dynamics.Residuals  # over these frames
+    recording: total.LoadedMotion  # the same, as its uncertainty is asked of it
+    uncertainty: total.WrenchUncertainty  # of the residual, over the same frames
+    # flight, and what bears the person that no plate measures
+    unmeasured: tuple[Unmeasured, ...] = ()
+    warnings: tuple[str, ...] = ()  # plain sentences
+
+    @property
+    def calibration_supported(self) -> NDArray[np.bool_]:
+        """Components (6,) whose residual inertia may be blamed for; none where plates do not measure all."""
+        return np.asarray(self.uncertainty.calibration_supported & (not self.unmeasured))
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class DynamicsResults:
+    """Dynamics of all of a subject's recordings that have forces."""
+
+    prepared: start.Prepared
+    chosen: DynamicsSettings
+    settings: shared_settings.Settings
+    trials: abc.Mapping[str, TrialDynamics]  # by the stems of the trials' files
+    weight: weights.Weight  # by the plates, beside the model's
+    verdict: str  # in plain words: what the residuals say of the model
+    document: DynamicsDocument  # ``dynamics.json``: N and N m
+    inertial: InertialIdentification | None = None  # where it was asked for and the verdict allows it
+    warnings: tuple[str, ...] = ()  # what concerns all recordings
+    wall_s: float = 0.0
+
+    @property
+    def residuals(self) -> ResultTable:
+        """RMS of the residual wrench of every recording, N and N m."""
+        units = [f"{name}_{'N' if name[0] == 'f' else 'Nm'}" for name in inverse_dynamics.COMPONENTS]
+        rows = tuple((name, *map(float, trial.residuals.rms)) for name, trial in self.trials.items())
+        return ResultTable("RMS of the residual", ("trial", *units), rows)
+
+    @property
+    def tables(self) -> dict[str, ResultTable]:
+        """The residuals of all recordings."""
+        return {"residuals": self.residuals}
+
+    def __repr__(self) -> str:
+        return f"{self.residuals!r}\n{self.verdict}"
+
+    def _repr_html_(self) -> str:
+        return f"{self.residuals._repr_html_()}<p>{escape(self.verdict)}</p>"
 
 
 def merge_warnings(document: DynamicsDocument) -> list[str]:

@@ -1,11 +1,18 @@
-"""``consistent.json``: motion, geometry and inertia that markers and ground forces agree on."""
+"""What `consistent` finds: motion, geometry and inertia that markers and ground forces agree on."""
 
 from __future__ import annotations
 
+from collections import abc
+from dataclasses import dataclass
 from typing import Literal
 
 from pydantic import Field
 
+from scaling_service.capabilities.consistent.estimate import ConsistentResult, TrackedRecording
+from scaling_service.capabilities.consistent.recording import ConsistentRecording
+from scaling_service.capabilities.dynamics import start
+from scaling_service.capabilities.dynamics.settings import ForceSettings
+from scaling_service.capabilities.shared import settings as shared_settings
 from scaling_service.documents import base
 from scaling_service.documents.results import Provenance
 
@@ -89,3 +96,24 @@ class ConsistentDocument(Provenance):
     warnings: list[str]
     files: list[str]
     wall_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ConsistentResults:
+    """What the loop made of a subject."""
+
+    prepared: start.Prepared  # its model has the mass that the plates bear
+    chosen: ForceSettings
+    settings: shared_settings.Settings
+    recordings: tuple[ConsistentRecording, ...]  # fitted ones, then held-out ones, in the order of ``result``
+    fitted: int  # how many were fitted
+    result: ConsistentResult
+    document: ConsistentDocument  # ``consistent.json``
+    warnings: tuple[str, ...]
+    wall_s: float = 0.0
+
+    @property
+    def tracked(self) -> abc.Iterator[tuple[ConsistentRecording, dict[str, TrackedRecording]]]:
+        """Every recording, and how it is explained in each of the three ways."""
+        for k, recording in enumerate(self.recordings):
+            yield recording, {way: tracked[k] for way, tracked in self.result.ways.items()}

@@ -95,7 +95,7 @@ def reproduce(
     tables: abc.Iterable[Table]
     if study == "puchaud2019":
         from scaling_service.capabilities.cohort.screen import show_progress
-        from scaling_service.studies.puchaud2019 import document as puchaud2019
+        from scaling_service.studies.puchaud2019 import result as puchaud2019
         from scaling_service.studies.puchaud2019.run import reproduce_puchaud2019
 
         with show_progress() as watcher:

@@ -13,7 +13,6 @@ from os import _exit
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.cohort.document import StatisticsDocument
 from scaling_service.capabilities.cohort.executors import report_stage, workers
 from scaling_service.capabilities.cohort.outcomes import (
     Done,
@@ -22,6 +21,7 @@ from scaling_service.capabilities.cohort.outcomes import (
     run_members,
     select_possible_methods,
 )
+from scaling_service.capabilities.cohort.result import StatisticsDocument
 from scaling_service.capabilities.cohort.run import BatchResult, summarise_cohort
 from scaling_service.capabilities.cohort.saving import tabulate_outcomes
 from scaling_service.capabilities.cohort.summary import TRUTH, MethodSummary, SubjectSummary, summarise

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.subject.loading import open_subject
 from scaling_service.core.errors import InputError, MarkerMissing
 from scaling_service.documents.reading import check_document

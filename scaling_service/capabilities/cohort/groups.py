@@ -17,7 +17,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from scaling_service.capabilities.cohort import document, summary
+from scaling_service.capabilities.cohort import result as documents
+from scaling_service.capabilities.cohort import summary
 from scaling_service.core.arrays import Array
 from scaling_service.numerics.statistics import complete
 
@@ -36,7 +37,7 @@ def compare_groups(
     *,
     quantity: str,
     alpha: float = 0.05,
-) -> document.FriedmanEntry:
+) -> documents.FriedmanEntry:
     """Compare a quantity between methods: Friedman's test, and every pair of methods after it.
 
     Parameters
@@ -71,7 +72,7 @@ def compare_groups(
     spread = n * float(np.sum((mean_rank - (k + 1) / 2) ** 2))
     statistic = spread / variance if variance > 0.0 else 0.0
     p = float(scipy.stats.chi2.sf(statistic, k - 1))
-    return document.FriedmanEntry(
+    return documents.FriedmanEntry(
         chi_square=statistic,
         degrees_of_freedom=k - 1,
         p=p,
@@ -84,7 +85,7 @@ def compare_groups(
 
 def _compare_pairs(
     table: Array, mean_rank: Array, error: float, methods: abc.Sequence[str], alpha: float, *, gate: bool
-) -> list[document.RankedPairEntry]:
+) -> list[documents.RankedPairEntry]:
     """Tukey's HSD on mean ranks whose standard error is known."""
     first, second = np.array(list(combinations(range(len(methods)), 2))).T
     apart = np.abs(mean_rank[first] - mean_rank[second])
@@ -92,7 +93,7 @@ def _compare_pairs(
     p = scipy.stats.studentized_range.sf(q, len(methods), np.inf)
     differences = table[:, first] - table[:, second]
     return [
-        document.RankedPairEntry(
+        documents.RankedPairEntry(
             methods=(methods[first[i]], methods[second[i]]),
             difference_mean=float(differences[:, i].mean()),
             difference_sd=float(differences[:, i].std(ddof=1)),
@@ -130,7 +131,7 @@ def _shift(method: summary.MethodSummary) -> dict[str, float]:
 
 def compare_quantities(
     subjects: abc.Sequence[summary.SubjectSummary], methods: abc.Sequence[str], alpha: float
-) -> dict[str, list[document.QuantityEntry]]:
+) -> dict[str, list[documents.QuantityEntry]]:
     """Every quantity of every kind, over every panel that the cohort allows.
 
     ``alpha`` is of each test: quantities are not corrected for each other, as in Puchaud 2019 (section 2.3).
@@ -156,7 +157,7 @@ def compare_quantities(
         ),
         columns=["kind", "quantity", "subject", "method", "value"],
     )
-    entries: dict[str, list[document.QuantityEntry]] = {kind: [] for kind in kinds}
+    entries: dict[str, list[documents.QuantityEntry]] = {kind: [] for kind in kinds}
     for (kind, quantity), found in long.groupby(["kind", "quantity"], sort=False):
         table = found.pivot(index="subject", columns="method", values="value")
         table = table.replace([np.inf, -np.inf], np.nan).reindex([s.subject for s in subjects])
@@ -168,9 +169,9 @@ def compare_quantities(
             if not note:
                 tested = compare_groups(part, panel.subjects, panel.methods, quantity=quantity, alpha=alpha)
             entries[kind].append(
-                document.QuantityEntry(
+                documents.QuantityEntry(
                     quantity=quantity,
-                    compared=document.Compared.model_validate(panel),
+                    compared=documents.Compared.model_validate(panel),
                     mean=part.mean().to_dict(),
                     sd=part.std().to_dict() if len(part) > 1 else {},
                     values=part.to_dict("index"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import pydantic
 
-from scaling_service.capabilities.cohort import document
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort.members import COLUMN
 from scaling_service.capabilities.scaling.job import ChosenMethods, ScalingRequest
 from scaling_service.capabilities.shared import job
@@ -195,8 +195,8 @@ def list_kinds() -> dict[str, job.Kind]:
             request=BatchRequest,
             work=summarise,
             route="batches",
-            result=document.CohortDocument,
-            parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=document.RECORD),
+            result=documents.CohortDocument,
+            parts=job.Parts(kind="batch-member", requests=BatchRequest.members, file=documents.RECORD),
         ),
         "batch-member": job.Kind(request=MemberRequest, work=scale_member, route=None, result=MemberResult),
     }

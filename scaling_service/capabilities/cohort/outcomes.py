@@ -17,8 +17,8 @@ from typing import Literal, Protocol
 from pydantic import TypeAdapter
 
 from scaling_service.capabilities.cohort import summary as summaries
-from scaling_service.capabilities.cohort.document import RECORD
 from scaling_service.capabilities.cohort.executors import report_stage
+from scaling_service.capabilities.cohort.result import RECORD
 from scaling_service.capabilities.scaling.methods import table
 from scaling_service.capabilities.scaling.methods.optimised import Optimised
 from scaling_service.capabilities.scaling.run import compare

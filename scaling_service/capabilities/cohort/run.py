@@ -11,8 +11,8 @@ from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
-from scaling_service.capabilities.cohort import document as documents
 from scaling_service.capabilities.cohort import outcomes as cohort_outcomes
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import saving
 from scaling_service.capabilities.cohort.executors import workers
 from scaling_service.capabilities.cohort.members import Listed, read_members

@@ -8,7 +8,7 @@ from collections import abc
 from pathlib import Path
 from types import MappingProxyType
 
-from scaling_service.capabilities.cohort import document as documents
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.capabilities.cohort.outcomes import Outcome
 from scaling_service.capabilities.cohort.words import summarise

@@ -18,8 +18,8 @@ from scaling_service.capabilities.shared import screen
 from scaling_service.report import tables
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.cohort.document import CohortDocument
     from scaling_service.capabilities.cohort.outcomes import Outcome
+    from scaling_service.capabilities.cohort.result import CohortDocument
 
 _MEMORY_S = 3600.0  # chosen: the speed is judged by the last hour, for one subject may take minutes
 _ROWS = 8  # chosen: subjects shown at a time; more workers than that fill a screen

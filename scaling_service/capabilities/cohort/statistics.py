@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from scaling_service.capabilities.cohort import document, groups
+from scaling_service.capabilities.cohort import groups
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort import summary as summaries
 from scaling_service.core.arrays import Array
 from scaling_service.core.streams import stream
@@ -49,7 +50,7 @@ def compute_cohort_statistics(
     *,
     seed: int = 0,
     settings: CohortSettings = CohortSettings(),
-) -> document.StatisticsDocument:
+) -> documents.StatisticsDocument:
     """Compare methods over a cohort.
 
     Each comparison is over the subjects that have all its methods; the others are named with it.
@@ -62,11 +63,11 @@ def compute_cohort_statistics(
     present = tuple(m for m in methods if any(m in s.methods for s in ordered))
     curves = list(compare_curves(ordered, present, seed, settings.waveforms))
     compared = list(compare_with_references(ordered, present, settings.confidence))
-    return document.StatisticsDocument(
+    return documents.StatisticsDocument(
         **groups.compare_quantities(ordered, present, settings.alpha),
         joint_angles=curves,
-        agreement=[a for a in compared if isinstance(a, document.AgreementEntry)],
-        opensim_limits=document.Gates(
+        agreement=[a for a in compared if isinstance(a, documents.AgreementEntry)],
+        opensim_limits=documents.Gates(
             rms_below_mm=GATE_RMS_M * _MM,
             max_below_mm=GATE_MAX_M * _MM,
             methods=[_make_gate(ordered, method) for method in present],
@@ -75,14 +76,14 @@ def compute_cohort_statistics(
     )
 
 
-def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> document.GateEntry:
+def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) -> documents.GateEntry:
     passed = []
     for s in subjects:
         if method in s.methods:
             of = s.methods[method]
             seen = [t for t in of.trials.values() if math.isfinite(t.mean)]
             passed.append([t.rms < GATE_RMS_M and t.max < GATE_MAX_M for t in seen])
-    return document.GateEntry(
+    return documents.GateEntry(
         method=method,
         subjects=len(passed),
         subjects_passed=sum(all(trials) for trials in passed),
@@ -91,7 +92,7 @@ def _make_gate(subjects: abc.Sequence[summaries.SubjectSummary], method: str) ->
     )
 
 
-def _describe_references(curves: abc.Sequence[document.CurveEntry]) -> list[str]:
+def _describe_references(curves: abc.Sequence[documents.CurveEntry]) -> list[str]:
     """What joint angles were compared to, where it is not what the paper takes."""
     if not curves:
         return ["no subject has a whole stride: joint angles over the gait cycle are not compared"]
@@ -106,7 +107,7 @@ def _describe_references(curves: abc.Sequence[document.CurveEntry]) -> list[str]
 
 def compare_with_references(
     subjects: abc.Sequence[summaries.SubjectSummary], methods: abc.Sequence[str], confidence: float = 0.95
-) -> abc.Iterator[document.AgreementEntry | str]:
+) -> abc.Iterator[documents.AgreementEntry | str]:
     """Every method's lengths and joint centres against each reference; a sentence where too few have one."""
     for reference in (summaries.IMAGED, summaries.TRUTH):
         # Quantity to subject to method (the reference among them) to value, mm
@@ -133,14 +134,14 @@ def _agree(
     method: str,
     reference: str,
     confidence: float,
-) -> abc.Iterator[document.AgreementEntry]:
+) -> abc.Iterator[documents.AgreementEntry]:
     both = {s: values for s, values in table.items() if method in values and reference in values}
     if len(both) < FEWEST:
         return
     found = agreement.measure_agreement(both, method, reference, quantity=quantity, confidence=confidence)
     # Where the reference does not differ between persons, intraclass correlations say nothing.
     varies = np.std([values[reference] for values in both.values()], ddof=1) > _STILL_MM
-    yield document.AgreementEntry(
+    yield documents.AgreementEntry(
         quantity=quantity,
         method=method,
         reference=reference,
@@ -157,8 +158,8 @@ def _agree(
     )
 
 
-def _make_interval(estimate: agreement.Estimate) -> document.Interval:
-    return document.Interval(
+def _make_interval(estimate: agreement.Estimate) -> documents.Interval:
+    return documents.Interval(
         value=estimate.value, low=_keep_finite(estimate.low), high=_keep_finite(estimate.high)
     )
 
@@ -186,7 +187,7 @@ def compare_curves(
     methods: abc.Sequence[str],
     seed: int,
     settings: statistics_waveforms.WaveformSettings,
-) -> abc.Iterator[document.CurveEntry]:
+) -> abc.Iterator[documents.CurveEntry]:
     """Every joint angle over every panel; each comparison draws rearrangements from a stream of its own."""
     coordinates = dict.fromkeys(c for s in subjects for m in s.methods.values() for c in m.curves)
     for coordinate in coordinates:
@@ -205,7 +206,7 @@ def _compare_curve(
     subjects: abc.Sequence[summaries.SubjectSummary],
     rng: np.random.Generator,
     settings: statistics_waveforms.WaveformSettings,
-) -> document.CurveEntry:
+) -> documents.CurveEntry:
     side = coordinate.rpartition("_")[2]
     counted = [s for s in subjects if s.subject in panel.subjects]
     sat = {s.subject: s.no_strides[side] for s in subjects if side in s.no_strides}
@@ -225,16 +226,16 @@ def _compare_curve(
         else:
             note = ""
     degrees = np.degrees(values)
-    return document.CurveEntry(
+    return documents.CurveEntry(
         coordinate=coordinate,
-        compared=document.Compared.model_validate(known),
+        compared=documents.Compared.model_validate(known),
         strides={s.subject: s.strides[side] for s in counted},
         reference=reference,
         mean_deg=_by_method(panel, degrees.mean(axis=0)),
         sd_deg=_by_method(panel, degrees.std(axis=0, ddof=1)) if len(counted) > 1 else {},
         anova=None if test is None else _make_curve_test(test.anova),
         pairs=[
-            document.CurvePairEntry(
+            documents.CurvePairEntry(
                 methods=pair.methods,
                 difference_mean_deg=np.degrees(pair.difference_mean).tolist(),
                 test=_make_curve_test(pair.test),
@@ -249,15 +250,15 @@ def _by_method(panel: complete.Panel, curves: Array) -> dict[str, list[float]]:
     return dict(zip(panel.methods, curves.tolist(), strict=True))
 
 
-def _make_curve_test(test: CurveTest) -> document.CurveTestEntry:
-    return document.CurveTestEntry(
+def _make_curve_test(test: CurveTest) -> documents.CurveTestEntry:
+    return documents.CurveTestEntry(
         statistic=test.statistic.tolist(),
         threshold=_keep_finite(test.threshold),
         p=test.p,
         alpha=test.alpha,
         significant=test.significant,
         clusters=[
-            document.ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters
+            documents.ClusterEntry(start_percent=c.start, end_percent=c.end, p=c.p) for c in test.clusters
         ],
         rearrangements=test.rearrangements,
         exact=test.exact,

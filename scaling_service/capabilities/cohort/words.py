@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import abc
 
-from scaling_service.capabilities.cohort import document as documents
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.core.text import format_p
 from scaling_service.report import tables, words
 from scaling_service.report.summary import Summary

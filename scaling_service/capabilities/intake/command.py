@@ -19,7 +19,7 @@ from scaling_service.core.text import list_few
 COMMANDS = ("proof",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.intake.document import ProofDocument
+    from scaling_service.capabilities.intake.result import ProofDocument
 
 _COLOURS = {"error": "red", "warning": "yellow", "note": "dim"}
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scaling_service.capabilities.intake import document as documents
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.subject.axes import agree_on_axes, list_level_corners
 from scaling_service.core import errors
 from scaling_service.core.arrays import Array

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from scaling_service.capabilities.intake.document import ProofDocument
+from scaling_service.capabilities.intake.result import ProofDocument
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.settings import Settings
 from scaling_service.core.progress import Progress

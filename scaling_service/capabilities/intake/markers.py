@@ -7,7 +7,7 @@ from collections import Counter, abc
 from dataclasses import dataclass
 from typing import Any
 
-from scaling_service.capabilities.intake import document as documents
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.motion.ranges import list_hidden_segments
 from scaling_service.model.anatomy import marker_sets
 from scaling_service.model.anatomy import markers as anatomy_markers

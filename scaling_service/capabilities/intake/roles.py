@@ -6,8 +6,8 @@ import re
 from collections import abc
 from typing import Any
 
-from scaling_service.capabilities.intake import document as documents
 from scaling_service.capabilities.intake import files as intake_files
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.intake import standing, tables
 from scaling_service.core.text import list_few
 from scaling_service.documents import subject

@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from scaling_service.capabilities.intake import document as documents
 from scaling_service.capabilities.intake import files as intake_files
 from scaling_service.capabilities.intake import markers as intake_markers
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.intake import roles, tables, warnings
 from scaling_service.capabilities.intake.readiness import judge_readiness, sum_up
 from scaling_service.capabilities.intake.standing import sort_by_segment

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scaling_service.capabilities.intake import document
 from scaling_service.capabilities.intake import files as intake_files
+from scaling_service.capabilities.intake import result as documents
 from scaling_service.capabilities.intake.standing import sort_by_segment
 from scaling_service.capabilities.kinetics.forces import turn_forces
 from scaling_service.core.arrays import Array
@@ -62,7 +62,7 @@ def check_recording(
     ground: Ground | None,
     given: tuple[str | None, str | None],
     files: table_files.ArrayFiles,
-) -> tuple[document.RecordingProof, Trial]:
+) -> tuple[documents.RecordingProof, Trial]:
     """One recording as it travels, its tables written, and the recording in the session's axes.
 
     ``axes``: the session's. ``ground``: forces in the laboratory's axes. ``given`` (up, forward): axes as
@@ -90,7 +90,7 @@ def check_recording(
             files.write(f"{item.file}.pressure", ground_forces.centre_of_pressure(), "m"),
             describe_plates(entries, ground_forces, trial, kinds),
         )
-    entry = document.RecordingProof(
+    entry = documents.RecordingProof(
         name=trial.name,
         file=item.file,
         format=item.file.rpartition(".")[2].upper(),
@@ -108,7 +108,7 @@ def check_recording(
         force=force,
         centre_of_pressure=pressure,
         repairs=[
-            document.RepairEntry.model_validate(repair, from_attributes=True)
+            documents.RepairEntry.model_validate(repair, from_attributes=True)
             for repair in (*trial.repairs, *(() if turned is None else turned.repairs))
         ],
         problems=[*item.problems, *problems],
@@ -118,7 +118,7 @@ def check_recording(
 
 def _turn(
     ground: Ground | None, axes: orientation.Orientation
-) -> tuple[GroundForces | None, list[document.ProblemEntry]]:
+) -> tuple[GroundForces | None, list[documents.ProblemEntry]]:
     """Forces in our axes, or why they cannot be had."""
     if ground is None:
         return None, []
@@ -128,11 +128,11 @@ def _turn(
         return None, [intake_files.make_problem(error, "warning", ground.source)]
 
 
-def _label(trial: Trial, column: int) -> document.LabelEntry:
+def _label(trial: Trial, column: int) -> documents.LabelEntry:
     shown = find_seen(trial.markers[:, column])
     gaps = [(int(first), int(stop) - 1) for first, stop in find_runs(~shown)]
     longest = max((last - first + 1 for first, last in gaps), default=0)
-    return document.LabelEntry(
+    return documents.LabelEntry(
         label=trial.labels[column],
         seen=round(float(shown.mean()), 4),
         gaps=gaps,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import abc
 
-from scaling_service.capabilities.intake import document, standing
+from scaling_service.capabilities.intake import result as documents
+from scaling_service.capabilities.intake import standing
 from scaling_service.capabilities.intake.files import RecordingFile
 from scaling_service.capabilities.intake.roles import choose_static
 from scaling_service.capabilities.intake.tables import OFFSET_N
@@ -30,7 +31,7 @@ _LATE_S = 0.1  # chosen: other clocks and rounding
 
 def check_standing(
     roles: Roles, trials: abc.Mapping[str, Trial], *, wanted: bool
-) -> abc.Iterator[document.ProblemEntry]:
+) -> abc.Iterator[documents.ProblemEntry]:
     """That nobody stands still, or that who stands wears other markers than who moves.
 
     ``roles``, ``trials``: by file. ``wanted``: whether standing is missed: not where the user named the
@@ -60,7 +61,7 @@ def check_standing(
         )
 
 
-def check_units(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[document.ProblemEntry]:
+def check_units(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[documents.ProblemEntry]:
     """Recordings whose unit of length cannot be true."""
     for item in recordings:
         for repair in (r for r in item.axes.repairs if r.what == "unit"):
@@ -70,7 +71,7 @@ def check_units(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[documen
             yield _make_warning(repair.detail, remedy, file=item.file, field="Units")
 
 
-def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[document.ProblemEntry]:
+def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[documents.ProblemEntry]:
     """More labels than a person carries; trajectories without one, with the markers whose gaps they fill."""
     for item in recordings:
         named = sum(not is_unlabelled(label) for label in item.trial.labels)
@@ -95,7 +96,7 @@ def check_labels(recordings: abc.Sequence[RecordingFile]) -> abc.Iterator[docume
 
 def tell_findings(
     findings: abc.Sequence[Finding], trials: abc.Mapping[str, Trial]
-) -> abc.Iterator[document.ProblemEntry]:
+) -> abc.Iterator[documents.ProblemEntry]:
     """What recordings show that a sound person does not, with the corrections that solve it.
 
     ``trials``: by file, with the files' own labels.
@@ -104,7 +105,7 @@ def tell_findings(
     for one in findings:
         file = files.get(one.place, one.place)
         offers = {one.place: one.exchanges, **one.rivals}
-        yield document.ProblemEntry(
+        yield documents.ProblemEntry(
             severity="error" if one.severity == "refusal" else "warning",
             file=file,
             field=", ".join(one.labels[:4]) or None,
@@ -120,7 +121,7 @@ def tell_findings(
         )
 
 
-def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.CorrectionEntry | None:
+def _make_correction(file: str, wrong: Exchange, trial: Trial) -> documents.CorrectionEntry | None:
     """The exchange with the file's own labels; None where it cannot be told which these are."""
     own = {label: label for label in trial.labels}
     for label in trial.labels:
@@ -128,12 +129,12 @@ def _make_correction(file: str, wrong: Exchange, trial: Trial) -> document.Corre
     if any(label not in own for label in wrong.labels):
         return None
     labels = {own[label]: own[true] for label, true in zip(wrong.labels, wrong.true, strict=True)}
-    return document.CorrectionEntry(
+    return documents.CorrectionEntry(
         file=file, labels=labels, from_s=round(wrong.start_s, 4), to_s=round(wrong.end_s, 4)
     )
 
 
-def check_plates(recordings: abc.Sequence[document.RecordingProof]) -> abc.Iterator[document.ProblemEntry]:
+def check_plates(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iterator[documents.ProblemEntry]:
     """Plates that read something while nobody is near them, each once for all recordings."""
     offsets: dict[str, dict[str, float]] = {}
     for recording in recordings:
@@ -150,7 +151,7 @@ def check_plates(recordings: abc.Sequence[document.RecordingProof]) -> abc.Itera
         )
 
 
-def check_faults(recordings: abc.Sequence[document.RecordingProof]) -> abc.Iterator[document.ProblemEntry]:
+def check_faults(recordings: abc.Sequence[documents.RecordingProof]) -> abc.Iterator[documents.ProblemEntry]:
     """What plates did wrong, as their readings alone show; loading tells the same of markers."""
     for recording in recordings:
         for repair in recording.repairs:
@@ -163,8 +164,8 @@ def check_faults(recordings: abc.Sequence[document.RecordingProof]) -> abc.Itera
 
 
 def check_times(
-    recordings: abc.Sequence[document.RecordingProof], spans: abc.Mapping[str, tuple[float, float]]
-) -> abc.Iterator[document.ProblemEntry]:
+    recordings: abc.Sequence[documents.RecordingProof], spans: abc.Mapping[str, tuple[float, float]]
+) -> abc.Iterator[documents.ProblemEntry]:
     """Files of forces that do not cover the recording that they are for."""
     for recording in recordings:
         source = recording.forces_from
@@ -183,8 +184,8 @@ def check_times(
 
 
 def check_unused_forces(
-    files: abc.Sequence[document.FileRole], recordings: abc.Sequence[document.RecordingProof]
-) -> abc.Iterator[document.ProblemEntry]:
+    files: abc.Sequence[documents.FileRole], recordings: abc.Sequence[documents.RecordingProof]
+) -> abc.Iterator[documents.ProblemEntry]:
     """Files of forces that belong to no recording, while some movement has no forces."""
     moving = ("trials.calibration", "trials.evaluation")
     used_as = {file.name: file.role for file in files}
@@ -204,9 +205,9 @@ def _make_warning(
     remedy: str,
     file: str | None = None,
     field: str | None = None,
-    corrections: abc.Sequence[document.CorrectionEntry] = (),
-) -> document.ProblemEntry:
-    return document.ProblemEntry(
+    corrections: abc.Sequence[documents.CorrectionEntry] = (),
+) -> documents.ProblemEntry:
+    return documents.ProblemEntry(
         severity="warning",
         file=file,
         field=field,
@@ -216,8 +217,8 @@ def _make_warning(
     )
 
 
-def tell_notes(notes: abc.Iterable[Note]) -> abc.Iterator[document.ProblemEntry]:
+def tell_notes(notes: abc.Iterable[Note]) -> abc.Iterator[documents.ProblemEntry]:
     """What loading says, each with its remedy."""
     for note in notes:
-        severity: document.Severity = "note" if note.severity == "note" else "warning"
-        yield document.ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)
+        severity: documents.Severity = "note" if note.severity == "note" else "warning"
+        yield documents.ProblemEntry(severity=severity, problem=note.statement, remedy=note.remedy)

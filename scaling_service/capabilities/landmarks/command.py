@@ -15,7 +15,7 @@ from scaling_service.report.tables import Row, Table
 COMMANDS = ("landmarks",)
 
 if TYPE_CHECKING:
-    from scaling_service.capabilities.landmarks.document import LandmarksDocument
+    from scaling_service.capabilities.landmarks.result import LandmarksDocument
 
 
 def _make_bone_option(name: str, words: str) -> typer.models.OptionInfo:
@@ -68,7 +68,7 @@ def landmarks(
     if segmentation is not None:
         given["segmentation"] = segmentation
     with screen.running(out) as progress:
-        from scaling_service.capabilities.landmarks.document import tabulate_points
+        from scaling_service.capabilities.landmarks.result import tabulate_points
         from scaling_service.capabilities.landmarks.run import landmark_bones, save_landmarks
         from scaling_service.capabilities.shared.tables import make_table_writer
 
@@ -81,7 +81,7 @@ def landmarks(
 
 def _show(document: LandmarksDocument, out: Path, name: str) -> None:
     """A table of what was found, then what was refused or is doubtful."""
-    from scaling_service.capabilities.landmarks.document import tabulate_points
+    from scaling_service.capabilities.landmarks.result import tabulate_points
 
     rows: list[Row] = []
     notes = list(document.warnings)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
-from scaling_service.capabilities.landmarks.document import LandmarksDocument
+from scaling_service.capabilities.landmarks.result import LandmarksDocument
 from scaling_service.capabilities.shared import job
 from scaling_service.capabilities.shared.names import BONE_NAMES
 from scaling_service.core.errors import SubjectInvalid

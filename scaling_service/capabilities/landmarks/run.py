@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from scaling_service.bones import images, results, whole
-from scaling_service.capabilities.landmarks import document as documents
+from scaling_service.capabilities.landmarks import result as documents
 from scaling_service.core.errors import InputError
 from scaling_service.core.progress import Progress, show_nothing
 from scaling_service.documents import writing

@@ -20,8 +20,8 @@ import numpy as np
 from scaling_service.core import errors, progress
 from scaling_service.core.text import suggest_name
 from scaling_service.documents import writing
-from scaling_service.studies.benchmark import document as documents
 from scaling_service.studies.benchmark import parts as benchmark_parts
+from scaling_service.studies.benchmark import result as documents
 from scaling_service.studies.benchmark.tasks import TASKS
 
 FAILED = "failed.txt"

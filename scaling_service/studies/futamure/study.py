@@ -30,7 +30,7 @@ from scaling_service.numerics.signals.filters import filter_butterworth
 from scaling_service.numerics.wrench import GRAVITY
 from scaling_service.recording.settings import DYNAMICS_CUTOFF_HZ
 from scaling_service.studies import claims
-from scaling_service.studies.futamure import document as documents
+from scaling_service.studies.futamure import result as documents
 from scaling_service.studies.futamure import squatters
 from scaling_service.studies.futamure.claims import CLAIMS
 

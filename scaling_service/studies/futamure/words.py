@@ -10,7 +10,7 @@ from scaling_service.core.arrays import Array
 from scaling_service.report.summary import Summary
 from scaling_service.report.tables import Row, Table
 from scaling_service.studies.claims import summarise_study
-from scaling_service.studies.futamure import document as documents
+from scaling_service.studies.futamure import result as documents
 from scaling_service.studies.futamure.claims import PAPER
 from scaling_service.studies.futamure.study import WAYS
 

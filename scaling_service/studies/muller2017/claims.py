@@ -13,7 +13,7 @@ from scaling_service.capabilities.dynamics.uncertainty import total as totals
 from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.core.arrays import Array
 from scaling_service.studies import claims
-from scaling_service.studies.muller2017.document import Muller2017Document
+from scaling_service.studies.muller2017.result import Muller2017Document
 
 NOMINAL = 0.95
 """Rate at which a frame's interval by the markers' errors should hold the true error."""

@@ -28,8 +28,8 @@ from scaling_service.documents.writing import code_version
 from scaling_service.model import inertia
 from scaling_service.model.body import BodyModel
 from scaling_service.studies import claims
-from scaling_service.studies.muller2017 import document as documents
 from scaling_service.studies.muller2017 import excitation, monte_carlo
+from scaling_service.studies.muller2017 import result as documents
 from scaling_service.studies.muller2017.claims import CLAIMS, INTERVAL
 
 SUBJECTS = 10

@@ -10,7 +10,7 @@ from scaling_service.capabilities.kinetics.inverse_dynamics import COMPONENTS
 from scaling_service.report import tables
 from scaling_service.report.summary import Summary
 from scaling_service.studies.claims import summarise_study
-from scaling_service.studies.muller2017 import document as documents
+from scaling_service.studies.muller2017 import result as documents
 
 _AXES = "X forward, Y up, Z right: the paper's vertical Fz and Mz are fy and my here."
 

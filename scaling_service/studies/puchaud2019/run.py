@@ -29,7 +29,7 @@ from scaling_service.documents.writing import code_version
 from scaling_service.model import body
 from scaling_service.model.builtin import load_generic_person
 from scaling_service.studies import claims
-from scaling_service.studies.puchaud2019 import document as documents
+from scaling_service.studies.puchaud2019 import result as documents
 from scaling_service.studies.puchaud2019.claims import CLAIMS
 from scaling_service.virtual.example import make_demo_session
 from scaling_service.virtual.subject import VirtualSettings

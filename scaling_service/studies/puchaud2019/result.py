@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from scaling_service.capabilities.cohort import document as documents
+from scaling_service.capabilities.cohort import result as documents
 from scaling_service.capabilities.cohort.words import describe_quantity
 from scaling_service.core.text import format_p
 from scaling_service.documents import base
